@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
 from strategies.program.legs import add_wait_points, make_mission
@@ -16,7 +17,7 @@ from strategies.program.supply import PLACE, Supply
 from strategies.programmes.build_plan import build_move_legs, build_way_in, build_way_out, split_work_leg
 from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.programmes.programme import Programme
-from strategies.service_stops.stop_moves import StopMoves, Trip
+from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
@@ -95,35 +96,38 @@ def add_stops(programme: Programme, supply: Supply, moves: StopMoves | None) -> 
 
 def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alone: bool) -> MissionWithStops:
     """The legs of a tractor with its stops; alone on the field it needs no places to wait on the way to them."""
-    table, tour = gaps.table, gaps.tour
+    table, parts = gaps.table, gaps.parts
     stop_by_gap = {stop.gap: stop for stop in stops}
-    legs, placed, join_m = build_way_in(table, tour[0]), list[ServiceStop](), 0.0
-    for gap, node in enumerate(tour, start=1):
-        stop = stop_by_gap.get(gap)
-        direct = gaps.get_direct_move(gap)
-        leaving = direct if stop is None or stop.detour.arrive is None else stop.detour.arrive
-        legs += split_work_leg(table, node, 0.0 if leaving is None else leaving.leave_m, join_m)
-        if gap == len(tour):
+    legs, placed = build_way_in(table, parts[0].node), list[ServiceStop]()
+    begun_m = 0.0
+    for gap, part in enumerate(parts, start=1):
+        stop, direct = stop_by_gap.get(gap), gaps.get_direct_move(gap)
+        if stop is None and gaps.is_inside_line(gap):
+            continue
+        arrive, depart = (None, None) if stop is None else (stop.detour.arrive, stop.detour.depart)
+        leaving, entering = (direct, direct) if arrive is None or depart is None else (arrive, depart)
+        rest_m = table.lines[part.node // 2].measure_path_m(part.node % 2) - part.last_m
+        legs += split_work_leg(table, part.node, rest_m + (0.0 if leaving is None else leaving.leave_m), begun_m)
+        if gap == len(parts):
             break
-        least_hold = placed[-1].leg + 1 if placed else 0
-        hold_leg = find_waiting_leg(legs, least_hold)
-        if stop is not None and stop.detour.arrive is not None:
-            arrive = build_path_legs(table.site, stop.detour.arrive.path, LegTask(REFILL))
-            legs += arrive if is_alone else add_wait_points(arrive, WAIT_POINT_STEP_M)
         if stop is not None:
+            hold_leg = find_waiting_leg(legs, placed[-1].leg + 1 if placed else 0)
+            legs += _build_way(table, arrive, LegTask(REFILL), is_alone=is_alone)
             placed.append(ServiceStop(len(legs), hold_leg, stop.amount))
-        entering = direct if stop is None or stop.detour.depart is None else stop.detour.depart
-        assert entering is not None  # a gap without a move has a stop
-        if entering is direct:
-            legs += build_move_legs(table, tour[gap], entering)
-        else:
-            task = table.lines[tour[gap] // 2].task
-            kind = ROUTE if entering.kind == "route" else TURN
-            depart = build_path_legs(table.site, entering.path, replace(task, kind=kind))
-            legs += depart if is_alone else add_wait_points(depart, WAIT_POINT_STEP_M)
-        join_m = entering.join_m
-    legs = _let_stand([*legs, *build_way_out(table, tour[-1])], placed, stops)
+        goal, begun_m = parts[gap], parts[gap].first_m + (0.0 if entering is None else entering.join_m)
+        if depart is not None:
+            task = replace(table.lines[goal.node // 2].task, kind=ROUTE if depart.kind == "route" else TURN)
+            legs += _build_way(table, depart, task, is_alone=is_alone)
+        elif direct is not None:
+            legs += build_move_legs(table, goal.node, direct)
+    legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
     return MissionWithStops(make_mission(legs).legs, tuple(placed), tuple(range(len(legs))))
+
+
+def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: bool) -> list[Leg]:
+    """The legs of a move to a place or on from there; none where there is no place."""
+    legs = [] if move is None else build_path_legs(table.site, move.path, task)
+    return legs if is_alone else add_wait_points(legs, WAIT_POINT_STEP_M)
 
 
 def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequence[TourStop]) -> list[Leg]:
@@ -138,13 +142,12 @@ def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None)
     """How long a tractor takes to be served for each line (n,): its part of a load by what a load takes in the mean."""
     trips_s = np.zeros(2)
     if moves is not None:
-        nodes, places = range(2 * len(table.lines)), range(len(moves.places))
-        trips_s = np.array(
-            [
-                min(np.median([moves.estimate_s(Trip(node, place, is_arriving)) for node in nodes]) for place in places)
-                for is_arriving in (True, False)
-            ]
-        )
+        nodes = [
+            (2 * number + way, line.measure_path_m(way)) for number, line in enumerate(table.lines) for way in (0, 1)
+        ]
+        trips = [moves.list_trips((node, length_m), (node, 0.0)) for node, length_m in nodes]
+        estimates_s = np.array([[[moves.estimate_s(way) for way in ways] for ways in of_node] for of_node in trips])
+        trips_s = np.median(estimates_s, axis=0).min(axis=0)
     legs = [table.build_work_leg(2 * number, 0.0) for number in range(len(table.lines))]
     needs = np.array([supply.compute_legs_need([leg], table.site.width_m) for leg in legs])
     stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)

@@ -37,9 +37,10 @@ CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin 
 
 @dataclass(frozen=True)
 class Trip:
-    """A way between a line and a place: the end of `node` to `place`, or from there to its begin."""
+    """A way between a line and a place: to `place` after `at_m` metres of `node`, or from there on to work the rest."""
 
     node: int
+    at_m: float
     place: int
     is_arriving: bool
 
@@ -56,6 +57,10 @@ class StopMoves:
     places: tuple[Pose, ...]
     _moves: dict[Trip, Move | None] = field(default_factory=dict)
     _guesses_s: dict[Trip, float] = field(default_factory=dict)
+
+    def list_trips(self, before: tuple[int, float], after: tuple[int, float]) -> list[tuple[Trip, Trip]]:
+        """For every place the trips to it and on, between two nodes after so many metres of each."""
+        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in range(len(self.places))]
 
     def is_known(self, trip: Trip) -> bool:
         """Whether its move was driven, or there is none."""
@@ -84,8 +89,8 @@ class StopMoves:
 
     def bound_flight_m(self, trip: Trip) -> float:
         """Metres that no move is shorter than."""
-        end = self.table.ends[trip.node] if trip.is_arriving else self.table.begins[trip.node]
-        return max(0.0, math.dist(end[:2], self.places[trip.place][:2]) - max(CUTS_M))
+        _, a, b = next(self._list_ends(trip, (0.0,)))
+        return max(0.0, math.dist(a[:2], b[:2]) - max(CUTS_M))
 
     def _find(self, trip: Trip) -> Move | None:
         best: Move | None = None
@@ -114,12 +119,12 @@ class StopMoves:
 
     def _list_ends(self, trip: Trip, cuts_m: tuple[float, ...]) -> Iterator[tuple[float, Pose, Pose]]:
         """By how much the line is cut back, and from where to where a move then leads."""
-        line, way = self.table.lines[trip.node // 2], trip.node % 2
-        place, length_m = self.places[trip.place], line.measure_path_m(trip.node % 2)
+        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, self.places[trip.place]
+        worked_m = trip.at_m if trip.is_arriving else line.measure_path_m(way) - trip.at_m
         for cut_m in cuts_m:
-            if cut_m > max(0.0, MOST_CUT_SHARE * length_m - 1.0):
+            if cut_m > max(0.0, MOST_CUT_SHARE * worked_m - 1.0):
                 return
-            pose = line.get_pose(way, length_m - cut_m if trip.is_arriving else cut_m)
+            pose = line.get_pose(way, trip.at_m - cut_m if trip.is_arriving else trip.at_m + cut_m)
             yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
 
     def _charge_cut(self, trip: Trip, move: Move, cut_m: float) -> Move:
@@ -130,10 +135,11 @@ class StopMoves:
 
     def _drive(self, trip: Trip, move: Move) -> Move | None:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
-        table, node = self.table, trip.node
+        table, node, line = self.table, trip.node, self.table.lines[trip.node // 2]
+        rest_m = line.measure_path_m(node % 2) - trip.at_m
         legs = build_path_legs(table.site, move.path, LegTask(REFILL))
-        before = [table.build_work_leg(node, move.leave_m, last_m=SETTLE_M)] if trip.is_arriving else []
-        after = [] if trip.is_arriving else [table.build_work_leg(node, 0.0, move.join_m, first_m=SETTLE_M)]
+        before = [table.build_work_leg(node, rest_m + move.leave_m, last_m=SETTLE_M)] if trip.is_arriving else []
+        after = [] if trip.is_arriving else [table.build_work_leg(node, 0.0, trip.at_m + move.join_m, first_m=SETTLE_M)]
         driven = [*before, *legs, *after]
         run = table.site.drive(Plan((Mission(tuple(driven)),)))
         if run.outcome != DONE or measure_proof_rooms(table.site, run.get_poses(0)).min() < -ROOM_TOLERANCE_M:
@@ -144,7 +150,7 @@ class StopMoves:
             begun_s = float(run.time_s[int(np.argmax(numbers > 0))]) if legs else run.duration_s
             return replace(move, drive_s=run.duration_s - begun_s - cut_s)
         row = int(np.argmax(numbers == len(driven) - 1))
-        off_m = self._measure_off_m(run.get_poses(0)[row], table.lines[node // 2].get_pose(node % 2, move.join_m))
+        off_m = self._measure_off_m(run.get_poses(0)[row], line.get_pose(node % 2, trip.at_m + move.join_m))
         if off_m > MOST_OFF_SHARE * table.site.width_m:
             return None
         missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * table.site.work_s_per_m2

@@ -13,7 +13,7 @@ from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.programme import Programme, list_pairs
 from strategies.sequencing.tour_search import UNREACHABLE_S
 from strategies.service_stops.load_search import SEARCH_EFFORT_STEPS, LoadedOrder, LoadOrderingTask, order_in_loads
-from strategies.service_stops.stop_moves import StopMoves, Trip
+from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.tour_stops import TourGaps
 
 Floats = npt.NDArray[np.float64]
@@ -53,22 +53,23 @@ class TourLoads:
         for number, node in enumerate(rows.tolist()):
             if not table.lines[node // 2].both_ways and node % 2:
                 first[number] = last[number] = UNREACHABLE_S
-        needs = np.array(gaps.line_needs) + gaps.mean_move_need
-        capacity = max(self.supply.capacity, float(needs.max()))
+        capacity = self.supply.capacity  # a line that takes more is served inside, and then takes a load like others
+        needs = np.minimum(np.array(gaps.whole_needs) + gaps.mean_move_need, capacity)
         return LoadOrderingTask(turns, detours, first, last, needs, capacity, capacity)
 
     def _list_detours(self, turns: Floats) -> Floats:
         """Seconds from every pass by way of a place to every other, without the time to be served."""
         if self.moves is None:
             return turns
-        estimate_s, places = self.moves.estimate_s, range(len(self.moves.places))
-        rows = self.rows.tolist()
+        trips = [self.moves.list_trips(self._get_end(node), (node, 0.0)) for node in self.rows.tolist()]
         off, on = (
-            np.array([[estimate_s(Trip(node, place, is_arriving)) for node in rows] for place in places])
-            for is_arriving in (True, False)
+            np.array([[self.moves.estimate_s(ways[way]) for ways in of_node] for of_node in trips]) for way in (0, 1)
         )
-        least: Floats = (off[:, :, None] + on[:, None, :]).min(axis=0)
+        least: Floats = (off[:, None, :] + on[None, :, :]).min(axis=2)
         return least
+
+    def _get_end(self, node: int) -> tuple[int, float]:
+        return node, self.table.lines[node // 2].measure_path_m(node % 2)
 
     def list_nodes(self, order: LoadedOrder) -> tuple[int, ...]:
         """The tour of an order."""
@@ -92,8 +93,8 @@ class TourLoads:
         trips = [
             trip
             for cut in cuts
-            for place in range(len(self.moves.places))
-            for trip in (Trip(tour[cut - 1], place, True), Trip(tour[cut], place, False))
+            for ways in self.moves.list_trips(self._get_end(tour[cut - 1]), (tour[cut], 0.0))
+            for trip in ways
             if not self.moves.is_known(trip)
         ]
         for trip in trips:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -14,13 +14,15 @@ from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import join_paths
 from strategies.program.supply import PLACE, Supply
+from strategies.programmes.build_plan import HEADLAND_WAIT_M
 from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
-from vehicle.missions.plan import ROUTE, Leg, LegTask
+from vehicle.missions.plan import HEADLAND_PASS, ROUTE, Leg, LegTask
 
 Span = tuple[float, float]
 SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+PARTS_OF_LOAD = 2  # a load lasts for so many parts of a swath that takes more, or most of each load would stay unused
 UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
 
 
@@ -39,8 +41,18 @@ class Detour:
 
 
 @dataclass(frozen=True)
+class TourPart:
+    """The part of line `number` of a tour between two distances along it; a tractor may leave at its end for a stop."""
+
+    number: int
+    node: int
+    first_m: float
+    last_m: float
+
+
+@dataclass(frozen=True)
 class TourStop:
-    """A stop before line `gap` of a tour: what is filled in, and how long that takes (s)."""
+    """A stop before part `gap` of a tour: what is filled in, and how long that takes (s)."""
 
     gap: int
     detour: Detour
@@ -50,7 +62,9 @@ class TourStop:
 
 @dataclass(eq=False)
 class TourGaps:
-    """What a stop costs in the gaps of a tour, and what the lines between take of a load.
+    """What a stop costs in the gaps between the parts of a tour, and what the parts take of a load.
+
+    A swath is one part, unless it takes more than a load; a headland side has one between its places to wait.
 
     Attributes:
         moves: to places and on; without a place a tractor is served at the end of a line.
@@ -70,50 +84,73 @@ class TourGaps:
         return self.supply.include_trips()
 
     @cached_property
-    def nodes(self) -> list[int]:
-        """The nodes of the tour, between those of the entrance if there is one."""
-        gate = [] if self.table.site.lane is None else [self.table.gate]
-        return [*gate, *self.tour, *gate]
+    def whole_needs(self) -> list[float]:
+        """What every line of the tour takes of a load."""
+        return [self._measure_need([self.table.build_work_leg(node, 0.0)]) for node in self.tour]
+
+    @cached_property
+    def parts(self) -> list[TourPart]:
+        """The parts of the tour in order."""
+        parts = []
+        for number, (node, need) in enumerate(zip(self.tour, self.whole_needs, strict=True)):
+            line = self.table.lines[node // 2]
+            length_m, loads = line.measure_path_m(node % 2), need / self.load_supply.capacity
+            count = 1 if loads <= 1.0 else math.ceil(PARTS_OF_LOAD * loads)
+            if line.task.kind == HEADLAND_PASS:
+                count = max(count, round(length_m / HEADLAND_WAIT_M))
+            cuts_m = [length_m * part / count for part in range(count + 1)]
+            parts += [TourPart(number, node, *span) for span in pairwise(cuts_m)]
+        return parts
+
+    def is_inside_line(self, gap: int) -> bool:
+        """Whether a gap is between two parts of one line."""
+        return 0 < gap < len(self.parts) and self.parts[gap - 1].number == self.parts[gap].number
 
     def get_direct_move(self, gap: int) -> Move | None:
-        """The move in a gap without a stop; None where none was driven, and at the ends without an entrance."""
-        place = gap + (self.table.site.lane is not None)
-        if not 0 < place < len(self.nodes) or not self.table.is_proven(*self.nodes[place - 1 : place + 1]):
+        """The move in a gap without a stop; None inside a line, where none was driven, and where no entrance is."""
+        gate, count = self.table.gate, len(self.parts)
+        u, v = self.parts[gap - 1].node if gap else gate, self.parts[gap].node if gap < count else gate
+        if self.is_inside_line(gap) or (gate in (u, v) and self.table.site.lane is None):
             return None
-        return self.table.get_move(self.nodes[place - 1], self.nodes[place])
+        return self.table.get_move(u, v) if self.table.is_proven(u, v) else None
 
     @property
     def has_ends(self) -> bool:
         """Whether moves lead into the field and out of it, where it has an entrance."""
-        ends = (0, len(self.tour))
+        ends = (0, len(self.parts))
         return self.table.site.lane is None or all(self.get_direct_move(gap) is not None for gap in ends)
 
     @cached_property
     def direct_times_s(self) -> list[tuple[float, float]]:
         """Seconds of the move in every gap without a stop, and with all charges; nothing where there is none."""
-        moves = [self.get_direct_move(gap) for gap in range(len(self.tour) + 1)]
+        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
         return [(0.0, 0.0) if move is None else (move.drive_s, move.cost_s) for move in moves]
 
     @cached_property
-    def line_needs(self) -> list[float]:
-        """What every whole line takes of a load."""
-        return [self._measure_need([self.table.build_work_leg(node, 0.0)]) for node in self.tour]
+    def part_needs(self) -> list[float]:
+        """What every part takes of a load."""
+        return [self._share_need(part, part.last_m - part.first_m) for part in self.parts]
+
+    def _share_need(self, part: TourPart, length_m: float) -> float:
+        """What so many metres of the line of a part take of a load."""
+        whole_m = self.table.lines[part.node // 2].measure_path_m(part.node % 2)
+        return length_m / whole_m * self.whole_needs[part.number]
 
     @cached_property
     def direct_needs(self) -> list[float]:
         """What the move in every gap takes without a stop, less what it saves on the lines that it cuts."""
-        moves = [self.get_direct_move(gap) for gap in range(len(self.tour) + 1)]
+        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
         return [0.0 if move is None else self._measure_move_need(gap, move) for gap, move in enumerate(moves)]
 
     @property
     def mean_move_need(self) -> float:
         """What a move between two lines takes in the mean, without what moves save on the lines that they cut."""
-        return float(np.mean(np.maximum(self.direct_needs[1:-1], 0.0))) if len(self.tour) > 1 else 0.0
+        return sum(max(need, 0.0) for need in self.direct_needs[1:-1]) / max(len(self.tour) - 1, 1)
 
     @property
     def total_need(self) -> float:
         """What the whole tour takes without a stop."""
-        return math.fsum(self.line_needs) + math.fsum(self.direct_needs)
+        return math.fsum(self.whole_needs) + math.fsum(self.direct_needs)
 
     def _measure_need(self, legs: Sequence[Leg]) -> float:
         return self.supply.compute_legs_need(legs, self.table.site.width_m)
@@ -123,25 +160,22 @@ class TourGaps:
         site, lane, path = self.table.site, self.table.site.lane, move.path
         if lane is not None and gap == 0:
             path = join_paths([lane.build_path_in(), path], move.kind)
-        if lane is not None and gap == len(self.tour):
+        if lane is not None and gap == len(self.parts):
             path = join_paths([path, lane.build_path_out()], move.kind)
         need = self._measure_need(build_path_legs(site, path, LegTask(ROUTE), is_work=move.is_work))
-        for cut_m, line in ((move.leave_m, gap - 1), (move.join_m, gap)):
+        for cut_m, number in ((move.leave_m, gap - 1), (move.join_m, gap)):
             if cut_m:
-                node = self.tour[line]
-                length_m = self.table.lines[node // 2].measure_path_m(node % 2)
-                need -= cut_m / length_m * self.line_needs[line]
+                need -= self._share_need(self.parts[number], cut_m)
         return need
 
     @cached_property
     def finishes_s(self) -> list[float]:
-        """When the line before each gap is finished without any stop (s)."""
-        table, speed = self.table, self.table.site.rules.work_speed_mps
-        parts = [0.0]
-        for gap, node in enumerate(self.tour):
-            line_s = table.lines[node // 2].measure_path_m(node % 2) / speed
-            parts.append(line_s + self.direct_times_s[gap][0])
-        return list(accumulate(parts))
+        """When the part before each gap is finished without any stop (s)."""
+        speed = self.table.site.rules.work_speed_mps
+        seconds = [
+            self.direct_times_s[gap][0] + (part.last_m - part.first_m) / speed for gap, part in enumerate(self.parts)
+        ]
+        return list(accumulate(seconds, initial=0.0))
 
     @property
     def driven_s(self) -> float:
@@ -158,13 +192,22 @@ class TourGaps:
         if self.moves is None:
             return Detour(None, None, 0.0, 0.0)
         found, (direct_s, direct_cost_s) = list[Detour](), self.direct_times_s[gap]
-        for place in range(len(self.moves.places)):
-            arrive = self.moves.get_move(Trip(self.tour[gap - 1], place, True))
-            depart = None if arrive is None else self.moves.get_move(Trip(self.tour[gap], place, False))
+        for way_off, way_on in self.list_trips(gap):
+            arrive = self.moves.get_move(way_off)
+            depart = None if arrive is None else self.moves.get_move(way_on)
             if arrive is not None and depart is not None:
                 extra_s = arrive.drive_s + depart.drive_s - direct_s
                 found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct_cost_s))
         return min(found, key=lambda detour: round(detour.cost_s, 3), default=None)
+
+    def list_trips(self, gap: int) -> list[tuple[Trip, Trip]]:
+        """For every place the trips to it from a gap and on."""
+        before, after = self.parts[gap - 1], self.parts[gap]
+        return (
+            []
+            if self.moves is None
+            else self.moves.list_trips((before.node, before.last_m), (after.node, after.first_m))
+        )
 
     def list_ways(self, gap: int) -> tuple[float, float]:
         """What the ways to be served in a gap and on from there take of a load; their least where not yet found."""
@@ -180,9 +223,7 @@ class TourGaps:
 
     def _bound_flight_m(self, gap: int, *, is_arriving: bool) -> float:
         assert self.moves is not None
-        node = self.tour[gap - 1] if is_arriving else self.tour[gap]
-        places = range(len(self.moves.places))
-        return min(self.moves.bound_flight_m(Trip(node, place, is_arriving)) for place in places)
+        return min(self.moves.bound_flight_m(trips[0 if is_arriving else 1]) for trips in self.list_trips(gap))
 
     def _bound_way(self, gap: int, *, is_arriving: bool) -> float:
         flight_m = self._bound_flight_m(gap, is_arriving=is_arriving)
@@ -227,22 +268,23 @@ class TourGaps:
         """How long a tractor waits for its turn in a gap (s)."""
         return self.find_service_span(gap, later_s)[0] - self.finishes_s[gap] - later_s
 
+    def is_passable(self, gap: int) -> bool:
+        """Whether a gap can be driven without a stop."""
+        return self.is_inside_line(gap) or self.get_direct_move(gap) is not None
+
     def build_needs(self) -> TourNeeds:
         """What the parts of the tour take of a load, as far as known."""
-        count = len(self.tour)
+        count = len(self.parts)
         ways = [self.list_ways(gap) for gap in range(1, count)]
         ways_off = [0.0, *(off for off, _ in ways), self.direct_needs[count]]
         ways_on = [self.direct_needs[0], *(on for _, on in ways), 0.0]
-        moves = [
-            math.inf if 0 < gap < count and self.get_direct_move(gap) is None else self.direct_needs[gap]
-            for gap in range(count)
-        ]
-        return TourNeeds(self.line_needs, moves, ways_off, ways_on)
+        moves = [self.direct_needs[gap] if gap == 0 or self.is_passable(gap) else math.inf for gap in range(count)]
+        return TourNeeds(self.part_needs, moves, ways_off, ways_on)
 
     def choose_gaps(self) -> tuple[int, ...] | None:
         """The gaps to stop in; None if no stops are enough. Moves are found only where the cheapest stops use them."""
         while True:
-            costs_s = [0.0, *(self.compute_stop_cost_s(gap) for gap in range(1, len(self.tour)))]
+            costs_s = [0.0, *(self.compute_stop_cost_s(gap) for gap in range(1, len(self.parts)))]
             gaps = choose_stops(self.build_needs(), costs_s, self.load_supply.capacity, self.compute_wait_s)
             unknown = [gap for gap in gaps or () if gap not in self._detours]
             if not unknown:
@@ -277,7 +319,7 @@ class TourGaps:
 
     def _explain_no_stops(self) -> str:
         """Why no stops are enough, and what helps."""
-        largest = max(self.line_needs)
+        largest = max(self.part_needs)
         if largest > self.load_supply.capacity or self.supply.served_at != PLACE:
             return self.supply.explain_small_load(largest)
         x, y = self.supply.place or (0.0, 0.0)

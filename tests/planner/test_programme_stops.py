@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
 import shapely
 
@@ -22,7 +21,6 @@ from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
-from strategies.service_stops.load_lines import cut_to_loads
 from strategies.service_stops.programme_stops import (
     StoppedProgramme,
     add_stops,
@@ -30,7 +28,8 @@ from strategies.service_stops.programme_stops import (
     estimate_served_s,
     stop_programme,
 )
-from vehicle.missions.plan import HEADLAND_PASS, REFILL, Plan, check_plan
+from strategies.service_stops.stop_moves import StopMoves
+from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH, Plan, check_plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import BatteryParameters, load_tractor
 
@@ -53,10 +52,9 @@ def prepare_electric() -> PlanningContext:
     return prepare_context(request, field=Field("rectangle", RECTANGLE), tractor=electric)
 
 
-def make_table(context: PlanningContext, supply: Supply | None = None) -> MoveTable:
+def make_table(context: PlanningContext) -> MoveTable:
     site = build_site(context)
-    lines = lay_lines(site)
-    return MoveTable(site, lines if supply is None else cut_to_loads(lines, supply, site))
+    return MoveTable(site, lay_lines(site))
 
 
 def list_stages(table: MoveTable) -> list[int]:
@@ -158,27 +156,29 @@ def test_a_battery_lasts_with_the_ways_to_the_charger() -> None:
     assert run.plan.notes["service"] == "charge"
 
 
-def test_a_line_longer_than_a_load_is_left_half_way() -> None:
-    """A load of 70 lasts for 117 m of the tracks of 156 m: they are cut in three, and two pieces are a load."""
-    supply = replace(prepare(HEADLAND).supply or Supply(LOAD, RATE, STAND_S), capacity=70.0)
-    whole, table = make_table(prepare(HEADLAND)), make_table(prepare(HEADLAND), supply)
-    for way in (0, 1):
-        assert sum(line.measure_path_m(way) for line in table.lines) == pytest.approx(
-            sum(line.measure_path_m(way) for line in whole.lines)
-        )
-    assert len({(line.task.kind, line.task.number, line.task.piece) for line in table.lines}) == len(table.lines)
-    stages = list_stages(table)
-    done = stop_programme(make_programme(table, 1, stages), supply, None, stages)
+@pytest.mark.parametrize("refill", [HEADLAND, "0,45"])
+def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
+    """A load of 70 lasts for 117 m of the tracks of 156 m."""
+    context = prepare(refill)
+    assert context.supply is not None
+    supply, table = replace(context.supply, capacity=70.0), make_table(context)
+    stages, moves = list_stages(table), build_stop_moves(table, context.supply)
+    done = stop_programme(make_programme(table, 1, stages), supply, moves, stages)
     plan = done.build_plan()
     assert min(list_levels(plan, 70.0)) >= -1e-6
-    places = np.array([(entry["x_m"], entry["y_m"]) for entry in plan.notes["refills"]])
-    assert ((places > 30.0) & (places < (150.0, 60.0))).all(axis=1).any(), "some within the field"
+    worked_m = sum(leg.length_m for leg in plan.missions[0].legs if leg.task.kind == SWATH)
+    assert worked_m == pytest.approx(11 * 156.0, rel=0.02)
+    run = table.site.drive(plan)
+    assert run.outcome == DONE
+    assert done.compute_tractor_s()[0] == pytest.approx(run.duration_s, rel=0.02)
+    legs = [plan.missions[0].legs[entry["leg"]] for entry in plan.notes["refills"]]
+    assert any(leg.task.kind == SWATH or refill != HEADLAND for leg in legs), "some within a track"
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_a_place_that_no_move_leads_to_is_refused() -> None:
     context = prepare("0,45")
     assert context.supply is not None
     table = make_table(context)
-    programme = Programme(table, ((0, 2),), ())
-    with pytest.raises(StrategyError, match="needs"):
-        add_stops(programme, replace(context.supply, capacity=1.0), build_stop_moves(table, context.supply))
+    moves = StopMoves(table, ((-500.0, -500.0, 0.0),))
+    with pytest.raises(StrategyError, match="No path with a turning radius of"):
+        add_stops(Programme(table, ((0,),), ()), replace(context.supply, capacity=20.0), moves)
