@@ -22,6 +22,7 @@ from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
+from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
 from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
 
@@ -78,14 +79,16 @@ def build_stop_moves(table: MoveTable, supply: Supply) -> StopMoves | None:
     return StopMoves(table, places)
 
 
-def add_stops(programme: Programme, supply: Supply, moves: StopMoves | None) -> StoppedProgramme:
-    """The programme with the stops that cost least time on its tours.
+def add_stops(
+    programme: Programme, supply: Supply, moves: StopMoves | None, tours: Sequence[tuple[TourPart, ...]]
+) -> StoppedProgramme:
+    """The programme with the stops that cost least time on its tours, whose parts are given.
 
     Where one tractor is served at a time, each takes into account when those before it are. Raises StrategyError where
     no stops are enough.
     """
     all_gaps, all_stops, busy_spans = list[TourGaps](), list[tuple[TourStop, ...]](), list[Span]()
-    for tour in programme.tours:
+    for tour in tours:
         gaps = TourGaps(programme.table, supply, tour, moves, tuple(busy_spans) if supply.one_at_a_time else ())
         stops = gaps.list_stops() if tour else ()
         all_gaps.append(gaps)
@@ -148,8 +151,7 @@ def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None)
         trips = [moves.list_trips((node, length_m), (node, 0.0)) for node, length_m in nodes]
         estimates_s = np.array([[[moves.estimate_s(way) for way in ways] for ways in of_node] for of_node in trips])
         trips_s = np.median(estimates_s, axis=0).min(axis=0)
-    legs = [table.build_work_leg(2 * number, 0.0) for number in range(len(table.lines))]
-    needs = np.array([supply.compute_legs_need([leg], table.site.width_m) for leg in legs])
+    needs = np.array([measure_line_need(table, supply, 2 * number) for number in range(len(table.lines))])
     stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)
     served_s = stops * (supply.estimate_stop_s(float(needs.sum())) + float(trips_s.sum()))
     shares: npt.NDArray[np.float64] = needs / needs.sum()
@@ -164,4 +166,4 @@ def stop_programme(
     `moves` lead to the place of the supply; `stages` (n,) say which lines come first, all at any time by default.
     Raises StrategyError where no stops are enough.
     """
-    return add_stops(order_for_loads(programme, supply, moves, stages), supply, moves)
+    return add_stops(programme, supply, moves, order_for_loads(programme, supply, moves, stages))

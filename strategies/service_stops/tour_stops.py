@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate
 
 import numpy as np
 
@@ -14,15 +14,14 @@ from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import join_paths
 from strategies.program.supply import PLACE, Supply
-from strategies.programmes.build_plan import HEADLAND_WAIT_M
 from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
-from vehicle.missions.plan import HEADLAND_PASS, ROUTE, Leg, LegTask
+from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need
+from vehicle.missions.plan import ROUTE, Leg, LegTask
 
 Span = tuple[float, float]
 SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
-PARTS_OF_LOAD = 2  # a load lasts for so many parts of a swath that takes more, or most of each load would stay unused
 UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
 
 
@@ -41,16 +40,6 @@ class Detour:
 
 
 @dataclass(frozen=True)
-class TourPart:
-    """The part of line `number` of a tour between two distances along it; a tractor may leave at its end for a stop."""
-
-    number: int
-    node: int
-    first_m: float
-    last_m: float
-
-
-@dataclass(frozen=True)
 class TourStop:
     """A stop before part `gap` of a tour: what is filled in, and how long that takes (s)."""
 
@@ -64,8 +53,6 @@ class TourStop:
 class TourGaps:
     """What a stop costs in the gaps between the parts of a tour, and what the parts take of a load.
 
-    A swath is one part, unless it takes more than a load; a headland side has one between its places to wait.
-
     Attributes:
         moves: to places and on; without a place a tractor is served at the end of a line.
         busy_spans: when others are served (from, to; s) and this tractor waits.
@@ -73,7 +60,7 @@ class TourGaps:
 
     table: MoveTable
     supply: Supply
-    tour: Sequence[int]
+    tour: Sequence[TourPart]
     moves: StopMoves | None
     busy_spans: Sequence[Span] = ()
     _detours: dict[int, Detour | None] = field(default_factory=dict)
@@ -84,35 +71,27 @@ class TourGaps:
         return self.supply.include_trips()
 
     @cached_property
-    def whole_needs(self) -> list[float]:
-        """What every line of the tour takes of a load."""
-        return [self._measure_need([self.table.build_work_leg(node, 0.0)]) for node in self.tour]
+    def parts(self) -> list[TourPart]:
+        """The parts of the tour in order, as short as stops may be made between them."""
+        return cut_at_wait_points(self.table, self.tour)
 
     @cached_property
-    def parts(self) -> list[TourPart]:
-        """The parts of the tour in order."""
-        parts = []
-        for number, (node, need) in enumerate(zip(self.tour, self.whole_needs, strict=True)):
-            line = self.table.lines[node // 2]
-            length_m, loads = line.measure_path_m(node % 2), need / self.load_supply.capacity
-            count = 1 if loads <= 1.0 else math.ceil(PARTS_OF_LOAD * loads)
-            if line.task.kind == HEADLAND_PASS:
-                count = max(count, round(length_m / HEADLAND_WAIT_M))
-            cuts_m = [length_m * part / count for part in range(count + 1)]
-            parts += [TourPart(number, node, *span) for span in pairwise(cuts_m)]
-        return parts
+    def line_needs(self) -> dict[int, float]:
+        """What the whole line of every node of the tour takes of a load."""
+        return {part.node: measure_line_need(self.table, self.supply, part.node) for part in self.tour}
 
     def is_inside_line(self, gap: int) -> bool:
-        """Whether a gap is between two parts of one line."""
-        return 0 < gap < len(self.parts) and self.parts[gap - 1].number == self.parts[gap].number
+        """Whether the part after a gap goes on where that before it ends."""
+        return 0 < gap < len(self.parts) and self.parts[gap - 1].leads_to(self.parts[gap])
 
     def get_direct_move(self, gap: int) -> Move | None:
         """The move in a gap without a stop; None inside a line, where none was driven, and where no entrance is."""
         gate, count = self.table.gate, len(self.parts)
+        is_whole = (gap == 0 or self.parts[gap - 1].is_last) and (gap == count or self.parts[gap].is_first)
         u, v = self.parts[gap - 1].node if gap else gate, self.parts[gap].node if gap < count else gate
-        if self.is_inside_line(gap) or (gate in (u, v) and self.table.site.lane is None):
+        if not is_whole or (gate in (u, v) and self.table.site.lane is None) or not self.table.is_proven(u, v):
             return None
-        return self.table.get_move(u, v) if self.table.is_proven(u, v) else None
+        return self.table.get_move(u, v)
 
     @property
     def has_ends(self) -> bool:
@@ -129,12 +108,11 @@ class TourGaps:
     @cached_property
     def part_needs(self) -> list[float]:
         """What every part takes of a load."""
-        return [self._share_need(part, part.last_m - part.first_m) for part in self.parts]
+        return [self.share_need(part, part.last_m - part.first_m) for part in self.parts]
 
-    def _share_need(self, part: TourPart, length_m: float) -> float:
+    def share_need(self, part: TourPart, length_m: float) -> float:
         """What so many metres of the line of a part take of a load."""
-        whole_m = self.table.lines[part.node // 2].measure_path_m(part.node % 2)
-        return length_m / whole_m * self.whole_needs[part.number]
+        return length_m / part.line_m * self.line_needs[part.node]
 
     @cached_property
     def direct_needs(self) -> list[float]:
@@ -145,12 +123,13 @@ class TourGaps:
     @property
     def mean_move_need(self) -> float:
         """What a move between two lines takes in the mean, without what moves save on the lines that they cut."""
-        return sum(max(need, 0.0) for need in self.direct_needs[1:-1]) / max(len(self.tour) - 1, 1)
+        count = sum(part.is_first for part in self.parts) - 1
+        return sum(max(need, 0.0) for need in self.direct_needs[1:-1]) / max(count, 1)
 
     @property
     def total_need(self) -> float:
         """What the whole tour takes without a stop."""
-        return math.fsum(self.whole_needs) + math.fsum(self.direct_needs)
+        return math.fsum(self.part_needs) + math.fsum(self.direct_needs)
 
     def _measure_need(self, legs: Sequence[Leg]) -> float:
         return self.supply.compute_legs_need(legs, self.table.site.width_m)
@@ -165,7 +144,7 @@ class TourGaps:
         need = self._measure_need(build_path_legs(site, path, LegTask(ROUTE), is_work=move.is_work))
         for cut_m, number in ((move.leave_m, gap - 1), (move.join_m, gap)):
             if cut_m:
-                need -= self._share_need(self.parts[number], cut_m)
+                need -= self.share_need(self.parts[number], cut_m)
         return need
 
     @cached_property
@@ -212,7 +191,7 @@ class TourGaps:
     def list_ways(self, gap: int) -> tuple[float, float]:
         """What the ways to be served in a gap and on from there take of a load; their least where not yet found."""
         if self.moves is None:
-            return 0.0, self.direct_needs[gap]
+            return (0.0, self.direct_needs[gap]) if self.is_passable(gap) else (math.inf, math.inf)
         if gap in self._detours:
             detour = self._detours[gap]
             if detour is None:
