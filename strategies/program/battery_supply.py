@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from strategies.program.supply import Supply
@@ -81,6 +81,10 @@ class BatterySupply(Supply):
             amounts.append(amount)
             level += amount - needed
         return amounts
+
+    def include_trips(self) -> BatterySupply:
+        """The same for loads that count the ways to the place and back leg by leg, so that nothing is set apart."""
+        return replace(self, capacity=self.usable_kwh, trip_kwh=0.0)
 
     def explain_small_load(self, need: float) -> str:
         """Why a piece of work cannot be done with one load, and what helps."""

@@ -67,6 +67,10 @@ class Supply:
         """What is filled in, or taken out, at each stop between loads: what was used before."""
         return list(loads[:-1])
 
+    def include_trips(self) -> Supply:
+        """The same for loads that count the ways to the place and back leg by leg."""
+        return self
+
     def explain_small_load(self, need: float) -> str:
         """Why a piece of work cannot be done with one load, and what helps."""
         return (

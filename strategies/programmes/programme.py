@@ -65,15 +65,17 @@ def make_programme(
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
     stands_in_way: StandsInWay | None = None,
+    served_s: Floats | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
     With `stands_in_way` no two tractors of a field without an entrance begin or end where each is in the way of the
-    other.
+    other; `served_s` (n,) says how long a tractor takes to be served for each line, so that all finish together.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
+    extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
     barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
@@ -83,7 +85,7 @@ def make_programme(
 
     best = search_driven_tours(
         table,
-        lambda costs: _pose_problem(table, costs, stage, may, tractors, barred),
+        lambda costs: _pose_problem(table, costs, stage, may, extra_s, tractors, barred),
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
@@ -116,6 +118,7 @@ def _pose_problem(
     costs: Floats,
     stage: npt.NDArray[np.int64],
     may: npt.NDArray[np.bool_],
+    extra_s: Floats,
     tractors: int,
     barred: BarredPlaces | None,
 ) -> OrderProblem:
@@ -128,7 +131,7 @@ def _pose_problem(
         ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
-        work_s=lengths_m / speed,
+        work_s=lengths_m / speed + extra_s,
         value_s=MISSED_FACTOR * own_s,
         begin_s=ends_s[0],
         end_s=ends_s[1],

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
@@ -62,15 +63,21 @@ def add_service_stops(job: FieldJob, plan: Plan, *, side_by_side: bool = False, 
     if supply.one_at_a_time and job.tractors > 1:
         add_queue_gates(legs, [stopped_mission.stops for stopped_mission in stopped_missions], supply)
     notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
-    notes["refills"] = [
-        entry
-        for number, stopped_mission in enumerate(stopped_missions)
-        for entry in _build_stop_entries(number, stopped_mission)
-    ]
-    notes["collects"] = supply.collects
-    if supply.service != REFILL:
-        notes["service"] = supply.service
+    notes |= build_stop_notes(stopped_missions, supply)
     return Plan(tuple(make_mission(stopped_mission) for stopped_mission in legs), notes)
+
+
+def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Supply) -> dict[str, Any]:
+    """What the notes of a plan hold of its stops."""
+    notes: dict[str, Any] = {
+        "refills": [
+            entry
+            for number, stopped_mission in enumerate(stopped_missions)
+            for entry in _build_stop_entries(number, stopped_mission)
+        ],
+        "collects": supply.collects,
+    }
+    return notes if supply.service == REFILL else {**notes, "service": supply.service}
 
 
 def explain_no_service(job: FieldJob, supply: Supply) -> str:

@@ -1,0 +1,170 @@
+"""Programmes with service stops: every tractor is served before its load is used up, where that costs least time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.moves.move import Move
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import Pose
+from strategies.program.legs import add_wait_points, make_mission
+from strategies.program.supply import PLACE, Supply
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.programme import Programme
+from strategies.programmes.site_moves import build_path_legs
+from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
+from strategies.service_stops.stop_moves import StopMoves
+from strategies.service_stops.stop_order import order_for_loads
+from strategies.service_stops.stop_places import find_stop_poses
+from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
+from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
+from strategies.service_stops.tour_parts import TourPart, measure_line_need
+from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
+from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
+
+
+@dataclass(frozen=True, eq=False)
+class StoppedProgramme:
+    """A programme whose tractors are served in time.
+
+    Attributes:
+        gaps: (per tractor) the gaps of its tour, where stops may be made.
+        stops: (per tractor) the stops that are made, in order.
+    """
+
+    programme: Programme
+    supply: Supply
+    gaps: tuple[TourGaps, ...]
+    stops: tuple[tuple[TourStop, ...], ...]
+
+    def compute_tractor_s(self) -> list[float]:
+        """Seconds that every tractor drives and stands, without waiting for others."""
+        return [
+            gaps.driven_s + sum(stop.detour.extra_s + stop.stand_s for stop in stops)
+            for gaps, stops in zip(self.gaps, self.stops, strict=True)
+        ]
+
+    def build_plan(self, **notes: Any) -> Plan:
+        """Its plan, with all stops in the notes, one mission per tractor that has lines."""
+        missions = [
+            _build_stopped_mission(gaps, stops, is_alone=len(self.stops) == 1)
+            for gaps, stops in zip(self.gaps, self.stops, strict=True)
+            if gaps.tour
+        ]
+        legs = [list(mission.legs) for mission in missions]
+        if self.supply.one_at_a_time and len(legs) > 1:
+            add_queue_gates(legs, [mission.stops for mission in missions], self.supply)
+        has_stops = any(mission.stops for mission in missions)
+        stop_notes = build_stop_notes(missions, self.supply) if has_stops else {"refills": []}
+        return Plan(tuple(map(Mission, map(tuple, legs))), {"tractors": len(legs), **notes, **stop_notes})
+
+
+def build_stop_moves(table: MoveTable, supply: Supply) -> StopMoves | None:
+    """The moves to the place of a supply, to be found when needed, for all programmes of a table; None without a place.
+
+    Raises StrategyError where a place has no room beside it.
+    """
+    if supply.served_at != PLACE or supply.place is None:
+        return None
+    places: tuple[Pose, ...] = find_stop_poses(table.site, supply.place)
+    if not places:
+        x, y = supply.place
+        raise StrategyError(
+            f"The place to refill at ({x:.0f}, {y:.0f} m) has no room beside it for a tractor to stand; use another."
+        )
+    return StopMoves(table, places)
+
+
+def add_stops(
+    programme: Programme, supply: Supply, moves: StopMoves | None, tours: Sequence[tuple[TourPart, ...]]
+) -> StoppedProgramme:
+    """The programme with the stops that cost least time on its tours, whose parts are given.
+
+    Where one tractor is served at a time, each takes into account when those before it are. Raises StrategyError where
+    no stops are enough.
+    """
+    all_gaps, all_stops, busy_spans = list[TourGaps](), list[tuple[TourStop, ...]](), list[Span]()
+    for tour in tours:
+        gaps = TourGaps(programme.table, supply, tour, moves, tuple(busy_spans) if supply.one_at_a_time else ())
+        stops = gaps.list_stops() if tour else ()
+        all_gaps.append(gaps)
+        all_stops.append(stops)
+        busy_spans += gaps.list_service_spans(stops)
+    return StoppedProgramme(programme, supply, tuple(all_gaps), tuple(all_stops))
+
+
+def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alone: bool) -> MissionWithStops:
+    """The legs of a tractor with its stops; alone on the field it needs no places to wait on the way to them."""
+    table, parts = gaps.table, gaps.parts
+    stop_by_gap = {stop.gap: stop for stop in stops}
+    legs, placed = build_way_in(table, parts[0].node), list[ServiceStop]()
+    begun_m = 0.0
+    for gap, part in enumerate(parts, start=1):
+        stop, direct = stop_by_gap.get(gap), gaps.get_direct_move(gap)
+        if stop is None and gaps.is_inside_line(gap):
+            continue
+        arrive, depart = (None, None) if stop is None else (stop.detour.arrive, stop.detour.depart)
+        leaving, entering = (direct, direct) if arrive is None or depart is None else (arrive, depart)
+        rest_m = table.lines[part.node // 2].measure_path_m(part.node % 2) - part.last_m
+        legs += split_work_leg(table, part.node, rest_m + (0.0 if leaving is None else leaving.leave_m), begun_m)
+        if gap == len(parts):
+            break
+        if stop is not None:
+            hold_leg = find_waiting_leg(legs, placed[-1].leg + 1 if placed else 0)
+            legs += _build_way(table, arrive, LegTask(REFILL), is_alone=is_alone)
+            placed.append(ServiceStop(len(legs), hold_leg, stop.amount))
+        goal, begun_m = parts[gap], parts[gap].first_m + (0.0 if entering is None else entering.join_m)
+        if depart is not None:
+            task = replace(table.lines[goal.node // 2].task, kind=ROUTE if depart.kind == "route" else TURN)
+            legs += _build_way(table, depart, task, is_alone=is_alone)
+        elif direct is not None:
+            legs += build_move(table, goal.node, direct)
+    legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
+    return MissionWithStops(make_mission(legs).legs, tuple(placed), tuple(range(len(legs))))
+
+
+def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: bool) -> list[Leg]:
+    """The legs of a move to a place or on from there; none where there is no place."""
+    legs = [] if move is None else build_path_legs(table.site, move.path, task)
+    return legs if is_alone else add_wait_points(legs, WAIT_POINT_STEP_M)
+
+
+def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequence[TourStop]) -> list[Leg]:
+    """The legs with the time that a tractor stands before each leg at which it is served."""
+    standing = list(legs)
+    for at, stop in zip(placed, stops, strict=True):
+        standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
+    return standing
+
+
+def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> npt.NDArray[np.float64]:
+    """How long a tractor takes to be served for each line (n,): its part of a load by what a load takes in the mean."""
+    trips_s = np.zeros(2)
+    if moves is not None:
+        nodes = [
+            (2 * number + way, line.measure_path_m(way)) for number, line in enumerate(table.lines) for way in (0, 1)
+        ]
+        trips = [moves.list_trips((node, length_m), (node, 0.0)) for node, length_m in nodes]
+        estimates_s = np.array([[[moves.estimate_s(way) for way in ways] for ways in of_node] for of_node in trips])
+        trips_s = np.median(estimates_s, axis=0).min(axis=0)
+    needs = np.array([measure_line_need(table, supply, 2 * number) for number in range(len(table.lines))])
+    stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)
+    served_s = stops * (supply.estimate_stop_s(float(needs.sum())) + float(trips_s.sum()))
+    shares: npt.NDArray[np.float64] = needs / needs.sum()
+    return served_s * shares
+
+
+def stop_programme(
+    programme: Programme, supply: Supply, moves: StopMoves | None, stages: Sequence[int] | None = None
+) -> StoppedProgramme:
+    """The programme with its lines in an order found with their loads, and with the stops that cost least time.
+
+    `moves` lead to the place of the supply; `stages` (n,) say which lines come first, all at any time by default.
+    Raises StrategyError where no stops are enough.
+    """
+    return add_stops(programme, supply, moves, order_for_loads(programme, supply, moves, stages))

@@ -1,0 +1,165 @@
+"""Moves from the ends of lines to places where tractors are served, and from there to the begins of lines.
+
+They are found and driven as moves between lines are: once, with the body in them, up to a standstill at the place or
+from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+
+import numpy as np
+
+from strategies.lines.lay_lines import measure_proof_rooms
+from strategies.moves.move import Move
+from strategies.path_planning.paths import Pose
+from strategies.programmes.move_table import DETOUR_FACTOR, DETOUR_S, NO_MOVE_S, MoveTable
+from strategies.programmes.site_moves import (
+    MOST_CUT_SHARE,
+    MOST_OFF_SHARE,
+    OFF_LENGTH_M,
+    ROOM_TOLERANCE_M,
+    SETTLE_M,
+    build_path_legs,
+)
+from strategies.programmes.work_moves import MISSED_FACTOR
+from vehicle.missions.plan import REFILL, LegTask, Mission, Plan
+from vehicle.missions.run import DONE
+
+CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A way between a line and a place: to `place` after `at_m` metres of `node`, or from there on to work the rest."""
+
+    node: int
+    at_m: float
+    place: int
+    is_arriving: bool
+
+
+@dataclass(eq=False)
+class StopMoves:
+    """The moves between the lines of a table and the places at which tractors are served; each found and driven once.
+
+    Attributes:
+        places: poses of the guided point to stand in.
+    """
+
+    table: MoveTable
+    places: tuple[Pose, ...]
+    _moves: dict[Trip, Move | None] = field(default_factory=dict)
+    _guesses_s: dict[Trip, float] = field(default_factory=dict)
+
+    def list_trips(self, before: tuple[int, float], after: tuple[int, float]) -> list[tuple[Trip, Trip]]:
+        """For every place the trips to it and on, between two nodes after so many metres of each."""
+        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in range(len(self.places))]
+
+    def is_known(self, trip: Trip) -> bool:
+        """Whether its move was driven, or there is none."""
+        return trip in self._moves
+
+    def get_move(self, trip: Trip) -> Move | None:
+        """The cheapest move that was driven well; None if there is none."""
+        if trip not in self._moves:
+            self._moves[trip] = self._find(trip)
+        return self._moves[trip]
+
+    def estimate_s(self, trip: Trip) -> float:
+        """Seconds with all charges: of the move if it is known, else of a closed form or of a guess; dear for none."""
+        line = self.table.lines[trip.node // 2]
+        if trip.node % 2 and not line.both_ways:
+            return NO_MOVE_S
+        if trip in self._moves:
+            move = self._moves[trip]
+            return NO_MOVE_S if move is None else move.cost_s
+        if trip not in self._guesses_s:
+            _, a, b = next(self._list_ends(trip, (0.0,)))
+            forms = self.table.moves.finder.list_moves(a, b, most=1)
+            plain_s = math.dist(a[:2], b[:2]) / self.table.site.rules.turn_speed_mps
+            self._guesses_s[trip] = forms[0].cost_s if forms else DETOUR_FACTOR * plain_s + DETOUR_S
+        return self._guesses_s[trip]
+
+    def bound_flight_m(self, trip: Trip) -> float:
+        """Metres that no move is shorter than."""
+        _, a, b = next(self._list_ends(trip, (0.0,)))
+        return max(0.0, math.dist(a[:2], b[:2]) - max(CUTS_M))
+
+    def _find(self, trip: Trip) -> Move | None:
+        best: Move | None = None
+        for move in sorted(self._list_options(trip), key=attrgetter("cost_s")):
+            if best is not None and move.cost_s >= best.cost_s:
+                return best
+            driven = self._drive(trip, move)
+            if driven is not None and (best is None or driven.cost_s < best.cost_s):
+                best = driven
+        return best or self._search(trip)
+
+    def _list_options(self, trip: Trip) -> Iterator[Move]:
+        """Closed forms on which the body has room, also with the line cut back."""
+        for cut_m, a, b in self._list_ends(trip, CUTS_M):
+            for move in self.table.moves.finder.list_moves(a, b):
+                yield self._charge_cut(trip, move, cut_m)
+
+    def _search(self, trip: Trip) -> Move | None:
+        """A move by search, if need be with the line cut back by the turning radius."""
+        for cut_m, a, b in self._list_ends(trip, (0.0, self.table.site.rules.radius_m)):
+            found = self.table.moves.finder.search(a, b)
+            driven = None if found is None else self._drive(trip, self._charge_cut(trip, found, cut_m))
+            if driven is not None:
+                return driven
+        return None
+
+    def _list_ends(self, trip: Trip, cuts_m: tuple[float, ...]) -> Iterator[tuple[float, Pose, Pose]]:
+        """By how much the line is cut back, and from where to where a move then leads."""
+        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, self.places[trip.place]
+        worked_m = trip.at_m if trip.is_arriving else line.measure_path_m(way) - trip.at_m
+        for cut_m in cuts_m:
+            if cut_m > max(0.0, MOST_CUT_SHARE * worked_m - 1.0):
+                return
+            pose = line.get_pose(way, trip.at_m - cut_m if trip.is_arriving else trip.at_m + cut_m)
+            yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
+
+    def _charge_cut(self, trip: Trip, move: Move, cut_m: float) -> Move:
+        cut_s = cut_m / self.table.site.rules.work_speed_mps
+        drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
+        leave_m, join_m = (cut_m, 0.0) if trip.is_arriving else (0.0, cut_m)
+        return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)
+
+    def _drive(self, trip: Trip, move: Move) -> Move | None:
+        """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
+        table, node, line = self.table, trip.node, self.table.lines[trip.node // 2]
+        rest_m = line.measure_path_m(node % 2) - trip.at_m
+        legs = build_path_legs(table.site, move.path, LegTask(REFILL))
+        before = [table.moves.build_work_leg(node, rest_m + move.leave_m, last_m=SETTLE_M)] if trip.is_arriving else []
+        after = (
+            []
+            if trip.is_arriving
+            else [table.moves.build_work_leg(node, 0.0, trip.at_m + move.join_m, first_m=SETTLE_M)]
+        )
+        driven = [*before, *legs, *after]
+        run = table.site.drive(Plan((Mission(tuple(driven)),)))
+        if run.outcome != DONE or measure_proof_rooms(table.site, run.get_poses(0)).min() < -ROOM_TOLERANCE_M:
+            return None
+        numbers = run.get_leg_numbers(0)
+        cut_s = (move.leave_m + move.join_m) / table.site.rules.work_speed_mps
+        if trip.is_arriving:
+            begun_s = float(run.time_s[int(np.argmax(numbers > 0))]) if legs else run.duration_s
+            return replace(move, drive_s=run.duration_s - begun_s - cut_s)
+        row = int(np.argmax(numbers == len(driven) - 1))
+        off_m = self._measure_off_m(run.get_poses(0)[row], line.get_pose(node % 2, trip.at_m + move.join_m))
+        if off_m > MOST_OFF_SHARE * table.site.width_m:
+            return None
+        missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * table.site.work_s_per_m2
+        return replace(move, drive_s=float(run.time_s[row]) - cut_s, charge_s=move.charge_s + missed_s)
+
+    def _measure_off_m(self, pose: np.ndarray, goal: Pose) -> float:
+        """How far beside the line from a goal pose on the implement is, with the centre of mass at a pose (3,)."""
+        x, y, heading = pose.tolist()
+        bar_m = self.table.site.bar_m
+        dx, dy = x - bar_m * math.cos(heading) - goal[0], y - bar_m * math.sin(heading) - goal[1]
+        return abs(float(dy * math.cos(goal[2]) - dx * math.sin(goal[2])))

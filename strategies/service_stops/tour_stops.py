@@ -1,0 +1,309 @@
+"""The stops of one tractor on its tour of work lines: what its loads take, what a stop costs, and which are made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from strategies.moves.move import Move
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import join_paths
+from strategies.program.supply import PLACE, Supply
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.site_moves import build_path_legs
+from strategies.service_stops.stop_choice import TourNeeds, choose_stops
+from strategies.service_stops.stop_moves import StopMoves, Trip
+from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need
+from vehicle.missions.plan import ROUTE, Leg, LegTask
+
+Span = tuple[float, float]
+SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
+
+
+@dataclass(frozen=True)
+class Detour:
+    """A stop in a gap: the moves to its place and on; None for both where the tractor is served at the end of its line.
+
+    Attributes:
+        extra_s, cost_s: seconds more than without a stop, and with all charges; both without the time to be served.
+    """
+
+    arrive: Move | None
+    depart: Move | None
+    extra_s: float
+    cost_s: float
+
+
+@dataclass(frozen=True)
+class TourStop:
+    """A stop before part `gap` of a tour: what is filled in, and how long that takes (s)."""
+
+    gap: int
+    detour: Detour
+    amount: float
+    stand_s: float
+
+
+@dataclass(eq=False)
+class TourGaps:
+    """What a stop costs in the gaps between the parts of a tour, and what the parts take of a load.
+
+    Attributes:
+        moves: to places and on; without a place a tractor is served at the end of a line.
+        busy_spans: when others are served (from, to; s) and this tractor waits.
+    """
+
+    table: MoveTable
+    supply: Supply
+    tour: Sequence[TourPart]
+    moves: StopMoves | None
+    busy_spans: Sequence[Span] = ()
+    _detours: dict[int, Detour | None] = field(default_factory=dict)
+
+    @cached_property
+    def load_supply(self) -> Supply:
+        """The supply whose loads hold the ways to places too."""
+        return self.supply.include_trips()
+
+    @cached_property
+    def parts(self) -> list[TourPart]:
+        """The parts of the tour in order, as short as stops may be made between them."""
+        return cut_at_wait_points(self.table, self.tour)
+
+    @cached_property
+    def line_needs(self) -> dict[int, float]:
+        """What the whole line of every node of the tour takes of a load."""
+        return {part.node: measure_line_need(self.table, self.supply, part.node) for part in self.tour}
+
+    def is_inside_line(self, gap: int) -> bool:
+        """Whether the part after a gap goes on where that before it ends."""
+        return 0 < gap < len(self.parts) and self.parts[gap - 1].leads_to(self.parts[gap])
+
+    def get_direct_move(self, gap: int) -> Move | None:
+        """The move in a gap without a stop; None inside a line, where none was driven, and where no entrance is."""
+        gate, count = self.table.gate, len(self.parts)
+        is_whole = (gap == 0 or self.parts[gap - 1].is_last) and (gap == count or self.parts[gap].is_first)
+        u, v = self.parts[gap - 1].node if gap else gate, self.parts[gap].node if gap < count else gate
+        if not is_whole or (gate in (u, v) and self.table.site.lane is None) or not self.table.is_proven(u, v):
+            return None
+        return self.table.get_move(u, v)
+
+    @property
+    def has_ends(self) -> bool:
+        """Whether moves lead into the field and out of it, where it has an entrance."""
+        ends = (0, len(self.parts))
+        return self.table.site.lane is None or all(self.get_direct_move(gap) is not None for gap in ends)
+
+    @cached_property
+    def direct_times_s(self) -> list[tuple[float, float]]:
+        """Seconds of the move in every gap without a stop, and with all charges; nothing where there is none."""
+        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
+        return [(0.0, 0.0) if move is None else (move.drive_s, move.cost_s) for move in moves]
+
+    @cached_property
+    def part_needs(self) -> list[float]:
+        """What every part takes of a load."""
+        return [self.share_need(part, part.last_m - part.first_m) for part in self.parts]
+
+    def share_need(self, part: TourPart, length_m: float) -> float:
+        """What so many metres of the line of a part take of a load."""
+        return length_m / part.line_m * self.line_needs[part.node]
+
+    @cached_property
+    def direct_needs(self) -> list[float]:
+        """What the move in every gap takes without a stop, less what it saves on the lines that it cuts."""
+        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
+        return [0.0 if move is None else self._measure_move_need(gap, move) for gap, move in enumerate(moves)]
+
+    @property
+    def mean_move_need(self) -> float:
+        """What a move between two lines takes in the mean, without what moves save on the lines that they cut."""
+        count = sum(part.is_first for part in self.parts) - 1
+        return sum(max(need, 0.0) for need in self.direct_needs[1:-1]) / max(count, 1)
+
+    @property
+    def total_need(self) -> float:
+        """What the whole tour takes without a stop."""
+        return math.fsum(self.part_needs) + math.fsum(self.direct_needs)
+
+    def _measure_need(self, legs: Sequence[Leg]) -> float:
+        return self.supply.compute_legs_need(legs, self.table.site.width_m)
+
+    def _measure_move_need(self, gap: int, move: Move) -> float:
+        """What a move in a gap takes of a load, with the lane at the ends of the tour."""
+        site, lane, path = self.table.site, self.table.site.lane, move.path
+        if lane is not None and gap == 0:
+            path = join_paths([lane.build_path_in(), path], move.kind)
+        if lane is not None and gap == len(self.parts):
+            path = join_paths([path, lane.build_path_out()], move.kind)
+        need = self._measure_need(build_path_legs(site, path, LegTask(ROUTE), is_work=move.is_work))
+        for cut_m, number in ((move.leave_m, gap - 1), (move.join_m, gap)):
+            if cut_m:
+                need -= self.share_need(self.parts[number], cut_m)
+        return need
+
+    @cached_property
+    def finishes_s(self) -> list[float]:
+        """When the part before each gap is finished without any stop (s)."""
+        speed = self.table.site.rules.work_speed_mps
+        seconds = [
+            self.direct_times_s[gap][0] + (part.last_m - part.first_m) / speed for gap, part in enumerate(self.parts)
+        ]
+        return list(accumulate(seconds, initial=0.0))
+
+    @property
+    def driven_s(self) -> float:
+        """Seconds of the whole tour without any stop."""
+        return self.finishes_s[-1] + self.direct_times_s[-1][0]
+
+    def get_detour(self, gap: int) -> Detour | None:
+        """The best stop in a gap; None if no move leads to a place and on."""
+        if gap not in self._detours:
+            self._detours[gap] = self._find_detour(gap)
+        return self._detours[gap]
+
+    def _find_detour(self, gap: int) -> Detour | None:
+        if self.moves is None:
+            return Detour(None, None, 0.0, 0.0)
+        found, (direct_s, direct_cost_s) = list[Detour](), self.direct_times_s[gap]
+        for way_off, way_on in self.list_trips(gap):
+            arrive = self.moves.get_move(way_off)
+            depart = None if arrive is None else self.moves.get_move(way_on)
+            if arrive is not None and depart is not None:
+                extra_s = arrive.drive_s + depart.drive_s - direct_s
+                found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct_cost_s))
+        return min(found, key=lambda detour: round(detour.cost_s, 3), default=None)
+
+    def list_trips(self, gap: int) -> list[tuple[Trip, Trip]]:
+        """For every place the trips to it from a gap and on."""
+        before, after = self.parts[gap - 1], self.parts[gap]
+        return (
+            []
+            if self.moves is None
+            else self.moves.list_trips((before.node, before.last_m), (after.node, after.first_m))
+        )
+
+    def list_ways(self, gap: int) -> tuple[float, float]:
+        """What the ways to be served in a gap and on from there take of a load; their least where not yet found."""
+        if self.moves is None:
+            return (0.0, self.direct_needs[gap]) if self.is_passable(gap) else (math.inf, math.inf)
+        if gap in self._detours:
+            detour = self._detours[gap]
+            if detour is None:
+                return math.inf, math.inf
+            assert detour.arrive is not None and detour.depart is not None  # there are places
+            return self._measure_move_need(gap, detour.arrive), self._measure_move_need(gap, detour.depart)
+        return self._bound_way(gap, is_arriving=True), self._bound_way(gap, is_arriving=False)
+
+    def _bound_flight_m(self, gap: int, *, is_arriving: bool) -> float:
+        assert self.moves is not None
+        return min(self.moves.bound_flight_m(trips[0 if is_arriving else 1]) for trips in self.list_trips(gap))
+
+    def _bound_way(self, gap: int, *, is_arriving: bool) -> float:
+        flight_m = self._bound_flight_m(gap, is_arriving=is_arriving)
+        if flight_m <= 0.0:
+            return 0.0
+        line = Leg(np.array([[0.0, 0.0], [flight_m, 0.0]]), self.table.site.rules.turn_speed_mps)
+        return self._measure_need([line])
+
+    def compute_stop_cost_s(self, gap: int) -> float:
+        """Extra seconds of a stop in a gap with all charges, and the time to be served; the least where not found."""
+        off, on = self.list_ways(gap)
+        if math.isinf(off):
+            return UNREACHABLE_S
+        served_s = self.load_supply.compute_stop_s(off + on - self.direct_needs[gap])
+        if self.moves is None or gap in self._detours:
+            detour = self.get_detour(gap)
+            assert detour is not None  # else its ways take more than any load
+            return detour.cost_s + served_s
+        flights_m = sum(self._bound_flight_m(gap, is_arriving=is_arriving) for is_arriving in (True, False))
+        return flights_m / self.table.site.rules.turn_speed_mps - self.direct_times_s[gap][1] + served_s
+
+    @cached_property
+    def mean_stand_s(self) -> float:
+        """How long a stop takes in the mean (s)."""
+        return self.supply.estimate_stop_s(self.total_need)
+
+    def find_service_span(self, gap: int, later_s: float) -> Span:
+        """When a tractor is served in a gap (from, to; s), given the delay by stops before.
+
+        At a place from when it sets out for it until it is clear of it. It waits for those who were there before it;
+        who comes later waits for it.
+        """
+        blocked_s = self.mean_stand_s
+        if self.moves is not None:
+            speed = self.table.site.rules.turn_speed_mps
+            blocked_s += (self._bound_flight_m(gap, is_arriving=True) + SERVICE_CLEAR_M) / speed
+        ready = self.finishes_s[gap] + later_s
+        begin = max([ready, *(last for first, last in self.busy_spans if first <= ready)])
+        return begin, begin + blocked_s
+
+    def compute_wait_s(self, gap: int, later_s: float) -> float:
+        """How long a tractor waits for its turn in a gap (s)."""
+        return self.find_service_span(gap, later_s)[0] - self.finishes_s[gap] - later_s
+
+    def is_passable(self, gap: int) -> bool:
+        """Whether a gap can be driven without a stop."""
+        return self.is_inside_line(gap) or self.get_direct_move(gap) is not None
+
+    def build_needs(self) -> TourNeeds:
+        """What the parts of the tour take of a load, as far as known."""
+        count = len(self.parts)
+        ways = [self.list_ways(gap) for gap in range(1, count)]
+        ways_off = [0.0, *(off for off, _ in ways), self.direct_needs[count]]
+        ways_on = [self.direct_needs[0], *(on for _, on in ways), 0.0]
+        moves = [self.direct_needs[gap] if gap == 0 or self.is_passable(gap) else math.inf for gap in range(count)]
+        return TourNeeds(self.part_needs, moves, ways_off, ways_on)
+
+    def choose_gaps(self) -> tuple[int, ...] | None:
+        """The gaps to stop in; None if no stops are enough. Moves are found only where the cheapest stops use them."""
+        while True:
+            costs_s = [0.0, *(self.compute_stop_cost_s(gap) for gap in range(1, len(self.parts)))]
+            gaps = choose_stops(self.build_needs(), costs_s, self.load_supply.capacity, self.compute_wait_s)
+            unknown = [gap for gap in gaps or () if gap not in self._detours]
+            if not unknown:
+                return gaps
+            for gap in unknown:
+                self.get_detour(gap)
+
+    def measure_cost_s(self, gaps: Sequence[int]) -> float:
+        """Seconds of all moves of the tour and of the stops in some gaps, with all charges."""
+        return math.fsum(cost_s for _, cost_s in self.direct_times_s) + math.fsum(map(self.compute_stop_cost_s, gaps))
+
+    def list_stops(self) -> tuple[TourStop, ...]:
+        """The stops of the tour; raises StrategyError if no stops are enough."""
+        gaps = self.choose_gaps()
+        if gaps is None:
+            raise StrategyError(self._explain_no_stops())
+        amounts = self.load_supply.list_amounts(self.build_needs().list_loads(gaps))
+        stops = []
+        for gap, amount in zip(gaps, amounts, strict=True):
+            detour = self.get_detour(gap)
+            assert detour is not None  # it was chosen
+            stops.append(TourStop(gap, detour, amount, self.supply.compute_stop_s(amount)))
+        return tuple(stops)
+
+    def list_service_spans(self, stops: Sequence[TourStop]) -> list[Span]:
+        """When the tractor is expected to be served (from, to; s)."""
+        spans, later_s = list[Span](), 0.0
+        for stop in stops:
+            spans.append(self.find_service_span(stop.gap, later_s))
+            later_s += self.compute_wait_s(stop.gap, later_s) + stop.detour.extra_s + stop.stand_s
+        return spans
+
+    def _explain_no_stops(self) -> str:
+        """Why no stops are enough, and what helps."""
+        largest = max(self.part_needs)
+        if largest > self.load_supply.capacity or self.supply.served_at != PLACE:
+            return self.supply.explain_small_load(largest)
+        x, y = self.supply.place or (0.0, 0.0)
+        return (
+            f"No path with a turning radius of {self.table.site.rules.radius_m:.1f} m leads to the place to refill at "
+            f"({x:.0f}, {y:.0f} m) and back before a load is used up; use another place, or refill on the headland."
+        )
