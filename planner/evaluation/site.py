@@ -8,7 +8,6 @@ import shapely
 
 from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
-from planner.evaluation.ground.contact_places import MAX_OUTSIDE_M
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from strategies.lines.lay_lines import lay_lines
@@ -22,6 +21,7 @@ from vehicle.sim.world import World
 
 ROOM_BEYOND_M = 1.0  # distances are known a little beyond what a body reaches
 TOLERANCE_M = 0.05  # a drive may reach so far beyond what a plan may
+MAX_OUTSIDE_M = 0.5  # of the guided point beyond the outline: a plan that drives farther is refused
 LEAST_SEEN_M = 0.6  # half the size of an obstacle that no cell of the grid misses
 LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4

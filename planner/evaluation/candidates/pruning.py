@@ -81,11 +81,14 @@ def prune_composed(
 
 
 def _may_win(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:
-    """Whether tractors that take so long may beat the incumbent; by their sum too where risk or cost decides."""
+    """Whether tractors that take so long may beat the incumbent."""
+    return max(tractor_s) <= incumbent.finish_s or _wins_by_sum(context, tractor_s, incumbent)
+
+
+def _wins_by_sum(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:
+    """Whether risk or cost decides and all tractors together take less time than those of the incumbent."""
     uses_criteria = context.criteria is not None and context.criteria.decides_best
-    if uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s:
-        return True
-    return max(tractor_s) <= incumbent.finish_s
+    return uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s
 
 
 def split_contenders(
@@ -113,8 +116,7 @@ def _find_losing_bound_s(
     done_times_s = compute_done_s(
         plan, build_speed_limits(context.tractor, context.implement, context.driving_rules.radius_m)
     )
-    uses_criteria = context.criteria is not None and context.criteria.decides_best
-    if uses_criteria and math.fsum(done_times_s) < incumbent.tractor_s:
+    if _wins_by_sum(context, done_times_s, incumbent):
         return None
     bound_s = max(done_times_s)
     if (

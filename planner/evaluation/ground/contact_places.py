@@ -20,10 +20,10 @@ from planner.evaluation.ground.contact_checks import (
     place_boxes_at,
 )
 from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
+from planner.evaluation.site import MAX_OUTSIDE_M
 from reports.common.plan_results import FENCE, OBSTACLE, OUTLINE, PlanFault
 from vehicle.missions.run import SimulationRun
 
-MAX_OUTSIDE_M = 0.5  # of the guided point
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
 Points = npt.NDArray[np.float64]
