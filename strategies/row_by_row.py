@@ -51,5 +51,5 @@ STRATEGY = Strategy(
     refine=_refine_row_by_row,
     max_repairs=MAX_FORMATION_REPAIRS,
     build_bound=lambda job: form_row_by_row(job).plan,
-    compose=partial(compose_formation, rule=FormationRule(NAME, queue_by_rows)),
+    compose=partial(compose_formation, rule=FormationRule(NAME, queue_by_rows, in_rows=True)),
 )

@@ -30,11 +30,13 @@ class FormationRule:
         name: of the strategy.
         queue_rule: gives what a tractor waits for.
         move_up: whether those behind move up in the queue.
+        in_rows: whether whole rows leave one after another.
     """
 
     name: str
     queue_rule: QueueRule
     move_up: bool = True
+    in_rows: bool = False
 
 
 def compose_formation(
@@ -45,7 +47,7 @@ def compose_formation(
         return _compose_alone(table, order, rule)
     columns = list_columns(table)
     rounds = _require_rounds(table, columns, tractors)
-    directed, tours = _order_with_room(table, rounds, order, stands_in_way)
+    directed, tours = _order_with_room(table, rounds, order, stands_in_way, in_rows=rule.in_rows)
     plan = write_formation(table, directed, tours, rule.queue_rule, move_up=rule.move_up)
     notes = {"strategy": rule.name, "tractors": tractors, "headland": order or None}
     share = _describe_share(table, directed, tours)
@@ -59,7 +61,7 @@ ADVICE = "use fewer tractors, or split-field or interleaved"
 
 
 def _order_with_room(
-    table: MoveTable, rounds: Sequence[ColumnRound], order: str, stands_in_way: StandsInWay
+    table: MoveTable, rounds: Sequence[ColumnRound], order: str, stands_in_way: StandsInWay, *, in_rows: bool
 ) -> tuple[list[DirectedRound], list[FormationTour]]:
     """The rounds in order with their places, and the tours they are part of; a round without room is no round.
 
@@ -69,12 +71,12 @@ def _order_with_room(
     ends = order != HEADLAND_FIRST, order in ("", HEADLAND_FIRST)
     while remaining:
         directed = order_rounds(table, remaining, ends)
-        cramped = find_cramped_round(place_rounds(table, directed, None, stands_in_way))
+        cramped = find_cramped_round(place_rounds(table, directed, None, stands_in_way, in_rows=in_rows))
         if cramped is None:
             tours = share_lines(table, directed, tractors, order, stands_in_way)
             if not tours:
                 continue  # what a whole drive has struck is no move any more
-            placed = place_rounds(table, directed, tours, stands_in_way)
+            placed = place_rounds(table, directed, tours, stands_in_way, in_rows=in_rows)
             cramped = find_cramped_round(placed)
             if cramped is None:
                 return placed, tours

@@ -1,8 +1,7 @@
 """Places of all rounds, clear of tractors that come to a round and of those that leave it.
 
-Between rounds the rows come and leave one after another: who stands in its place is in the way of rows behind it only,
-who stands in the queue in that of rows ahead of it. To the first round and from the last tractors come and go in any
-order.
+Where rows come and leave one after another, who stands in its place is in the way of rows behind it only, and who stands
+in the queue in that of rows ahead of it. To the first round and from the last tractors come and go in any order.
 """
 
 from __future__ import annotations
@@ -34,9 +33,17 @@ class _Passage:
 
 
 def place_rounds(
-    table: MoveTable, order: Sequence[DirectedRound], tours: Sequence[FormationTour] | None, stands_in_way: StandsInWay
+    table: MoveTable,
+    order: Sequence[DirectedRound],
+    tours: Sequence[FormationTour] | None,
+    stands_in_way: StandsInWay,
+    *,
+    in_rows: bool,
 ) -> list[DirectedRound]:
-    """The rounds of an order with their places, for the tours that they are part of where these are known."""
+    """The rounds of an order with their places, for the tours that they are part of where these are known.
+
+    Tractors come and leave `in_rows`, or in any order.
+    """
     tractors = len(order[0].one.columns)
     nowhere = [_Passage(np.empty((0, 3)))] * tractors
     between = [_list_passages(table, before, after) for before, after in pairwise(order)]
@@ -44,7 +51,7 @@ def place_rounds(
     leaving = [*between, nowhere if tours is None else [_trace_departure(table, tour) for tour in tours]]
     placed = []
     for number, each in enumerate(order):
-        is_first, is_last = number == 0, number == len(order) - 1
+        is_first, is_last = not in_rows or number == 0, not in_rows or number == len(order) - 1
         traffic = [
             _find_traffic(table, each, tractor, (coming[number], is_first), (leaving[number], is_last), stands_in_way)
             for tractor in range(tractors)

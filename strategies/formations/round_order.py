@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from strategies.formations.passing import Floats
 from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
@@ -94,9 +95,19 @@ def _pose_problem(
         _sum_rows(costs[lasts[:, None, :], begins[None, :, :]]),
         np.array([one.longest_m for one in rounds]) / table.site.rules.work_speed_mps,
         np.full(len(rounds), ROUND_VALUE_S),
-        costs[-1, begins].max(axis=1)[None] if comes else has_none,
+        costs[-1, begins].max(axis=1)[None] if comes else _estimate_ways_s(table, begins)[None],
         costs[lasts, -1].max(axis=1)[None] if goes else has_none,
     )
+
+
+def _estimate_ways_s(table: MoveTable, begins: npt.NDArray[np.int64]) -> Floats:
+    """Seconds (n,) straight from the entrance to where rounds begin; zeros without one."""
+    entrance = table.site.layout.field.entrance
+    if entrance is None:
+        return np.zeros(len(begins))
+    places = np.array(table.moves.begins)[begins, :2]
+    ways_s: Floats = np.hypot(*np.moveaxis(places - entrance, -1, 0)).min(axis=1) / table.site.rules.turn_speed_mps
+    return ways_s
 
 
 def _sum_rows(move_s: Floats) -> Floats:

@@ -7,13 +7,13 @@ import pytest
 from shapely import Polygon, affinity, box
 
 from fields import Field
-from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult
 from reports.plan.ranking_export import format_ranking_json
-from strategies.path_planning.errors import StrategyError
-from vehicle.missions.run import DONE
+from vehicle.missions.run import DONE, SimulationRun
 
 pytestmark = pytest.mark.slow
 
@@ -50,30 +50,37 @@ def sites() -> dict[str, PlanningContext]:
     return {name: site_of(name, shape) for name, shape in SHAPES.items()}
 
 
+def drive(site: PlanningContext, strategy: str, tractors: int) -> tuple[PlanResult, SimulationRun]:
+    """The figures and the run of a candidate that can be driven."""
+    found: CandidateEvaluation = simulate_candidate(site, Candidate(strategy, tractors))
+    assert found.run is not None, found.result.reason
+    return found.result, found.run
+
+
 @pytest.mark.parametrize(("shape", "strategy", "tractors"), [
     pytest.param(shape, strategy, tractors, marks=() if (place + turn + tractors) % 2 == 0 else pytest.mark.matrix)
     for place, shape in enumerate(SHAPES) for turn, strategy in enumerate(FORMATIONS) for tractors in (2, 3)
 ])  # fmt: skip
 def test_every_formation_can_be_driven(sites: Any, shape: str, strategy: str, tractors: int) -> None:
-    tried = run_candidate(sites[shape], Candidate(strategy, tractors))
-    assert tried.reason is None and tried.run.outcome == DONE and not tried.run.contacts
-    share = tried.run.plan.notes["formation_pct"]
+    result, run = drive(sites[shape], strategy, tractors)
+    assert result.reason is None and run.outcome == DONE and not run.contacts
+    share = run.plan.notes["formation_pct"]
     assert 50.0 < share <= 100.0
-    assert ("in formation" in (tried.remark or "")) == (share < 100.0)
+    assert ("in formation" in (result.remark or "")) == (share < 100.0)
 
 
 @pytest.mark.parametrize("tractors", [2, 3])
 @pytest.mark.parametrize("shape", ["L", "comb", "hole"])
 def test_a_mirrored_field_takes_as_long(sites: Any, shape: str, tractors: int) -> None:
-    """Which points of a rounded corner routes pass depends on where its outline begins: one route may be longer."""
+    """About: orders are searched, and a search that sees the field the other way round may end in another one."""
     mirrored = site_of(shape, affinity.scale(SHAPES[shape], -1, 1, origin=(0, 0)))
-    times = [run_candidate(site, Candidate("col-by-col", tractors)).run.duration_s for site in (sites[shape], mirrored)]
-    assert times[1] == pytest.approx(times[0], rel=0.01)
+    times = [drive(site, "col-by-col", tractors)[1].duration_s for site in (sites[shape], mirrored)]
+    assert times[1] == pytest.approx(times[0], rel=0.05)
 
 
 def test_optimised_releases_are_never_slower(sites: Any) -> None:
     for name in ("L", "slanted"):
-        plain, timed = (run_candidate(sites[name], Candidate(each, 3)).run for each in FORMATIONS[:2])
+        plain, timed = (drive(sites[name], each, 3)[1] for each in FORMATIONS[:2])
         assert timed.duration_s <= plain.duration_s
 
 
@@ -89,17 +96,16 @@ def test_where_no_round_fits_the_refusal_says_what_would_help() -> None:
     # Four teeth of two tracks on a spine too shallow for tracks of its own: nowhere lie three side by side.
     teeth = [box(20 * k, 0, 20 * k + 6, 100) for k in range(4)]
     comb = Polygon(box(0, -8, 66, 0).union(teeth[0]).union(teeth[1]).union(teeth[2]).union(teeth[3]).exterior)
-    with pytest.raises(
-        StrategyError,
-        match=r"A formation of 3 tractors needs 3 tracks .* use 2 tractors, or split-field or interleaved\.",
-    ):
-        run_candidate(site_of("teeth", comb), Candidate("row-by-row", 3))
+    found = simulate_candidate(site_of("teeth", comb), Candidate("row-by-row", 3))
+    assert found.run is None and found.result.reason is not None
+    assert found.result.reason.startswith("A formation of 3 tractors needs 3 tracks of at least")
+    assert found.result.reason.endswith("use fewer tractors, or split-field or interleaved.")
 
 
 def test_with_an_entrance_another_corner_is_taken_only_where_the_nearest_cannot_be_driven(sites: Any) -> None:
     site = prepare_context(
         PlanRequest(field="L", bearing_deg=0.0, no_headland=True), Field("L", SHAPES["L"], entrance=(110, 70))
     )
-    run = run_candidate(site, Candidate("row-by-row", 2)).run
+    _, run = drive(site, "row-by-row", 2)
     starts = [mission.start for mission in run.plan.missions]
     assert min(abs(x - 110) + abs(y - 70) for x, y, _ in starts) < 15.0
