@@ -135,17 +135,13 @@ class TourLoads:
             if not is_new:
                 break
             best = order_in_loads(self.build_task(), [(best.passes // 2).tolist(), numbers], effort=LATER_EFFORT)
-        return list(dict.fromkeys(tours))
+        return tours
 
     def choose_tour(self) -> tuple[TourPart, ...]:
-        """The tour whose work takes least time with its stops; that given where none can be served in time."""
-        return min(self.list_tours(), key=lambda tour: round(self._measure_cost_s(tour), 3))
-
-    def _measure_cost_s(self, tour: tuple[TourPart, ...]) -> float:
-        """Seconds of the moves and stops of a tour with all charges; infinite where it cannot be driven."""
-        gaps = self._build_gaps(tour)
-        chosen = gaps.choose_gaps() if gaps.has_ends else None
-        return np.inf if chosen is None else gaps.measure_cost_s(chosen)
+        """The last tour of the search, or that given where no stops are enough on it."""
+        *_, last = self.list_tours()
+        gaps = self._build_gaps(last)
+        return last if gaps.has_ends and gaps.choose_gaps() is not None else self.tour
 
 
 def _list_places(

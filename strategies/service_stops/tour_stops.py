@@ -28,16 +28,25 @@ UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
 
 @dataclass(frozen=True)
 class Detour:
-    """A stop in a gap: the moves to its place and on; None for both where the tractor is served at the end of its line.
+    """A stop in a gap, or the least that one can take where its moves are not found yet.
 
     Attributes:
         extra_s, cost_s: seconds more than without a stop, and with all charges; both without the time to be served.
+        arrive_s: seconds to the place.
+        off, on: what the ways to the place and on from there take of a load.
+        arrive, depart: their moves; None where not found, and where a tractor is served at the end of its line.
     """
 
-    arrive: Move | None
-    depart: Move | None
     extra_s: float
     cost_s: float
+    arrive_s: float
+    off: float
+    on: float
+    arrive: Move | None = None
+    depart: Move | None = None
+
+
+NOWHERE = Detour(UNREACHABLE_S, UNREACHABLE_S, UNREACHABLE_S, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,8 @@ class TourGaps:
     tour: Sequence[TourPart]
     moves: StopMoves | None
     busy_spans: Sequence[Span] = ()
-    _detours: dict[int, Detour | None] = field(default_factory=dict)
+    _detours: dict[int, Detour] = field(default_factory=dict)
+    _bounds: dict[int, Detour] = field(default_factory=dict)
 
     @cached_property
     def load_supply(self) -> Supply:
@@ -162,68 +172,59 @@ class TourGaps:
         """Seconds of the whole tour without any stop."""
         return self.finishes_s[-1] + self.direct_times_s[-1][0]
 
-    def get_detour(self, gap: int) -> Detour | None:
-        """The best stop in a gap; None if no move leads to a place and on."""
+    def get_detour(self, gap: int) -> Detour:
+        """The best stop in a gap; NOWHERE if no move leads to a place and on."""
         if gap not in self._detours:
-            self._detours[gap] = self._find_detour(gap)
+            self._detours[gap] = self._serve_here(gap) if self.moves is None else self._find_detour(gap, self.moves)
         return self._detours[gap]
 
-    def _find_detour(self, gap: int) -> Detour | None:
-        if self.moves is None:
-            return Detour(None, None, 0.0, 0.0)
-        found, (direct_s, direct_cost_s) = list[Detour](), self.direct_times_s[gap]
-        for way_off, way_on in self.list_trips(gap):
-            arrive = self.moves.get_move(way_off)
-            depart = None if arrive is None else self.moves.get_move(way_on)
+    def get_bound(self, gap: int) -> Detour:
+        """The best stop in a gap if it is known, else the least that it can take."""
+        if gap in self._detours or self.moves is None:
+            return self.get_detour(gap)
+        if gap not in self._bounds:
+            self._bounds[gap] = self._bound_detour(gap, self.moves)
+        return self._bounds[gap]
+
+    def _serve_here(self, gap: int) -> Detour:
+        """A stop at the end of a part."""
+        return Detour(0.0, 0.0, 0.0, 0.0, self.direct_needs[gap]) if self.is_passable(gap) else NOWHERE
+
+    def _find_detour(self, gap: int, moves: StopMoves) -> Detour:
+        found, (direct_s, direct_cost_s) = [NOWHERE], self.direct_times_s[gap]
+        for way_off, way_on in self._list_trips(gap, moves):
+            arrive = moves.get_move(way_off)
+            depart = None if arrive is None else moves.get_move(way_on)
             if arrive is not None and depart is not None:
                 extra_s = arrive.drive_s + depart.drive_s - direct_s
-                found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct_cost_s))
-        return min(found, key=lambda detour: round(detour.cost_s, 3), default=None)
+                cost_s = arrive.cost_s + depart.cost_s - direct_cost_s
+                off, on = self._measure_move_need(gap, arrive), self._measure_move_need(gap, depart)
+                found.append(Detour(extra_s, cost_s, arrive.drive_s, off, on, arrive, depart))
+        return min(found, key=lambda detour: round(detour.cost_s, 3))
 
-    def list_trips(self, gap: int) -> list[tuple[Trip, Trip]]:
+    def _bound_detour(self, gap: int, moves: StopMoves) -> Detour:
+        """The least that a stop can take: straight to the place and on at the speed of turns."""
+        trips, speed = self._list_trips(gap, moves), self.table.site.rules.turn_speed_mps
+        off_m, on_m = (min(moves.bound_flight_m(both[end]) for both in trips) for end in (0, 1))
+        off, on = (
+            self._measure_need([Leg(np.array([[0.0, 0.0], [flight_m, 0.0]]), speed)]) if flight_m > 0.0 else 0.0
+            for flight_m in (off_m, on_m)
+        )
+        direct_s, direct_cost_s = self.direct_times_s[gap]
+        flights_s = (off_m + on_m) / speed
+        return Detour(flights_s - direct_s, flights_s - direct_cost_s, off_m / speed, off, on)
+
+    def _list_trips(self, gap: int, moves: StopMoves) -> list[tuple[Trip, Trip]]:
         """For every place the trips to it from a gap and on."""
         before, after = self.parts[gap - 1], self.parts[gap]
-        return (
-            []
-            if self.moves is None
-            else self.moves.list_trips((before.node, before.last_m), (after.node, after.first_m))
-        )
-
-    def list_ways(self, gap: int) -> tuple[float, float]:
-        """What the ways to be served in a gap and on from there take of a load; their least where not yet found."""
-        if self.moves is None:
-            return (0.0, self.direct_needs[gap]) if self.is_passable(gap) else (math.inf, math.inf)
-        if gap in self._detours:
-            detour = self._detours[gap]
-            if detour is None:
-                return math.inf, math.inf
-            assert detour.arrive is not None and detour.depart is not None  # there are places
-            return self._measure_move_need(gap, detour.arrive), self._measure_move_need(gap, detour.depart)
-        return self._bound_way(gap, is_arriving=True), self._bound_way(gap, is_arriving=False)
-
-    def _bound_flight_m(self, gap: int, *, is_arriving: bool) -> float:
-        assert self.moves is not None
-        return min(self.moves.bound_flight_m(trips[0 if is_arriving else 1]) for trips in self.list_trips(gap))
-
-    def _bound_way(self, gap: int, *, is_arriving: bool) -> float:
-        flight_m = self._bound_flight_m(gap, is_arriving=is_arriving)
-        if flight_m <= 0.0:
-            return 0.0
-        line = Leg(np.array([[0.0, 0.0], [flight_m, 0.0]]), self.table.site.rules.turn_speed_mps)
-        return self._measure_need([line])
+        return moves.list_trips((before.node, before.last_m), (after.node, after.first_m))
 
     def compute_stop_cost_s(self, gap: int) -> float:
         """Extra seconds of a stop in a gap with all charges, and the time to be served; the least where not found."""
-        off, on = self.list_ways(gap)
-        if math.isinf(off):
+        detour = self.get_bound(gap)
+        if math.isinf(detour.off):
             return UNREACHABLE_S
-        served_s = self.load_supply.compute_stop_s(off + on - self.direct_needs[gap])
-        if self.moves is None or gap in self._detours:
-            detour = self.get_detour(gap)
-            assert detour is not None  # else its ways take more than any load
-            return detour.cost_s + served_s
-        flights_m = sum(self._bound_flight_m(gap, is_arriving=is_arriving) for is_arriving in (True, False))
-        return flights_m / self.table.site.rules.turn_speed_mps - self.direct_times_s[gap][1] + served_s
+        return detour.cost_s + self.load_supply.compute_stop_s(detour.off + detour.on - self.direct_needs[gap])
 
     @cached_property
     def mean_stand_s(self) -> float:
@@ -238,8 +239,7 @@ class TourGaps:
         """
         blocked_s = self.mean_stand_s
         if self.moves is not None:
-            speed = self.table.site.rules.turn_speed_mps
-            blocked_s += (self._bound_flight_m(gap, is_arriving=True) + SERVICE_CLEAR_M) / speed
+            blocked_s += self.get_bound(gap).arrive_s + SERVICE_CLEAR_M / self.table.site.rules.turn_speed_mps
         ready = self.finishes_s[gap] + later_s
         begin = max([ready, *(last for first, last in self.busy_spans if first <= ready)])
         return begin, begin + blocked_s
@@ -255,9 +255,9 @@ class TourGaps:
     def build_needs(self) -> TourNeeds:
         """What the parts of the tour take of a load, as far as known."""
         count = len(self.parts)
-        ways = [self.list_ways(gap) for gap in range(1, count)]
-        ways_off = [0.0, *(off for off, _ in ways), self.direct_needs[count]]
-        ways_on = [self.direct_needs[0], *(on for _, on in ways), 0.0]
+        detours = [self.get_bound(gap) for gap in range(1, count)]
+        ways_off = [0.0, *(detour.off for detour in detours), self.direct_needs[count]]
+        ways_on = [self.direct_needs[0], *(detour.on for detour in detours), 0.0]
         moves = [self.direct_needs[gap] if gap == 0 or self.is_passable(gap) else math.inf for gap in range(count)]
         return TourNeeds(self.part_needs, moves, ways_off, ways_on)
 
@@ -284,9 +284,7 @@ class TourGaps:
         amounts = self.load_supply.list_amounts(self.build_needs().list_loads(gaps))
         stops = []
         for gap, amount in zip(gaps, amounts, strict=True):
-            detour = self.get_detour(gap)
-            assert detour is not None  # it was chosen
-            stops.append(TourStop(gap, detour, amount, self.supply.compute_stop_s(amount)))
+            stops.append(TourStop(gap, self.get_detour(gap), amount, self.supply.compute_stop_s(amount)))
         return tuple(stops)
 
     def list_service_spans(self, stops: Sequence[TourStop]) -> list[Span]:
