@@ -28,6 +28,7 @@ from planner.evaluation.candidates.pruning import (
     simulate_promising_first,
     split_contenders,
 )
+from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -41,7 +42,6 @@ from planner.evaluation.candidates.variants import (
     build_for_headland_orders,
     build_for_reachable_job,
     check_formation_supply,
-    find_service_conflict,
     iter_headland_variants,
     list_other_orders,
     list_service_variants,
@@ -131,10 +131,10 @@ def simulate_candidate(
 
 
 def is_by_lines(context: PlanningContext, candidate: Candidate) -> bool:
-    """Whether a candidate is a programme of work lines; not with service stops or a fixed pattern of swaths."""
+    """Whether a candidate is a programme of work lines; not with a fixed pattern of swaths."""
     strategy = get_strategy(candidate.strategy)
     has_lines = strategy.deal is not None or strategy.compose is not None
-    return context.supply is None and candidate.jump is None and has_lines
+    return candidate.jump is None and has_lines
 
 
 def _run_programmes(
@@ -166,7 +166,8 @@ def _run_programmes(
 def _check_programme(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     """The run of a programme with the reason why it is not feasible, and what else a reader would not expect of it."""
     places = find_contact_places(driven.run, context)
-    reason = _find_fault(context, driven.run, places, None) or find_flat_battery(context, driven.run)
+    reason = _find_fault(context, driven.run, places, None) or find_service_conflict(driven.run, context.supply)
+    reason = reason or find_flat_battery(context, driven.run)
     remarks = [] if reason else _list_remarks(context, driven.run, None)
     remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
     return replace(driven, reason=reason, remark=remark, faults=faults)
@@ -358,7 +359,7 @@ def _run_plan(
         run, places, slowed = slow_at_places(
             run, context, lambda plan: resolve_conflicts(plan, simulate, repairs, schedule)
         )
-        reason = _find_fault(context, run, places, worst_deviation) or find_service_conflict(run, job)
+        reason = _find_fault(context, run, places, worst_deviation) or find_service_conflict(run, job.supply)
         reason = reason or find_flat_battery(context, run)
     remarks = [] if reason else [*_list_remarks(context, run, worst_deviation), describe_slowed_places(slowed)]
     return CandidateRun(

@@ -25,13 +25,15 @@ from strategies.formations.compose import describe_formation_share
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.strategy_record import ComposePlan, Strategy
+from strategies.program.supply import Supply
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.programmes.waiting_places import StandsInWay
-from vehicle.missions.plan import Plan
+from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
+from vehicle.missions.plan import REFILL, Plan
 
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
@@ -69,13 +71,14 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     Raises StrategyError where the lines do not suffice for that many tractors.
     """
     moves = get_site_moves(context)
-
     if not moves.lines:
         raise StrategyError(
             "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
             "smaller margin."
         )
-    compose = strategy.compose or _deal_lines(strategy, moves, tractors)
+    if strategy.compose is not None and context.supply is not None:
+        _check_supply_lasts(moves, context.supply, tractors)
+    compose = strategy.compose or _deal_lines(strategy, moves, tractors, context.supply)
     composed, refusals, stands_in_way = list[ComposedPlan](), list[StrategyError](), build_standing_check(context)
     for order in context.request.headland_orders or ("",):
         context.time_share.check()
@@ -96,15 +99,35 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     return sorted(composed, key=lambda one: round(one.cost_s, 3))
 
 
-def _deal_lines(strategy: Strategy, moves: SiteMoves, tractors: int) -> ComposePlan:
-    """Composes the plan of a strategy that only says which lines each tractor may have."""
+def _check_supply_lasts(moves: SiteMoves, supply: Supply, tractors: int) -> None:
+    """Refuse a formation whose loads do not last for all lines: nobody in it can be served alone."""
+    legs = [moves.build_work_leg(2 * number, 0.0) for number in range(len(moves.lines))]
+    if supply.compute_legs_need(legs, moves.site.width_m) > tractors * supply.capacity:
+        hectares = supply.capacity / supply.rate_per_m2 / 1e4
+        raise StrategyError(
+            f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} lasts for "
+            f"{hectares:.3g} ha of its share; use split-field or interleaved, or a larger "
+            f"{'tank' if supply.service == REFILL else 'battery'}."
+        )
+
+
+def _deal_lines(strategy: Strategy, moves: SiteMoves, tractors: int, supply: Supply | None) -> ComposePlan:
+    """Composes the plan of a strategy that only says which lines each tractor may have; all are served in time."""
     assert strategy.deal is not None  # asked only of strategies that deal lines or compose
     deal = strategy.deal(moves.lines, moves.site.rules, tractors)
 
     def compose(table: MoveTable, tractors: int, order: str, stands_in_way: StandsInWay) -> tuple[Programme, Plan]:
         stages = list_stages(table.lines, order)
-        programme = make_programme(table, tractors, stages, deal.allowed, stands_in_way=stands_in_way)
-        plan = build_plan(programme, strategy=strategy.name, headland=order or None)
+        notes = {"strategy": strategy.name, "headland": order or None}
+        stop_moves = None if supply is None else build_stop_moves(table, supply)
+        served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
+        programme = make_programme(
+            table, tractors, stages, deal.allowed, stands_in_way=stands_in_way, served_s=served_s
+        )
+        if supply is None or not all(programme.tours):
+            plan = build_plan(programme, **notes)
+        else:
+            plan = stop_programme(programme, supply, stop_moves, stages).build_plan(**notes)
         return programme, stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
     return compose

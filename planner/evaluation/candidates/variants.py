@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -30,7 +30,7 @@ from strategies.program.strategy_record import RefinedPlan, Strategy
 from strategies.service_stops.stop_plan import add_service_stops, explain_no_service
 from vehicle.missions.plan import HEADLAND_PASS, Plan
 from vehicle.missions.run import SimulationRun
-from vehicle.records import FINISHED, STANDING
+from vehicle.records import FINISHED
 
 LEFT_OUT_TOLERANCE_M = 20.0  # of headland passes skipped: smaller differences do not decide
 
@@ -138,18 +138,6 @@ def list_other_orders(strategy: Strategy, job: FieldJob) -> Iterator[FieldJob]:
         yield replace(job, jump=1, turn_counts={})
 
 
-OVERLAP_TOLERANCE_S = 1.0
-
-
-@dataclass(frozen=True)
-class CompletedServiceStop:
-    """A service stop in a run: the tractor (from 0), and from when to when it stood (s)."""
-
-    tractor: int
-    from_s: float
-    to_s: float
-
-
 def check_formation_supply(job: FieldJob, strategy: Strategy) -> None:
     """Refuse a formation that needs service stops, before it is simulated; raises StrategyError."""
     supply = job.supply
@@ -181,31 +169,6 @@ def list_service_variants(job: FieldJob, strategy: Strategy, choices: Iterable[R
     if refusal is not None and not plans:
         raise refusal
     return plans
-
-
-def find_service_stops(run: SimulationRun) -> list[CompletedServiceStop]:
-    """All service stops of a run, in order of time."""
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
-    stops = []
-    for tractor in range(run.plan.tractors):
-        stands = (run.get_statuses(tractor) == STANDING).astype(np.int8)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], stands, [0])))).tolist()
-        spans = zip(edges[::2], edges[1::2], strict=True)
-        stops += [CompletedServiceStop(tractor, first * step_s, last * step_s) for first, last in spans]
-    return sorted(stops, key=lambda one: (one.from_s, one.tractor))
-
-
-def find_service_conflict(run: SimulationRun, job: FieldJob) -> str | None:
-    """Why a run without contacts is not feasible: two tractors were served at once where only one can be; else None."""
-    if job.supply is None or not job.supply.one_at_a_time:
-        return None
-    for before, after in pairwise(find_service_stops(run)):
-        if after.from_s < before.to_s - OVERLAP_TOLERANCE_S:
-            return (
-                f"tractors {before.tractor + 1} and {after.tractor + 1} are served at the same time after "
-                f"{after.from_s:.0f} s, but only one can be served at a time"
-            )
-    return None
 
 
 MAX_LEFT_OUT_SHARE = 0.1  # of the length of all swaths: if more cannot be reached, the field is refused
