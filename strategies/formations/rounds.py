@@ -15,7 +15,7 @@ from strategies.formations.columns import FIRST, OTHER, Column
 from strategies.program.field_job import DrivingRules
 
 SHORTEST_M = 0.1
-QUEUE_SPARE_M = 2.0  # a tractor starts after the one it follows, and stays as much farther behind
+APPROACH_M = 1.0  # before its place in the queue a tractor is followed no longer: who follows stops when it stops
 FindPlace = Callable[[float], float]
 """The nearest place on a column to one given, metres from its begin, that is in nobody's way."""
 
@@ -80,7 +80,7 @@ class RoundPlace:
     @property
     def missing_m(self) -> float:
         """What the column lacks between the place in formation and that in the queue; 0 or less with room."""
-        return self.place_m + SHORTEST_M - self.hold_m
+        return self.place_m + APPROACH_M + SHORTEST_M - self.hold_m
 
 
 def take_place(place_m: float) -> float:
@@ -120,37 +120,13 @@ def place_tractors(
     ends_m = [end - each.leave_m for (_, end), each in zip(spans, traffic, strict=True)]
     places_m = _place_in_rows(begins_m, rows, traffic, rules.gap_m)
     fronts_m = [min(ends_m[j] for j in range(count) if rows[j] < row or j == k) for k, row in enumerate(rows)]
-    waits_m = _queue_in_rows(begins_m, fronts_m, places_m, traffic, rules)
     places = []
-    for k in range(count):
-        ups_m = (up for before, up in pairwise(waits_m[k]) if up > before + SHORTEST_M)
-        places.append(RoundPlace(places_m[k] - begins_m[k], waits_m[k][0], tuple(ups_m)))
+    for k, row in enumerate(rows):
+        queue_m, clear = fronts_m[k] - begins_m[k] - rules.hold_back_m, traffic[k].find_wait
+        waits_m = [clear(queue_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
+        ups_m = (up for before, up in pairwise(waits_m) if up > before + SHORTEST_M)
+        places.append(RoundPlace(places_m[k] - begins_m[k], waits_m[0], tuple(ups_m)))
     return places
-
-
-def _queue_in_rows(
-    begins_m: Sequence[float],
-    fronts_m: Sequence[float],
-    places_m: Sequence[float],
-    traffic: Sequence[ColumnTraffic],
-    rules: DrivingRules,
-) -> list[list[float]]:
-    """Where each tractor waits in the queue, the first place farthest back: metres from the begin of its column.
-
-    A tractor stops when the one it follows does, as far behind as in formation; its place must not be beyond that.
-    """
-    count = len(begins_m)
-    waits_m: list[list[float]] = [[] for _ in begins_m]
-    for k in sorted(range(count), key=lambda each: get_row(each, count)):
-        row, neighbour, clear = get_row(k, count), get_neighbour(k, count), traffic[k].find_wait
-        queue_m = fronts_m[k] - begins_m[k] - rules.hold_back_m
-        first_m = queue_m - (row - 1) * rules.gap_m
-        if neighbour is not None:
-            behind_m = max(rules.gap_m, places_m[neighbour] - places_m[k]) + QUEUE_SPARE_M
-            first_m = min(first_m, begins_m[neighbour] + waits_m[neighbour][0] - behind_m - begins_m[k])
-        moved_up_m = (queue_m - ahead * rules.gap_m for ahead in range(row - 2, -1, -1))
-        waits_m[k] = [clear(first_m), *map(clear, moved_up_m)]
-    return waits_m
 
 
 def _place_in_rows(
@@ -173,7 +149,7 @@ def has_room(one: ColumnRound, rules: DrivingRules) -> bool:
 
 def compute_needed_length_m(rules: DrivingRules, rows: int) -> float:
     """Length of the shortest column with room for so many rows, where columns end side by side (m)."""
-    return SHORTEST_M + (rows - 1) * (rules.gap_m + QUEUE_SPARE_M) + rules.hold_back_m
+    return APPROACH_M + SHORTEST_M + (rows - 1) * rules.gap_m + rules.hold_back_m
 
 
 def divide_runs(runs: Sequence[Sequence[Column]], tractors: int, rules: DrivingRules) -> list[ColumnRound]:
