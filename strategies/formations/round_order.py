@@ -65,12 +65,12 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
         settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s = settled[0], settled_s
-    stretches: list[list[int]] = [[]]
+    joined: list[list[int]] = [[]]
     for node in best:
-        if stretches[-1] and not _are_joined(table, rounds, stretches[-1][-1], node):
-            stretches.append([])
-        stretches[-1].append(node)
-    longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
+        if joined[-1] and not _are_joined(table, rounds, joined[-1][-1], node):
+            joined.append([])
+        joined[-1].append(node)
+    longest = max(joined, key=lambda part: round(sum(rounds[node // 2].length_m for node in part), 3))
     order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
     return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
 
