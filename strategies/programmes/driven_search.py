@@ -16,7 +16,7 @@ Tours = list[list[int]]
 
 KICKS = 50  # of a search once all moves of the last tours were driven; none where some were refused
 MOST_ROUNDS = 80  # of searching and driving
-WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
+WORTH_SHARE = 0.01  # of the cost: what might still be gained by driving more moves, at least
 
 
 def search_driven_tours(
@@ -38,14 +38,16 @@ def search_driven_tours(
         problem, before = pose_problem(table.estimate_costs()), tours
         tours = search_programmes(problem, KICKS if is_settled else 0, seed + number, tours)
         if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
-            break
+            if can_be_driven(best):
+                return best
+            best_s = math.inf
         are_driven = False not in [table.prove(u, v) for u, v in list_moves(tours)]
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue
         proven = pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
-        settled = search_programmes(proven, KICKS, seed + number, tours)
+        settled = tours if are_driven else search_programmes(proven, KICKS, seed + number, tours)
         settled_s = compute_cost_s(proven, settled)
-        if settled_s < best_s and can_be_driven(settled):
+        if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
-    return best
+    return best if best and can_be_driven(best) else Tours()
