@@ -59,7 +59,6 @@ from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import (
     KEPT_GROUND_OPERATIONS,
     MIN_CLEARANCE_M,
-    STANDING_CROP_OPERATIONS,
     STRAIGHT,
     PlanRequest,
 )
@@ -78,7 +77,7 @@ from strategies.path_planning.turns import (
     compute_available_turn_depth_m,
     list_allowed_kinds,
 )
-from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
+from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
@@ -146,7 +145,7 @@ class PlanningContext:
 
     def build_job(self, tractors: int) -> FieldJob:
         """A job for this many tractors; all jobs of a context share their cached paths and turns."""
-        return replace(self._base_job, tractors=tractors, turn_counts={})
+        return replace(self._base_job, tractors=tractors)
 
     @cached_property
     def gateway(self) -> EntranceLane | None:
@@ -188,26 +187,22 @@ class PlanningContext:
                 "implement's width inside its boundary; use a narrower implement."
             )
         fence, forward_finders = self._build_fence()
-        corner = find_starting_corner(self.layout) if self.gateway is None else None
         return FieldJob(
             self.layout,
             self.driving_rules,
             free_finder,
             1,
             beside_finder,
-            corner,
             headland_passes=self.headland_passes,
             rim_connector=rim_finder,
             corners=self.request.corners,
             avoids_swaths=self.request.operation in KEPT_GROUND_OPERATIONS,
-            avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
             obstacle_bends=self.obstacle_bends,
             fence=fence,
             open_edge=self._build_open_edge(),
             inner_connectors=self._build_inner_connectors(),
             careful_connectors=forward_finders,
             entrance_lane=self.gateway,
-            supply=self.supply,
         )
 
     @cached_property
