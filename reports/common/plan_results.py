@@ -377,7 +377,6 @@ class PlanRanking(ShownResult):
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
         money_sentences: what the costs include; `prices_assumed` whether nobody gave their prices.
         parts: further parts of a divided field, each with a plan of its own.
-        changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
         field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
         ground_sentences: what heights, soil and load are taken, and what the soil bears; empty without any.
@@ -404,7 +403,6 @@ class PlanRanking(ShownResult):
     field_start: str | None = None
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
-    changes: tuple[str, ...] = ()
     pull: PullFigures | None = None
     field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
@@ -437,9 +435,8 @@ class PlanRanking(ShownResult):
 
     @property
     def refusal(self) -> str:
-        """The first reason why no plan works, and what was found to work."""
-        reason = next((plan.reason for plan in self.plans if plan.reason), "no plan is feasible")
-        return f"{reason.rstrip('.')}. Found to work: {' or '.join(self.changes)}" if self.changes else reason
+        """The first reason why no plan works."""
+        return next((plan.reason for plan in self.plans if plan.reason), "no plan is feasible")
 
     @property
     def missed_by_s(self) -> float | None:

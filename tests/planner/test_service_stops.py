@@ -15,7 +15,7 @@ import shapely
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.variants import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -115,8 +115,7 @@ class TestPlans:
     def test_one_is_served_at_a_time_where_only_one_can_be(self, case: Case) -> None:
         found = driven(*case)
         assert found.run is not None
-        job = site_for(case[0], case[3]).build_job(case[1])
-        assert find_service_conflict(found.run, job) is None
+        assert find_service_conflict(found.run, site_for(case[0], case[3]).supply) is None
         if case[0] != HEADLAND:
             stops = find_service_stops(found.run)
             assert all(b.from_s >= a.to_s - 1.0 for a, b in itertools.pairwise(stops))

@@ -17,7 +17,7 @@ import shapely.ops
 
 from fields.errors import HeadlandError
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
-from planner.evaluation.candidates.variants import find_service_conflict
+from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.errors import FleetManagerError
@@ -135,7 +135,7 @@ def _attempt_replan(
     run = _simulate_without_conflicts(
         remaining, context, plan_from_here if supply is None else add_service_gates(plan_from_here, supply)
     )
-    crowding = find_service_conflict(run, replace(job, supply=supply))
+    crowding = find_service_conflict(run, supply)
     if crowding is not None:
         raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
     reassigned_m = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
