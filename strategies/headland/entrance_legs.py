@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from strategies.headland.raised_paths import find_raised_path
-from strategies.path_planning.errors import NoPathFromError
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, join_paths, make_straight_path
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs
@@ -14,14 +14,13 @@ WAIT_POINT_STEP_M = 10.0  # between places to wait
 
 
 def build_exit_legs(job: FieldJob, gate: EntranceLane, mission: Mission) -> list[Leg]:
-    """The legs from the end of a mission to the entrance; raises NoPathFromError if no path leads there."""
+    """The legs from the end of a mission to the entrance; raises StrategyError if no path leads there."""
     path = _find_path_out(job, gate, mission.end)
     if path is None:
         x, y, _ = mission.end
-        raise NoPathFromError(
+        raise StrategyError(
             f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from where work ends to the "
-            f"entrance (at {x:.0f}, {y:.0f} m) inside the field.",
-            (x, y),
+            f"entrance (at {x:.0f}, {y:.0f} m) inside the field."
         )
     return add_wait_points(build_path_legs(job, path, LegTask(LEAVE)), WAIT_POINT_STEP_M)
 

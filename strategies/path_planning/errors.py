@@ -1,9 +1,8 @@
-"""Errors of strategies: StrategyError, and NoPathError if no path leads from one swath to another."""
+"""Errors of strategies."""
 
 from __future__ import annotations
 
 from fields.errors import HeadlandError
-from fields.layout.swaths import Swath
 
 
 class StrategyError(HeadlandError):
@@ -16,19 +15,3 @@ def build_too_many_error(tractors: int, swaths: int) -> StrategyError:
     if swaths > 1:
         advice = f"{swaths} tracks of the field; use {swaths} or fewer"
     return StrategyError(f"{tractors} tractors are more than the {advice}, or a bearing with more and shorter tracks.")
-
-
-class NoPathFromError(StrategyError):
-    """No path leads on from a `place` (x, y)."""
-
-    def __init__(self, sentence: str, place: tuple[float, float]) -> None:
-        super().__init__(sentence)
-        self.place = place
-
-
-class NoPathError(StrategyError):
-    """No path leads between two `swaths`."""
-
-    def __init__(self, sentence: str, swaths: tuple[Swath, Swath]) -> None:
-        super().__init__(sentence)
-        self.swaths = swaths

@@ -23,7 +23,6 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
-EDGE_DETOUR_S = 60.0  # how much longer a turn may take that does not reach too far over an open edge
 MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
 THESIS_MACHINE_M = 5.0  # length of tractor and implement that rows 10 m apart are for
@@ -92,8 +91,7 @@ class FieldJob:
     the corners of headland passes, where the guided point may be anywhere on the field. With `avoids_swaths` no path
     crosses swaths if it can keep to the headland, however much longer it is. `obstacle_bends` are the passes bent
     round small obstacles. No path crosses `fence` (fences and obstacles) as long as one of the `careful_connectors`
-    finds another. No part of a machine should reach over an `open_edge`; turns that would are driven by one of the
-    `inner_connectors`, if that takes little longer.
+    finds another. No part of a machine should reach over an `open_edge`.
 
     `headland_passes` are the passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or
     "auto" (each corner as is quicker with the missed ground finished). Tractors enter and leave by the `entrance_lane`;
@@ -113,7 +111,6 @@ class FieldJob:
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
     open_edge: FenceChecker | None = None
-    inner_connectors: tuple[Connector, ...] = ()
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
@@ -148,7 +145,7 @@ class FieldJob:
                     or path
                 )
             path = path or (self._choose_turn(a, b) if self.fence else None)
-            self.path_cache[a, b] = self._move_off_open_edge(path, a, b) or self._find_reversing_path(a, b)
+            self.path_cache[a, b] = path or self._find_reversing_path(a, b)
         return self.path_cache[a, b]
 
     def has_long_reverse(self, path: DrivePath | None) -> bool:
@@ -162,16 +159,6 @@ class FieldJob:
             if path is not None and not self.crosses_fence(path):
                 return path
         return None
-
-    def _move_off_open_edge(self, path: DrivePath | None, a: Pose, b: Pose) -> DrivePath | None:
-        """The path, or a turn farther inside if it reaches too far over an open edge and that takes little longer."""
-        if path is None or not self.has_overhang(path):
-            return path
-        turns = (connector.connect_directly(a, b) for connector in self.inner_connectors)
-        clear_turns = [turn for turn in turns if turn is not None and not self.has_overhang(turn)]
-        cost = self.connector.compute_cost_s
-        best = pick_quickest_inside(self.fence, list(clear_turns), cost)
-        return path if best is None or cost(best) > cost(path) + EDGE_DETOUR_S else best
 
     def has_overhang(self, path: DrivePath) -> bool:
         """Whether any part of the machine reaches too far over an open edge on a path."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
-from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ import shapely
 
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.variants import build_for_headland_orders
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -23,8 +21,6 @@ from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg
 from strategies.headland.entrance_legs import add_entrance
 from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
-from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
-from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
 from strategies.sequencing.turn_table import TurnTable
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
@@ -240,21 +236,6 @@ class TestOrder:
         )
         assert math.dist(job.get_entry_pose(first)[:2], job.entrance_lane.edge_pose[:2]) < middle
         assert math.dist(job.get_exit_pose(last)[:2], job.entrance_lane.edge_pose[:2]) < middle
-
-    def test_of_several_has_one_end_at_the_gate_and_one_at_the_headland(self) -> None:
-        """Nobody drives back over the field: before the headland it begins at the gate, after it it ends there."""
-        site = site_at((30.0, 0.0), width_m=2.5, bearing_deg=0.0)
-        job = site.build_job(2)
-        built = build_for_headland_orders(STRATEGIES["split-field"], job, HEADLAND_ORDERS)
-        first = built.plan_after_headland
-        assert first is not None and job.entrance_ends == (True, True)
-        for before, after in zip(built.plan.missions, first.missions, strict=True):
-            assert before.start[1] < 55.0 and after.end[1] < 55.0
-            swaths = [sum(leg.task.kind == SWATH for leg in mission.legs) for mission in (before, after)]
-            assert swaths[0] == swaths[1]
-        assert build_for_headland_orders(STRATEGIES["split-field"], site.build_job(1), HEADLAND_ORDERS) == RefinedPlan(
-            ANY
-        )
 
 
 class TestWithout:

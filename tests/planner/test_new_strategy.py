@@ -1,21 +1,22 @@
 """A strategy that nobody knew before: a record in the registry is all that planning needs."""
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
+import shapely
 
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
 from planner.evaluation.context import PlanningContext
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.errors import StrategyError
 from strategies.program.field_job import FieldJob, SwathPass
 from strategies.program.legs import build_mission
-from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
+from strategies.program.strategy_record import Strategy
+from strategies.program.supply import HEADLAND, Supply
 from strategies.registry import STRATEGIES
+from tests.planner.conftest import site_on
 from vehicle.missions.plan import Plan
-from vehicle.missions.run import DONE
 
 
 def there_and_back(job: FieldJob) -> Plan:
@@ -50,25 +51,10 @@ def test_an_unregistered_name_stays_unknown() -> None:
         PlanRequest(field="iwamizawa", strategies=("there-and-back",))
 
 
-def test_a_refinement_is_handed_a_simulation_and_its_run_is_not_driven_again(
-    small_site: PlanningContext, toy: Strategy, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven = []
-
-    def refine(job: FieldJob, simulate: Simulate, tractor: Any, implement: Any) -> RefinedPlan:
-        assert (tractor, implement) == (small_site.tractor, small_site.implement)
-        plan = there_and_back(job)
-        driven.append(simulate(plan))
-        return RefinedPlan(plan, driven[0], "driven once to be sure")
-
-    monkeypatch.setitem(STRATEGIES, toy.name, replace(toy, refine=refine))
-    evaluation = simulate_candidate(small_site, Candidate(toy.name, 1))
-    assert evaluation.run is driven[0] and driven[0].outcome == DONE
-    assert (evaluation.result.remark or "").split("; ")[0] == "driven once to be sure"
-    assert evaluation.result.time_s == driven[0].duration_s
-
-
-def test_a_jump_is_refused_by_a_strategy_with_its_own_order(small_site: PlanningContext, toy: Strategy) -> None:
-    result = compute_candidate_figures(small_site, Candidate(toy.name, 1, jump=2))
-    assert result.reason == "Strategy 'there-and-back' has its own order of tracks; leave out the jump."
-    assert compute_candidate_figures(small_site, Candidate("split-field", 1, jump=1)).feasible
+def test_it_works_the_headland_too_and_makes_no_service_stops(toy: Strategy) -> None:
+    whole = site_on(shapely.box(0, 0, 60, 90), (0.0, 0.0), no_headland=False)
+    result = compute_candidate_figures(whole, Candidate(toy.name, 1))
+    assert result.feasible and result.headland_s is not None, result.reason
+    supply = Supply(500.0, 0.02, 60.0, served_at=HEADLAND)
+    refused = compute_candidate_figures(replace(whole, supply=supply), Candidate(toy.name, 1))
+    assert (refused.reason or "").startswith("Strategy 'there-and-back' makes no service stops")

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from strategies.service_stops.loaded_order import ServiceTrips
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.variants import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -32,7 +33,6 @@ from strategies.program.legs import build_mission
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from strategies.sequencing.turn_table import TurnTable
 from strategies.service_stops.load_search import split_into_loads
-from strategies.service_stops.loaded_order import ServiceTrips
 from strategies.service_stops.stop_plan import add_service_stops
 from tests.benchmarks.orders import B_STAR
 from vehicle.missions.plan import SWATH, Plan
@@ -115,8 +115,7 @@ class TestPlans:
     def test_one_is_served_at_a_time_where_only_one_can_be(self, case: Case) -> None:
         found = driven(*case)
         assert found.run is not None
-        job = site_for(case[0], case[3]).build_job(case[1])
-        assert find_service_conflict(found.run, job) is None
+        assert find_service_conflict(found.run, site_for(case[0], case[3]).supply) is None
         if case[0] != HEADLAND:
             stops = find_service_stops(found.run)
             assert all(b.from_s >= a.to_s - 1.0 for a, b in itertools.pairwise(stops))

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from strategies.formations.release_times import measure_outline_extents
 
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, run_candidate
 from planner.traffic.conflict_repair import can_gates_open, resolve_conflicts
-from strategies.formations.release_times import measure_outline_extents
 from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
 from strategies.row_by_row import form_row_by_row
