@@ -8,10 +8,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 import shapely
-from strategies.service_stops.loaded_order import ServiceTrips
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
@@ -29,13 +27,8 @@ from planner.risk.monte_carlo import sample_outcomes
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_export import format_ranking_json
-from strategies.program.legs import build_mission
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
-from strategies.sequencing.turn_table import TurnTable
-from strategies.service_stops.load_search import split_into_loads
-from strategies.service_stops.stop_plan import add_service_stops
-from tests.benchmarks.orders import B_STAR
-from vehicle.missions.plan import SWATH, Plan
+from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 
 RATE, STAND_S, WIDTH_M = 0.3, 90.0, 3.0
@@ -287,39 +280,3 @@ def test_an_implement_of_the_farm_carries() -> None:
     drill = FarmImplement(name="drill", capacity=800.0, rate_per_m2=0.02)
     assert drill.build_supply(240.0) == Supply(800.0, 0.02, 240.0)
     assert FarmImplement(name="plough").build_supply(240.0) is None
-
-
-@pytest.mark.slow
-def test_a_plan_in_loads_is_never_dearer_than_the_printed_order() -> None:
-    """24 tracks of 9 m by 216 m in three loads of eight (see tests.benchmarks.orders): driven, both in full physics."""
-    tank = Supply(8 * 9.0 * 216.0 * 0.0016 * 1.001, 0.0016, 60.0)
-    for refill in (HEADLAND, "0,0"):
-        scenario = PlanRequest(
-            field="drawn", width_m=9.0, no_headland=True, headland_m=18.0, bearing_deg=0.0, tractor="mr1000a",
-            refill=refill,
-        )  # fmt: skip
-        site = prepare_context(scenario, Field("drawn", shapely.box(0, 0, 216, 252)), supply=tank)
-        tracks = list(site.layout.swaths)
-        assert len(tracks) == 24 and {round(track.length_m) for track in tracks} == {216}
-        job = site.build_job(1)
-        assert job.supply is not None
-        table = TurnTable(job, tracks)
-        trips = ServiceTrips(job, table, job.supply, list(range(24)))
-        need = np.full(24, 9.0 * 216.0 * 0.0016)
-        printed = split_into_loads(np.array(B_STAR) - 1, trips.build_task(need))
-        while trips.compute_exact_times(printed):
-            printed = split_into_loads(np.array(B_STAR) - 1, trips.build_task(need))
-        plan = add_service_stops(job, Plan((build_mission(job, [table.passes[p] for p in printed.passes]),)))
-        assert [sum(leg.task.kind == SWATH for leg in m.legs) // 2 for m in plan.missions] == [24]
-        theirs = drive(site, plan)
-        ours = simulate_candidate(site, Candidate("split-field", 1))
-        assert ours.result.feasible and ours.result.refills == 2
-        assert (ours.result.time_s or math.inf) <= theirs
-
-
-def drive(site: PlanningContext, plan: Plan) -> float:
-    from vehicle.sim.world import simulate
-
-    run = simulate(plan, site.tractor, site.implement)
-    assert run.outcome == "done"
-    return run.duration_s
