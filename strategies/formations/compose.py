@@ -71,6 +71,8 @@ def _order_with_room(
     ends = order != HEADLAND_FIRST, order in ("", HEADLAND_FIRST)
     while remaining:
         directed = order_rounds(table, remaining, ends)
+        if not directed:
+            break
         cramped = find_cramped_round(place_rounds(table, directed, None, stands_in_way, in_rows=in_rows))
         if cramped is None:
             tours = share_lines(table, directed, tractors, order, stands_in_way)

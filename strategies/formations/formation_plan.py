@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from strategies.formations.round_order import DirectedRound
-from strategies.formations.rounds import SHORTEST_M, RoundPlace, get_neighbour, get_row
+from strategies.formations.rounds import APPROACH_M, SHORTEST_M, RoundPlace, get_neighbour, get_row
 from strategies.formations.tours import FormationTour
 from strategies.lines.work_line import cut_line
 from strategies.program.legs import make_mission
@@ -21,11 +21,12 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
 from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Plan
 
+QUEUE_PART = 3  # of a pass: after its way to its place, what it works in formation, and its approach to the queue
 MOVED_ON_GAP_SHARE = 0.8  # share of the gap the tractor in front must have driven
 
 
 @dataclass(frozen=True)
-class RoundMarks:
+class ColumnMarks:
     """Leg numbers of one tractor in one round.
 
     Attributes:
@@ -49,13 +50,13 @@ class RoundMarks:
 
 
 @dataclass(frozen=True, eq=False)
-class FormationDraft:
+class RoundDraft:
     """A formation plan while it is written: legs per tractor, and marks by round and tractor."""
 
     table: MoveTable
     rounds: Sequence[DirectedRound]
     legs: list[list[Leg]]
-    marks: dict[tuple[int, int], RoundMarks] = field(default_factory=dict)
+    marks: dict[tuple[int, int], ColumnMarks] = field(default_factory=dict)
 
     @property
     def tractors(self) -> int:
@@ -87,7 +88,7 @@ class FormationDraft:
         return LegGate(tractor, leg, max(0.0, self.legs[tractor][leg].length_m - GATE_MARGIN_M))
 
 
-QueueRule = Callable[[FormationDraft, int, int], list[LegGate]]
+QueueRule = Callable[[RoundDraft, int, int], list[LegGate]]
 """Gives the gates that a tractor (round, tractor) waits for before it leaves its queue for a round."""
 
 
@@ -100,7 +101,7 @@ def write_formation(
     move_up: bool = True,
 ) -> Plan:
     """The plan of tours; without `move_up` each stays at its first place in the queue until it leaves it."""
-    draft = FormationDraft(table, rounds, [[] for _ in tours])
+    draft = RoundDraft(table, rounds, [[] for _ in tours])
     for tractor, tour in enumerate(tours):
         _write_tour(draft, tractor, tour, move_up)
     for number, each in enumerate(rounds):
@@ -114,14 +115,14 @@ def write_formation(
     return Plan(tuple(make_mission(legs) for legs in draft.legs))
 
 
-def _queue_in_single_file(draft: FormationDraft, number: int, tractor: int) -> list[LegGate]:
+def _queue_in_single_file(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]:
     """On a longer way to a round the next follows when the one before it is in place, the first row first."""
     order = sorted(range(draft.tractors), key=lambda other: (get_row(other, draft.tractors), other))
     position = order.index(tractor)
     return [draft.build_place_gate(number, order[position - 1])] if position else []
 
 
-def _write_tour(draft: FormationDraft, tractor: int, tour: FormationTour, move_up: bool) -> None:
+def _write_tour(draft: RoundDraft, tractor: int, tour: FormationTour, move_up: bool) -> None:
     """All legs of a tractor, from the entrance and back."""
     table, legs = draft.table, draft.legs[tractor]
     passes = [(node,) for node in tour.before] + [each.list_nodes(tractor) for each in draft.rounds]
@@ -143,7 +144,7 @@ def _write_tour(draft: FormationDraft, tractor: int, tour: FormationTour, move_u
     legs += build_way_out(table, passes[-1][-1])
 
 
-def _write_pass(draft: FormationDraft, number: int, tractor: int, cut_m: tuple[float, float], move_up: bool) -> None:
+def _write_pass(draft: RoundDraft, number: int, tractor: int, cut_m: tuple[float, float], move_up: bool) -> None:
     """The legs of a tractor in a round: to its place, in formation, through the queue."""
     each, legs = draft.rounds[number], draft.legs[tractor]
     place, pass_legs = each.places[tractor], _list_pass_legs(draft.table, each.list_nodes(tractor), *cut_m)
@@ -152,13 +153,15 @@ def _write_pass(draft: FormationDraft, number: int, tractor: int, cut_m: tuple[f
     parts = [_cut_legs(pass_legs, a, b) for a, b in pairwise(stops_m)]
     begun = len(legs)
     numbers = np.cumsum([begun, *map(len, parts)]).tolist()
-    queue = [replace(part[0], may_wait=part is parts[-1]) for part in parts[2:]]
-    legs += (
-        parts[0] + parts[1] + [leg for head, part in zip(queue, parts[2:], strict=True) for leg in [head, *part[1:]]]
-    )
-    turn_leg = begun - 1 if begun else numbers[1] - 1
-    draft.marks[number, tractor] = RoundMarks(
-        turn_leg, numbers[1] - 1, numbers[1], tuple(numbers[2:-1]), len(parts[1]) == 1
+    for part in parts[QUEUE_PART:]:
+        part[0] = replace(part[0], may_wait=part is parts[-1])
+    legs += [leg for part in parts for leg in part]
+    draft.marks[number, tractor] = ColumnMarks(
+        turn_leg=begun - 1 if begun else numbers[1] - 1,
+        place_leg=numbers[1] - 1,
+        work_leg=numbers[1],
+        queue_legs=tuple(numbers[QUEUE_PART:-1]),
+        is_whole=len(parts[1]) == 1,
     )
 
 
@@ -182,7 +185,7 @@ def _list_stops_m(
     begin_m, end_m = straight_m
     place_m = max(SHORTEST_M, place.place_m - begin_m)
     queue_m = [whole_m - (end_m - waits_m) for waits_m in (place.hold_m, *(place.up_m if move_up else ()))]
-    stops_m = [0.0, place_m, *queue_m, whole_m]
+    stops_m = [0.0, place_m, queue_m[0] - APPROACH_M, *queue_m, whole_m]
     kept = [(stop, after) for stop, after in pairwise(stops_m)]
     assert all(after > stop for stop, after in kept)  # a round has room
     return stops_m
@@ -200,7 +203,7 @@ def _cut_legs(legs: Sequence[Leg], first_m: float, last_m: float) -> list[Leg]:
     return parts
 
 
-def _add_round_gates(draft: FormationDraft, number: int, tractor: int) -> None:
+def _add_round_gates(draft: RoundDraft, number: int, tractor: int) -> None:
     """All start together, and each keeps its distance to the one it follows."""
     marks, legs = draft.marks[number, tractor], draft.legs[tractor]
     others = [other for other in range(draft.tractors) if other != tractor]
@@ -211,7 +214,7 @@ def _add_round_gates(draft: FormationDraft, number: int, tractor: int) -> None:
         legs[marks.work_leg] = replace(legs[marks.work_leg], follow=follow)
 
 
-def _add_moving_up(draft: FormationDraft) -> None:
+def _add_moving_up(draft: RoundDraft) -> None:
     """In the queue, move up a place when the tractor in front has moved on."""
     gap_m = MOVED_ON_GAP_SHARE * draft.table.site.rules.gap_m
     for (number, tractor), marks in draft.marks.items():

@@ -1,7 +1,7 @@
 """Places of all rounds, clear of tractors that come to a round and of those that leave it.
 
 Where rows come and leave one after another, who stands in its place is in the way of rows behind it only, and who
-stands in the queue in that of rows ahead of it. To the first round and from the last tractors come and go in any order.
+stands in the queue in that of rows ahead of it. To the first round and from the last they come and go in any order.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from strategies.formations.formation_plan import FormationDraft
+from strategies.formations.formation_plan import RoundDraft
 from strategies.formations.rounds import get_row
 from vehicle.missions.plan import LegGate
 
 
-def queue_by_rows(draft: FormationDraft, number: int, tractor: int) -> list[LegGate]:
+def queue_by_rows(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]:
     """The row before is in place; of two in a row, the one on the side the turn leads to goes slightly ahead."""
     row, ahead_m = get_row(tractor, draft.tractors), draft.table.site.rules.ahead_m
     rows = {other: get_row(other, draft.tractors) for other in range(draft.tractors)}
@@ -18,7 +18,7 @@ def queue_by_rows(draft: FormationDraft, number: int, tractor: int) -> list[LegG
     return gates
 
 
-def queue_by_columns(draft: FormationDraft, number: int, tractor: int) -> list[LegGate]:
+def queue_by_columns(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]:
     """The tractor ahead in the queue has finished its turn: the leader's, then the turn's side, then the other side."""
     leader = (draft.tractors - 1) // 2
     onward = 1 if _moves_up(draft, number) else -1
@@ -32,12 +32,12 @@ def queue_by_columns(draft: FormationDraft, number: int, tractor: int) -> list[L
     return [draft.build_turn_gate(number, queue[position - 1])] if position else []
 
 
-def _moves_up(draft: FormationDraft, number: int) -> bool:
+def _moves_up(draft: RoundDraft, number: int) -> bool:
     """Whether a round lies on the side of the last columns of the round before it."""
     before, after = draft.rounds[number - 1].one, draft.rounds[number].one
     return after.columns[0].swath > before.columns[0].swath
 
 
-def leave_when_clear(draft: FormationDraft, number: int, tractor: int) -> list[LegGate]:
+def leave_when_clear(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]:
     """Nobody waits for its turn: whoever is in whose way, the scheduler of the plan tells."""
     return []

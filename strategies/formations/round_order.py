@@ -52,15 +52,15 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
     tours = search_driven_tours(
         table,
         lambda costs: _pose_problem(table, rounds, ends, costs),
-        lambda tours: [pair for a, b in pairwise(tours[0]) for pair in _list_moves(rounds, a, b)],
+        lambda tours: _list_tour_moves(table, rounds, ends, tours[0]),
         lambda tours: True,
     )
-    stretches: list[list[int]] = [[]]
+    joined: list[list[int]] = [[]]
     for node in tours[0] if tours else ():
-        if stretches[-1] and not _are_joined(table, rounds, stretches[-1][-1], node):
-            stretches.append([])
-        stretches[-1].append(node)
-    longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
+        if joined[-1] and not _are_joined(table, rounds, joined[-1][-1], node):
+            joined.append([])
+        joined[-1].append(node)
+    longest = max(joined, key=lambda part: round(sum(rounds[node // 2].length_m for node in part), 3))
     order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
     return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
 
@@ -78,6 +78,18 @@ def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int
     """Per tractor the nodes of the move between two directed rounds."""
     leaving = rounds[a // 2].list_last_nodes(a % 2)
     return list(zip(leaving, rounds[b // 2].list_first_nodes(b % 2), strict=True))
+
+
+def _list_tour_moves(
+    table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool], tour: Sequence[int]
+) -> list[tuple[int, int]]:
+    """The moves of all tractors through rounds, with those from the entrance and home where they lead there."""
+    moves = [pair for a, b in pairwise(tour) for pair in _list_moves(rounds, a, b)]
+    if tour and table.site.lane is not None:
+        first, last = tour[0], tour[-1]
+        moves += [(table.gate, node) for node in rounds[first // 2].list_first_nodes(first % 2) if ends[0]]
+        moves += [(node, table.gate) for node in rounds[last // 2].list_last_nodes(last % 2) if ends[1]]
+    return moves
 
 
 def _are_joined(table: MoveTable, rounds: Sequence[ColumnRound], a: int, b: int) -> bool:

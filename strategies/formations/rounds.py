@@ -9,12 +9,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 from strategies.formations.columns import FIRST, OTHER, Column
 from strategies.program.field_job import DrivingRules
 
 SHORTEST_M = 0.1
+APPROACH_M = 1.0  # before its place in the queue a tractor is followed no longer: who follows stops when it stops
 FindPlace = Callable[[float], float]
 """The nearest place on a column to one given, metres from its begin, that is in nobody's way."""
 
@@ -79,7 +80,7 @@ class RoundPlace:
     @property
     def missing_m(self) -> float:
         """What the column lacks between the place in formation and that in the queue; 0 or less with room."""
-        return self.place_m + SHORTEST_M - self.hold_m
+        return self.place_m + APPROACH_M + SHORTEST_M - self.hold_m
 
 
 def take_place(place_m: float) -> float:
@@ -118,13 +119,11 @@ def place_tractors(
     begins_m = [first for first, _ in spans]
     ends_m = [end - each.leave_m for (_, end), each in zip(spans, traffic, strict=True)]
     places_m = _place_in_rows(begins_m, rows, traffic, rules.gap_m)
-    by_row = [[ends_m[k] for k in range(count) if rows[k] == row] for row in range(max(rows) + 1)]
-    ends_before_m = list(accumulate((min(ends, default=math.inf) for ends in by_row), min))
+    fronts_m = [min(ends_m[j] for j in range(count) if rows[j] < row or j == k) for k, row in enumerate(rows)]
     places = []
     for k, row in enumerate(rows):
-        clear = traffic[k].find_wait
-        queue_m = min(ends_m[k], ends_before_m[row - 1]) - begins_m[k]
-        waits_m = [clear(queue_m - rules.hold_back_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
+        queue_m, clear = fronts_m[k] - begins_m[k] - rules.hold_back_m, traffic[k].find_wait
+        waits_m = [clear(queue_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
         ups_m = (up for before, up in pairwise(waits_m) if up > before + SHORTEST_M)
         places.append(RoundPlace(places_m[k] - begins_m[k], waits_m[0], tuple(ups_m)))
     return places
@@ -150,7 +149,7 @@ def has_room(one: ColumnRound, rules: DrivingRules) -> bool:
 
 def compute_needed_length_m(rules: DrivingRules, rows: int) -> float:
     """Length of the shortest column with room for so many rows, where columns end side by side (m)."""
-    return SHORTEST_M + (rows - 1) * rules.gap_m + rules.hold_back_m
+    return APPROACH_M + SHORTEST_M + (rows - 1) * rules.gap_m + rules.hold_back_m
 
 
 def divide_runs(runs: Sequence[Sequence[Column]], tractors: int, rules: DrivingRules) -> list[ColumnRound]:

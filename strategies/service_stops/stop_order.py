@@ -138,10 +138,16 @@ class TourLoads:
         return tours
 
     def choose_tour(self) -> tuple[TourPart, ...]:
-        """The last tour of the search, or that given where no stops are enough on it."""
-        *_, last = self.list_tours()
-        gaps = self._build_gaps(last)
-        return last if gaps.has_ends and gaps.choose_gaps() is not None else self.tour
+        """The tour of least time with its stops on which these are enough; that given where there is none."""
+        tours = sorted(dict.fromkeys(self.list_tours()), key=lambda tour: round(self._estimate_cost_s(tour), 3))
+        is_enough = (self._build_gaps(tour).choose_gaps() is not None for tour in tours)
+        return next((tour for tour, enough in zip(tours, is_enough, strict=True) if enough), self.tour)
+
+    def _estimate_cost_s(self, tour: tuple[TourPart, ...]) -> float:
+        """Seconds of the moves and stops of a tour with all charges, with ways to places as far as they are known."""
+        gaps = TourGaps(self.table, self.supply, tour, self.moves, is_rough=True)
+        chosen = gaps.choose_gaps() if gaps.has_ends else None
+        return np.inf if chosen is None else gaps.measure_cost_s(chosen)
 
 
 def _list_places(

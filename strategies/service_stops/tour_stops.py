@@ -66,6 +66,7 @@ class TourGaps:
     Attributes:
         moves: to places and on; without a place a tractor is served at the end of a line.
         busy_spans: when others are served (from, to; s) and this tractor waits.
+        is_rough: whether ways not yet found are estimated, for comparing tours; else they are found where needed.
     """
 
     table: MoveTable
@@ -73,6 +74,7 @@ class TourGaps:
     tour: Sequence[TourPart]
     moves: StopMoves | None
     busy_spans: Sequence[Span] = ()
+    is_rough: bool = False
     _detours: dict[int, Detour] = field(default_factory=dict)
     _bounds: dict[int, Detour] = field(default_factory=dict)
 
@@ -211,8 +213,10 @@ class TourGaps:
             for flight_m in (off_m, on_m)
         )
         direct_s, direct_cost_s = self.direct_times_s[gap]
-        flights_s = (off_m + on_m) / speed
-        return Detour(flights_s - direct_s, flights_s - direct_cost_s, off_m / speed, off, on)
+        ways_s = (off_m + on_m) / speed
+        if self.is_rough:
+            ways_s = min(sum(moves.estimate_s(trip) for trip in both) for both in trips)
+        return Detour(ways_s - direct_s, ways_s - direct_cost_s, off_m / speed, off, on)
 
     def _list_trips(self, gap: int, moves: StopMoves) -> list[tuple[Trip, Trip]]:
         """For every place the trips to it from a gap and on."""
@@ -267,7 +271,7 @@ class TourGaps:
             costs_s = [0.0, *(self.compute_stop_cost_s(gap) for gap in range(1, len(self.parts)))]
             gaps = choose_stops(self.build_needs(), costs_s, self.load_supply.capacity, self.compute_wait_s)
             unknown = [gap for gap in gaps or () if gap not in self._detours]
-            if not unknown:
+            if self.is_rough or not unknown:
                 return gaps
             for gap in unknown:
                 self.get_detour(gap)
