@@ -6,7 +6,7 @@ from functools import partial
 
 from strategies.formations.compose import FormationRule, compose_formation
 from strategies.formations.queue_rules import queue_by_columns
-from strategies.program.strategy_record import Strategy
+from strategies.strategy_record import Strategy
 
 NAME = "col-by-col"
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
 from strategies.program.field_job import DrivingRules
-from strategies.program.strategy_record import Strategy
+from strategies.strategy_record import Strategy
 
 NAME = "interleaved"
 

@@ -20,8 +20,8 @@ from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points
 from strategies.path_planning.errors import StrategyError
 from strategies.program.dealing import DealtLine, LineDeal
 from strategies.program.field_job import DrivingRules
-from strategies.program.strategy_record import Strategy
 from strategies.programmes.programme import Programme
+from strategies.strategy_record import Strategy
 from vehicle.missions.plan import Plan
 
 STRATEGIES: dict[str, Strategy] = {

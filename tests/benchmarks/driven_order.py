@@ -24,12 +24,12 @@ from planner.evaluation.context import PlanningContext, prepare_context
 from planner.request.plan_request import PlanRequest
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.strategy_record import Strategy
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.waiting_places import StandsInWay
 from strategies.registry import STRATEGIES
+from strategies.strategy_record import Strategy
 from vehicle.missions.plan import SWATH, Plan
 
 ALIGNED = math.cos(math.radians(20.0))

@@ -14,9 +14,9 @@ from planner.request.plan_request import PlanRequest
 from strategies.path_planning.errors import StrategyError
 from strategies.program.dealing import DealtLine, LineDeal
 from strategies.program.field_job import DrivingRules
-from strategies.program.strategy_record import Strategy
 from strategies.program.supply import HEADLAND, Supply
 from strategies.registry import STRATEGIES
+from strategies.strategy_record import Strategy
 from tests.planner.conftest import site_on
 
 

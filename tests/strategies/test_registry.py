@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from strategies.names import STRATEGY_NAMES
-from strategies.program.strategy_record import Strategy
 from strategies.registry import STRATEGIES
 from strategies.split_field import deal_blocks
+from strategies.strategy_record import Strategy
 
 GUIDE = Path(__file__).parents[2] / "planner/guide/headlands.md"
 

@@ -166,9 +166,9 @@ class TestEstimate:
         assert estimate_layout_s(job, 4) <= min(map(sum_s, others)) + 1e-6
 
     def test_three_tracks_by_hand(self, jobs: Any) -> None:
-        # Three tracks of 100 m at 1.5 m/s; two turns of 30 s; the guided point leaves 2.3 m past the line.
+        # 300 m at 1.5 m/s; turns over one line of 30 s and over two of 26 s; each ends 2.3 m farther on.
         job = jobs.drawn([WHOLE] * 3)
-        assert estimate_layout_s(job, 0) == pytest.approx(300 / 1.5 + 2 * (30.0 + jobs.tool_m / 1.5), abs=2e-3)
+        assert estimate_layout_s(job, 0) == pytest.approx(300 / 1.5 + 30.0 + 26.0 + 2 * jobs.tool_m / 1.5, abs=2e-3)
 
     def test_an_entrance_adds_the_drive_in_and_out(self, jobs: Any) -> None:
         job: FieldJob = jobs.rectangle(10, 80.0)

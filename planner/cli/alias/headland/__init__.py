@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from strategies.path_planning.errors import StrategyError
     from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
     from strategies.program.field_job import DrivingRules
-    from strategies.program.strategy_record import Strategy
+    from strategies.strategy_record import Strategy
     from vehicle.energy.load import build_work_load
     from vehicle.energy.run_energy import compute_run_energy
     from vehicle.missions.plan import Leg, LegGate, Mission, Plan
@@ -67,7 +67,7 @@ _HOMES = {
     "strategies.path_planning.errors": ["StrategyError"],
     "strategies.program.dealing": ["DealtLine", "LineDeal", "free_other_lines", "group_swath_lines"],
     "strategies.program.field_job": ["DrivingRules"],
-    "strategies.program.strategy_record": ["Strategy"],
+    "strategies.strategy_record": ["Strategy"],
     "vehicle.energy.load": ["build_work_load"],
     "vehicle.energy.run_energy": ["compute_run_energy"],
     "vehicle.missions.plan": ["Leg", "LegGate", "Mission", "Plan"],
