@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.traffic.precedence import ScheduledPlan
-from vehicle.missions.plan import DRIVE_IN, GATE_MARGIN_M, HEADLAND_PASS, Leg, LegGate, Plan
+from vehicle.missions.plan import GATE_MARGIN_M, Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
 from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 
@@ -234,7 +234,5 @@ def _build_turn_end_gate(plan: Plan, tractor: int, leg: int) -> LegGate:
 
 
 def _is_last_turn_leg(legs: tuple[Leg, ...], leg: int) -> bool:
-    """Whether a leg drives in on a swath, leads to the beginning of a headland side, or is the last of all."""
-    if leg == len(legs) - 1 or legs[leg].task.kind == DRIVE_IN:
-        return True
-    return legs[leg].task.kind != HEADLAND_PASS and legs[leg + 1].task.kind == HEADLAND_PASS
+    """Whether a leg leads to the beginning of a swath or headland side, or is the last of all."""
+    return leg == len(legs) - 1 or (not legs[leg].task.is_work and legs[leg + 1].task.is_work)
