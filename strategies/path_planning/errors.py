@@ -11,6 +11,8 @@ class StrategyError(HeadlandError):
 
 def build_too_many_error(tractors: int, swaths: int) -> StrategyError:
     """The error for a fleet with more tractors than there are swaths."""
+    if not swaths:
+        return StrategyError("This machine has no room on any track of the field; use a narrower implement.")
     advice = "1 track of the field; use 1 tractor"
     if swaths > 1:
         advice = f"{swaths} tracks of the field; use {swaths} or fewer"

@@ -43,8 +43,6 @@ LAID_OUT: list[tuple[Field, dict[str, Any]]] = [
     (GARDEN, {"headland_m": 8.0}),
     (WEDGE, {"width_m": 18.0}),
     (WEDGE, {"headland_passes": 6}),
-    (POND, {"width_m": 12.0}),
-    (POND, {"width_m": 24.0}),
     (TREE, {"width_m": 24.0, "headland_passes": 2}),
     (SHAPES["thin strip"], {"width_m": 14.0}),
     (STRIP, {"width_m": 9.0}),
