@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
-from strategies.program.field_job import DrivingRules, FieldJob
-from strategies.program.legs import build_own_mission, group_by_line, make_strategy_plan
-from strategies.program.strategy_record import Strategy
-from strategies.sequencing.swath_order import order_shares_in_pattern
-from vehicle.missions.plan import LegGate, Mission, Plan
+from strategies.program.field_job import DrivingRules
+from strategies.strategy_record import Strategy
 
 NAME = "interleaved"
 
@@ -23,25 +19,4 @@ def deal_in_turn(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int)
     return LineDeal(allowed, rules.stagger_m)
 
 
-def plan_interleaved(job: FieldJob) -> Plan:
-    """Tractors take every n-th line; each starts when the one before it has driven `stagger_m`."""
-    lines = group_by_line(job)
-    shares = [[swath for line in lines[i :: job.tractors] for swath in line] for i in range(job.tractors)]
-    missions = [
-        build_own_mission(job, number, order)
-        for number, order in enumerate(order_shares_in_pattern(shares, job, jump=1))
-    ]
-    return make_strategy_plan(job, NAME, _stagger_starts(missions, job.driving_rules.stagger_m))
-
-
-def _stagger_starts(missions: list[Mission], distance_m: float) -> list[Mission]:
-    """Hold each tractor until the one before it has driven `distance_m` of its first working leg."""
-    staggered = missions[:1]
-    for number, mission in enumerate(missions[1:], start=1):
-        first_working_leg = missions[number - 1].legs[1]
-        gate = LegGate(number - 1, 1, min(distance_m, first_working_leg.length_m))
-        staggered.append(replace(mission, legs=(mission.legs[0].copy_with_gates([gate]), *mission.legs[1:])))
-    return staggered
-
-
-STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", plan_interleaved, deal=deal_in_turn)
+STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", deal_in_turn)

@@ -6,7 +6,7 @@ Those of other packages (strategies.names) are loaded when they are named, so th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, wraps
 from importlib import import_module
@@ -18,7 +18,10 @@ from typing import Any
 from fields.errors import HeadlandError, StopError, suggest_name
 from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points, list_strategy_names
 from strategies.path_planning.errors import StrategyError
-from strategies.program.strategy_record import RefinedPlan, Strategy
+from strategies.program.dealing import DealtLine, LineDeal
+from strategies.program.field_job import DrivingRules
+from strategies.programmes.programme import Programme
+from strategies.strategy_record import Strategy
 from vehicle.missions.plan import Plan
 
 STRATEGIES: dict[str, Strategy] = {
@@ -73,21 +76,19 @@ def _load_strategy(entry: EntryPoint) -> Strategy:
         raise StrategyError(f"{label} cannot be loaded ({reason}); repair or uninstall that package.") from error
     return replace(
         record,
-        build=_convert_faults(record.build, label),
-        refine=record.refine and _convert_faults(record.refine, label),
-        build_bound=record.build_bound and _convert_faults(record.build_bound, label),
+        deal=record.deal and _convert_faults(record.deal, label, _check_deal),
+        compose=record.compose and _convert_faults(record.compose, label, _check_composed),
     )
 
 
-def _convert_faults(function: Callable[..., Any], label: str) -> Callable[..., Any]:
-    """A function of a strategy, whose faults become a reason why it has no plan."""
+def _convert_faults(function: Callable[..., Any], label: str, check: Callable[..., None]) -> Callable[..., Any]:
+    """A function of a strategy, whose faults become a reason why it has no plan; `check` takes output and inputs."""
 
     @wraps(function)
     def call(*inputs: Any) -> Any:
         try:
             output = function(*inputs)
-            if not isinstance(output, Plan | RefinedPlan):
-                raise TypeError(f"it gives a {type(output).__name__} in place of a plan")
+            check(output, *inputs)
             return output
         except (HeadlandError, StopError):
             raise
@@ -95,3 +96,15 @@ def _convert_faults(function: Callable[..., Any], label: str) -> Callable[..., A
             raise StrategyError(f"{label} failed ({type(error).__name__}: {error}).") from error
 
     return call
+
+
+def _check_deal(deal: Any, lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> None:
+    if not isinstance(deal, LineDeal):
+        raise TypeError(f"it gives a {type(deal).__name__} in place of a LineDeal")
+    if deal.allowed.shape != (tractors, len(lines)):
+        raise ValueError(f"allowed has the shape {deal.allowed.shape} in place of {(tractors, len(lines))}")
+
+
+def _check_composed(composed: Any, *_: Any) -> None:
+    if not isinstance(composed, tuple) or list(map(type, composed)) != [Programme, Plan]:
+        raise TypeError("it gives something else than a programme and its plan")

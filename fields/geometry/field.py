@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from dataclasses import field as member
 from functools import cached_property
@@ -179,15 +179,12 @@ class Field:
         margin_m: float,
         max_small_m: float = 0.0,
         extra_margin_m: float = 0.0,
-        own_margins_m: Mapping[int, float] | None = None,
     ) -> Field:
         """The field reduced to the ground that may be worked, with a margin to obstacles, holes and fences.
 
         Obstacles less than `max_small_m` across stay within the boundary as `small_obstacles`. The boundary keeps
         `extra_margin_m` more from all others, as machines swing out in bends, and at least MIN_FENCE_MARGIN_M from
         fences. If obstacles divide the field, the largest part is kept, and a remark gives the area of the others.
-        `own_margins_m` are wider margins of single obstacles and fences, by their number: `solid_obstacles`, then
-        `fences`.
 
         Raises:
             FieldError: the margin is out of range or wider than the field, too little ground remains, or a fence has
@@ -200,8 +197,6 @@ class Field:
         fence_m = max(FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M - margin_m)
         obstacles = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
         margins_m = [margin_m] * (len(self.boundary.interiors) + len(obstacles))
-        for number, own_m in (own_margins_m or {}).items():
-            margins_m[number] = max(margin_m, own_m)
         workable = compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)
 
         def reduce_margin(most_m: float) -> WorkableGround:

@@ -1,1 +1,1 @@
-"""The evaluation of candidates in a planning context: bounds, simulation, repair and measured ground."""
+"""The evaluation of candidates in a planning context: composed, driven and measured."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from dataclasses import field as member
 from functools import cached_property, partial
 from pathlib import Path
@@ -49,7 +49,6 @@ from planner.evaluation.layout_choice import (
     lay_contours,
     list_layouts,
 )
-from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
 from planner.evaluation.slope_costs import build_slope_weigher
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
@@ -59,7 +58,6 @@ from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import (
     KEPT_GROUND_OPERATIONS,
     MIN_CLEARANCE_M,
-    STANDING_CROP_OPERATIONS,
     STRAIGHT,
     PlanRequest,
 )
@@ -78,7 +76,7 @@ from strategies.path_planning.turns import (
     compute_available_turn_depth_m,
     list_allowed_kinds,
 )
-from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
+from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
@@ -86,20 +84,14 @@ from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
-# Working widths across: smaller obstacles are bypassed within a swath; the next lower where that leaves no swath.
-SMALL_OBSTACLE_WIDTHS = (4.0, 1.0, 0.0)
+BYPASSED_WIDTHS = 4.0  # working widths across: the headland is not laid round smaller obstacles
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
 GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
-INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that reach too far over an open edge
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
-_CACHED_ATTRIBUTES = (
-    "_base_job", "trajectory_cache", "site_cache", "gateway", "wide_turn_finders", "turn_deviations", "time_share",
-)  # fmt: skip
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
-WIDE_TURN_FACTORS = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well enough
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
 GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 ROW_OFFSET_M = 3.0  # rows of a formation turning exactly side by side would violate a usual clearance
@@ -117,8 +109,8 @@ class PlanningContext:
     `headland_passes` are worked; in their corners the guided point may be anywhere in `rim_area`. `obstacle_bends`
     holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
     `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
-    compared. `layout_repairs` are what planning changed because plans could not be driven. `physics` are
-    heights and load. `time_share` limits the computing where this context was made; it is not sent to another process.
+    compared. `physics` are heights and load. `time_share` limits the computing where this context was made; it is not
+    sent to another process.
     """
 
     request: PlanRequest
@@ -140,13 +132,12 @@ class PlanningContext:
     cost_terms: CostTerms | None = None
     workday: Workday | None = None
     path_finders: ConnectorCache = member(default_factory=ConnectorCache)
-    layout_repairs: LayoutRepairs = member(default_factory=LayoutRepairs)
     physics: FieldPhysics = LEVEL_GROUND
     time_share: TimeShare = NO_LIMIT
 
     def build_job(self, tractors: int) -> FieldJob:
         """A job for this many tractors; all jobs of a context share their cached paths and turns."""
-        return replace(self._base_job, tractors=tractors, turn_counts={})
+        return replace(self._base_job, tractors=tractors)
 
     @cached_property
     def gateway(self) -> EntranceLane | None:
@@ -188,37 +179,21 @@ class PlanningContext:
                 "implement's width inside its boundary; use a narrower implement."
             )
         fence, forward_finders = self._build_fence()
-        corner = find_starting_corner(self.layout) if self.gateway is None else None
         return FieldJob(
             self.layout,
             self.driving_rules,
             free_finder,
             1,
             beside_finder,
-            corner,
             headland_passes=self.headland_passes,
             rim_connector=rim_finder,
             corners=self.request.corners,
             avoids_swaths=self.request.operation in KEPT_GROUND_OPERATIONS,
-            avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
             obstacle_bends=self.obstacle_bends,
             fence=fence,
             open_edge=self._build_open_edge(),
-            inner_connectors=self._build_inner_connectors(),
             careful_connectors=forward_finders,
             entrance_lane=self.gateway,
-            supply=self.supply,
-        )
-
-    @cached_property
-    def wide_turn_finders(self) -> tuple[Connector, ...]:
-        """Finders of turns that are easier to follow: first those that keep to the headland, of these the tightest."""
-        radius = self.driving_rules.radius_m
-        regions = [region for region in (self.beside_swaths, self.rim_area, self.free_space) if not region.is_empty]
-        return tuple(
-            self._get_connector(region, factor * radius, self.turn_kinds)
-            for region in regions
-            for factor in WIDE_TURN_FACTORS
         )
 
     def _get_connector(self, region: shapely.Geometry, radius_m: float, kinds: tuple[str, ...]) -> Connector:
@@ -228,12 +203,8 @@ class PlanningContext:
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: everything but caches."""
-        return {name: value for name, value in self.__dict__.items() if name not in _CACHED_ATTRIBUTES}
-
-    @cached_property
-    def turn_deviations(self) -> dict[bytes, float | None]:
-        """Cached deviations (m) of turns driven alone, by hash of their legs; None if not finished."""
-        return {}
+        sent = {each.name for each in fields(self)} - {"time_share"}
+        return {name: value for name, value in self.__dict__.items() if name in sent}
 
     @cached_property
     def gate_area(self) -> shapely.Geometry:
@@ -256,21 +227,6 @@ class PlanningContext:
         body = build_body(self.tractor, self.implement)
         return FenceChecker(lines, shapely.LineString(), body, min(OVERHANG_SPARE_M, 0.5 * self.request.overhang_m))
 
-    def _build_inner_connectors(self) -> tuple[Connector, ...]:
-        """Finders of turns beside the swaths that swing less far over open edges: farther inside, with wider arcs."""
-        outline = shapely.Polygon((self.layout.field.original_boundary or self.layout.field.boundary).exterior)
-        side_m = 0.5 * max(self.implement.width_m, self.tractor.width_m)
-        regions = [
-            shapely.intersection(self.beside_swaths, outline.buffer(-side_m - inside_m, join_style="mitre"))
-            for inside_m in INSIDE_EDGE_M
-        ]
-        return tuple(
-            self._get_connector(region, factor * self.driving_rules.radius_m, self.turn_kinds)
-            for region in regions
-            for factor in WIDE_TURN_FACTORS[:2]
-            if region.area > 0.0
-        )
-
     def _build_fence(self) -> tuple[FenceChecker | None, tuple[Connector, ...]]:
         """The fence and obstacle checker, and a finder of forward-only paths where reversing meets a fence."""
         field, radius = self.layout.field, self.driving_rules.radius_m
@@ -283,17 +239,7 @@ class PlanningContext:
         gate = shapely.Point() if self.gateway is None else shapely.Point(self.gateway.edge_pose[:2])
         gate = gate.buffer(self.gate_half_width_m)
         fences = shapely.difference(shapely.union_all(field.fences), gate)
-        kept_off = [
-            shape.buffer(max(0.0, self.layout_repairs.margins_m.get(number, 0.0) - self.request.margin_m)).boundary
-            for number, shape in enumerate((*field.solid_obstacles, *field.fences))
-        ]
-        fence_count = len(field.fences)
-        obstacles = shapely.union_all(
-            [
-                *kept_off[: len(kept_off) - fence_count],
-                *shapely.difference(kept_off[len(kept_off) - fence_count :], gate),
-            ]
-        )
+        obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
         fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
         forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
         return fence, (self._get_connector(self.free_space, radius, forward_kinds),) if forward_kinds else ()
@@ -309,7 +255,6 @@ def prepare_context(
     supply: Supply | None = None,
     times: FarmTimes | None = None,
     yard: Yard | None = None,
-    layout_repairs: LayoutRepairs = NO_REPAIRS,
     report_layouts: Report | None = None,
     physics: FieldPhysics | None = None,
     time_share: TimeShare = NO_LIMIT,
@@ -318,7 +263,7 @@ def prepare_context(
 
     `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
     request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
-    the service point of the supply. `layout_repairs` are changes because plans could not be driven as asked.
+    the service point of the supply.
     `report_layouts` is called with (layouts compared, all of them). `physics` replaces heights and soil of the request.
     Half of a `time_share` may go into comparing layouts; then those compared so far decide. Raises FieldError,
     VehicleError, StrategyError or RequestError.
@@ -359,35 +304,22 @@ def prepare_context(
         cost_terms=cost_terms,
         workday=workday,
         path_finders=ConnectorCache(before_search=time_share.check),
-        layout_repairs=layout_repairs,
         physics=physics,
         time_share=time_share,
     )
-    refusal: StrategyError | None = None
-    has_obstacles = bool(field.obstacles or field.boundary.interiors)
-    for small_widths in SMALL_OBSTACLE_WIDTHS if has_obstacles else SMALL_OBSTACLE_WIDTHS[:1]:
-        try:
-            context = _lay_out_field(create, field, radius_m, reach, small_widths, report_layouts)
-        except StrategyError as error:  # every swath has a small obstacle that it cannot be bent round
-            refusal = refusal or error
-            continue
-        check_capacity(supply, context.layout)
-        lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
-        battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
-        return context if battery is None else replace(context, supply=battery)
-    assert refusal is not None  # laid out, or refused
-    raise refusal
+    context = _lay_out_field(create, field, radius_m, reach, report_layouts)
+    check_capacity(supply, context.layout)
+    lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
+    battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
+    return context if battery is None else replace(context, supply=battery)
 
 
 def _lay_out_field(
-    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, small_widths: float,
-    report_layouts: Report | None,
-) -> PlanningContext:  # fmt: skip
-    """The context of the quickest layout; obstacles less than `small_widths` working widths across are bypassed."""
+    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, report_layouts: Report | None
+) -> PlanningContext:
+    """The context of the quickest layout."""
     request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
-    field, headland_m = _prepare_ground(
-        request, field, tractor, implement, radius_m, reach, create.keywords["layout_repairs"], small_widths
-    )
+    field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
     check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
@@ -428,17 +360,10 @@ def _lay_out_field(
 
 
 def _prepare_ground(
-    request: PlanRequest,
-    field: Field,
-    tractor: Tractor,
-    implement: Implement,
-    radius_m: float,
-    reach: TurnReach,
-    layout_repairs: LayoutRepairs,
-    small_widths: float,
+    request: PlanRequest, field: Field, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
 ) -> tuple[Field, float]:
     """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
-    headland_m = choose_headland_m(request, radius_m, reach, layout_repairs.extra_passes)
+    headland_m = choose_headland_m(request, radius_m, reach)
     field = add_headland_remark(field, request, radius_m, reach)
     with attach_parameter("entrance"):
         check_entrance(field, headland_m)
@@ -446,9 +371,8 @@ def _prepare_ground(
         field = move_entrance_to_outline(field)
     with attach_parameter("field"):
         swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
-        field = field.compute_ground_with_margin(
-            request.margin_m, small_widths * request.width_m, max(0.0, swing_m), layout_repairs.margins_m
-        )
+        bypassed_m = BYPASSED_WIDTHS * request.width_m
+        field = field.compute_ground_with_margin(request.margin_m, bypassed_m, max(0.0, swing_m))
     return field, headland_m
 
 

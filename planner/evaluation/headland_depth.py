@@ -17,11 +17,11 @@ from strategies.path_planning.turns import TurnReach, compute_headland_m
 ROUNDING_M = 1e-6
 
 
-def choose_headland_m(request: PlanRequest, radius_m: float, reach: TurnReach, extra_passes: int) -> float:
-    """Depth of the headland (m): as asked for, else what turns need and the extra passes of a repair."""
+def choose_headland_m(request: PlanRequest, radius_m: float, reach: TurnReach) -> float:
+    """Depth of the headland (m): as asked for, else what turns need."""
     if request.requested_headland_m is not None:
         return request.requested_headland_m
-    return compute_headland_m(request.turn, request.width_m, radius_m, reach) + extra_passes * request.width_m
+    return compute_headland_m(request.turn, request.width_m, radius_m, reach)
 
 
 def add_headland_remark(field: Field, request: PlanRequest, radius_m: float, reach: TurnReach) -> Field:

@@ -22,11 +22,10 @@ from fields.terrain.elevation_grid import ElevationGrid
 from planner.errors import FieldError, RequestError, mark_parameter
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
-from strategies.headland.pass_legs import get_headland_legs
-from strategies.headland.pass_shares import share_headland
+from strategies.headland.pass_legs import build_headland_legs
+from strategies.headland.pass_shares import list_segments
 from strategies.program.field_job import DrivingRules, FieldJob
-from strategies.sequencing.swath_order import search_order
-from strategies.sequencing.turn_table import TurnTable
+from strategies.sequencing.swath_order import estimate_layout_s
 from vehicle.control.speed_profile import estimate_drive_s
 from vehicle.model.terrain import Terrain
 
@@ -209,15 +208,13 @@ def estimate_single_tractor_s(job: FieldJob) -> float:
 
 def _estimate_time_s(job: FieldJob, headland_s: float, unreached_m: float) -> float:
     """As `estimate_single_tractor_s`, with the seconds of the headland and the metres of it that are not reached."""
-    swaths = list(job.layout.swaths)
-    order = search_order(swaths, job, TurnTable(job, swaths, MAX_TIMED_LINES), roughly=True)
     worked_m2 = _compute_worked_m2(job) - unreached_m * job.layout.width_m
-    return (order.seconds + headland_s) * job.layout.field.area_m2 / worked_m2
+    return (estimate_layout_s(job, MAX_TIMED_LINES) + headland_s) * job.layout.field.area_m2 / worked_m2
 
 
 def _estimate_headland_s(job: FieldJob) -> tuple[float, float]:
     """Seconds of the headland passes driven by one tractor with all corners, and the metres that cannot be reached."""
-    shift = get_headland_legs(job, share_headland(job, outside_in=True, begin=job.layout.field.entrance)[0])
+    shift = build_headland_legs(job, list_segments(job))
     if shift is None:
         return 0.0, math.fsum(headland_pass.length_m for headland_pass in job.headland_passes)
     limits = job.connector.costs.limits

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,10 +18,10 @@ from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.context_inputs import FieldChoice
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.farm.settings import FarmTimes, Yard
+from planner.pipeline.candidate_evaluations import CandidateEvaluations
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.pipeline.plan_repairs import CandidateEvaluations, Prepare, find_working_changes, repair_refused
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
@@ -163,10 +163,8 @@ def plan(
     on all cores; the result does not depend on it. `progress` is called with (done, total), `report_stage` with the
     stage in words (LAYING_OUT, SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a
     request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that cannot
-    win is pruned with its lower bound, except on small fields and with `simulate_all`. Where no plan of a number of
-    tractors can be driven, they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A
-    `time_share`, for executors in this thread, ends planning with what is found by then, without parts; TimeSpentError
-    where no layout is.
+    win is pruned with its lower bound, except on small fields and with `simulate_all`. A `time_share`, for executors in
+    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
     _check_type(request)
     candidates = list_candidates(request)
@@ -190,9 +188,9 @@ def plan(
     context = prepare(request, report_layouts=_start_stage(report_stage, LAYING_OUT))
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
     report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
-    evaluations = CandidateEvaluations(request, candidates, executor, report, with_pictures)
-    changes = _evaluate_candidates(context, evaluations, prepare, simulate_all)
-    result = _build_result(context, evaluations, changes, cost_terms)
+    evaluations = CandidateEvaluations(request, pack_context(context), candidates, executor, report, with_pictures)
+    _evaluate_candidates(context, evaluations, simulate_all)
+    result = _build_result(context, evaluations, cost_terms)
 
     def plan_part(part_request: PlanRequest) -> PlanRanking:
         inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
@@ -203,19 +201,15 @@ def plan(
     return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
 
 
-def _evaluate_candidates(
-    context: PlanningContext, evaluations: CandidateEvaluations, prepare: Prepare, simulate_all: bool
-) -> tuple[str, ...]:
-    """Evaluate every candidate, with repairs where none works; what was found to work instead where that fails too."""
-    packed_context, candidates = pack_context(context), evaluations.candidates
+def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluations, simulate_all: bool) -> None:
+    """Evaluate every candidate once; those that time does not suffice for are refused."""
+    candidates = evaluations.candidates
     try:
         for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-            evaluations.evaluate_wave(context, packed_context, wave)
-        return find_working_changes(evaluations, prepare, repair_refused(evaluations, prepare))
+            evaluations.evaluate_wave(wave)
     except TimeSpentError:
         context.time_share.lift()
-        evaluations.refuse_rest(context, packed_context)
-        return ()
+        evaluations.refuse_rest()
 
 
 def _iter_part_plans(
@@ -254,19 +248,12 @@ def _iter_part_plans(
 
 
 def _build_result(
-    context: PlanningContext,
-    evaluations: CandidateEvaluations,
-    changes: Sequence[str],
-    cost_terms: CostTerms | None,
+    context: PlanningContext, evaluations: CandidateEvaluations, cost_terms: CostTerms | None
 ) -> PlanningResult:
-    """The answer from the outcomes of all candidates; the context is that of the best plan."""
+    """The answer from the outcomes of all candidates."""
     candidates = evaluations.candidates
     results = [evaluations.results[index] for index in range(len(candidates))]
-    ranking = rank_plans(context, results)
-    if ranking.best is not None:
-        best_context = evaluations.get_context((ranking.best.strategy, ranking.best.tractors))[0]
-        ranking = ranking if best_context is context else rank_plans(best_context, results)
-    ranking = replace(add_machine_names(ranking, cost_terms), changes=tuple(changes))
+    ranking = add_machine_names(rank_plans(context, results), cost_terms)
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     pictures_by_plan = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
     plans_by_key = {keys[index]: evaluations.plans[index] for index in sorted(evaluations.plans)}
@@ -274,7 +261,6 @@ def _build_result(
     if best is None or best.run is None:
         return PlanningResult(context, ranking, None, pictures_by_plan, plans_by_key)
     best_key = best.result.strategy, best.result.tractors
-    context = evaluations.get_context(best_key)[0]
     if not evaluations.with_pictures:
         pictures_by_plan = {best_key: build_run_picture(context, best.run, best.result)}
     if context.criteria is not None:
@@ -315,4 +301,4 @@ def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) 
     best_candidate = next(
         each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
     )
-    return evaluate_task(evaluations.get_context((plan.strategy, plan.tractors))[1], best_candidate)
+    return evaluate_task(evaluations.packed_context, best_candidate)

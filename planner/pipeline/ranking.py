@@ -135,9 +135,7 @@ def list_candidates(request: PlanRequest) -> list[Candidate]:
     for tractors in request.tractors:
         names = list(request.strategies)
         if tractors == 1:
-            formations = [name for name in names if get_strategy(name).side_by_side]
-            own_swath_names = [name for name in names if not get_strategy(name).side_by_side]
-            names = own_swath_names or formations[:1]
+            names = [name for name in names if get_strategy(name).compose is None] or names[:1]
         candidates += [Candidate(name, tractors) for name in names]
     return candidates
 

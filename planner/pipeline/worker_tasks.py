@@ -16,7 +16,6 @@ import numpy as np
 
 from planner.errors import WorkerError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.incumbents import prune_candidate
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.pipeline.executors import iter_completed
@@ -61,9 +60,6 @@ def evaluate_task(
 ) -> TaskOutcome:
     """Evaluate a candidate in a packed context, unless it cannot beat the incumbent."""
     context = _unpack_context(packed_context)
-    pruned_result = prune_candidate(context, candidate, incumbent)
-    if pruned_result is not None:
-        return TaskOutcome(pruned_result)
     evaluation = simulate_candidate(context, candidate, incumbent)
     result, run = evaluation.result, evaluation.run
     if run is None or run.outcome != DONE:

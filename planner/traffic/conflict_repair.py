@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.traffic.precedence import ScheduledPlan
-from strategies.program.strategy_record import MAX_REPAIRS, Simulate
-from vehicle.missions.plan import DRIVE_IN, GATE_MARGIN_M, HEADLAND_PASS, Leg, LegGate, Plan
+from vehicle.missions.plan import GATE_MARGIN_M, Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
 from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 
+MAX_REPAIRS = 40  # of a plan that no schedule was made for
 CONFLICT_CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 SCHEDULE_SLACKS = (1.0, 2.0)  # times the usual time between two tractors, tried in this order
 MAX_SCHEDULED_REPAIRS = 6  # more rarely help a scheduled plan
@@ -27,6 +27,8 @@ MAX_SLOW_SCHEDULE_REPAIRS = 10  # repairs tried in that case
 SLOW_WORK_SHARE, KMH_PER_MPS = 0.8, 3.6  # of the planned speed: less is told
 MIN_MOVING_MPS = 0.05  # less is said to be standing
 
+Simulate = Callable[[Plan], SimulationRun]
+"""Simulates a plan until it is done, two tractors come too close, or nothing moves any more."""
 Scheduler = Callable[[Plan, float], ScheduledPlan | None]
 """Schedules a plan so that no tractors meet, with a slack (times the usual time between two); None if it fails."""
 WaitKey = tuple[int, int, int]
@@ -232,7 +234,5 @@ def _build_turn_end_gate(plan: Plan, tractor: int, leg: int) -> LegGate:
 
 
 def _is_last_turn_leg(legs: tuple[Leg, ...], leg: int) -> bool:
-    """Whether a leg drives in on a swath, leads to the beginning of a headland side, or is the last of all."""
-    if leg == len(legs) - 1 or legs[leg].task.kind == DRIVE_IN:
-        return True
-    return legs[leg].task.kind != HEADLAND_PASS and legs[leg + 1].task.kind == HEADLAND_PASS
+    """Whether a leg leads to the beginning of a swath or headland side, or is the last of all."""
+    return leg == len(legs) - 1 or (not legs[leg].task.is_work and legs[leg + 1].task.is_work)

@@ -35,7 +35,7 @@ class UnworkedPiece:
     lat: float | None = None
 
 
-OBSTACLE, FENCE, OUTLINE, NO_PATH, STUCK = "obstacle", "fence", "outline", "no path", "stuck"
+OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class PlanResult(ShownResult):
         paid_cost, expected_cost: mean costs of the samples, the latter with losses on late ground and its standard
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
-        faults: places where an infeasible plan touches something, leaves the field, or finds no path.
+        faults: places where an infeasible plan touches something or leaves the field.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
@@ -377,7 +377,6 @@ class PlanRanking(ShownResult):
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
         money_sentences: what the costs include; `prices_assumed` whether nobody gave their prices.
         parts: further parts of a divided field, each with a plan of its own.
-        changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
         field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
         ground_sentences: what heights, soil and load are taken, and what the soil bears; empty without any.
@@ -404,7 +403,6 @@ class PlanRanking(ShownResult):
     field_start: str | None = None
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
-    changes: tuple[str, ...] = ()
     pull: PullFigures | None = None
     field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
@@ -437,9 +435,8 @@ class PlanRanking(ShownResult):
 
     @property
     def refusal(self) -> str:
-        """The first reason why no plan works, and what was found to work."""
-        reason = next((plan.reason for plan in self.plans if plan.reason), "no plan is feasible")
-        return f"{reason.rstrip('.')}. Found to work: {' or '.join(self.changes)}" if self.changes else reason
+        """The first reason why no plan works."""
+        return next((plan.reason for plan in self.plans if plan.reason), "no plan is feasible")
 
     @property
     def missed_by_s(self) -> float | None:

@@ -40,7 +40,6 @@ from reports.common.wording import (
 )
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
-    describe_changes,
     explain_no_plan,
     format_unworked,
     is_interval_wide,
@@ -63,7 +62,7 @@ class Answer:
 
     Attributes:
         verdict: that no plan works and why, or what the best lacks of what was asked for.
-        decision: the plan to take, when it is done and what it costs; where none works what would help.
+        decision: the plan to take, when it is done and what it costs.
         work: how much of the field is worked, and the end that is nearly sure.
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors, the latter as what one more tractor saves where that
@@ -90,7 +89,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
     """The answer of a ranking."""
     best, question = ranking.best, question_pull(ranking.pull)
     if best is None:
-        return Answer(explain_no_plan(ranking), describe_changes(ranking), question=question)
+        return Answer(explain_no_plan(ranking), "", question=question)
     verdict = list_shortfall_sentences(ranking)
     return Answer(
         " ".join(verdict),

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import (
-    NO_PATH,
     FieldPartPlan,
     PlanRanking,
     PlanResult,
@@ -198,7 +197,7 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
     best = ranking.best
     if best is None:
-        return [" ".join(filter(None, (explain_no_plan(ranking), describe_changes(ranking))))]
+        return [explain_no_plan(ranking)]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
     cheapest = min(priced, key=get_ranked_cost, default=None)
     best_is_cheapest = cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
@@ -367,20 +366,6 @@ def explain_no_plan(ranking: PlanRanking) -> str:
     if first.has_similar_reasons:
         return translate("No plan works: {refused}: {reason} (figures of the first).", **values)
     return translate("No plan works: {refused}: {reason}.", **values)
-
-
-def describe_changes(ranking: PlanRanking) -> str:
-    """What was tried without success, and what was found to work; empty where nothing could be tried."""
-    kinds = {fault.kind for plan in ranking.plans for fault in plan.faults}
-    tried = [translate("Driving slower there and wider margins did not help.")] if kinds else []
-    if kinds == {NO_PATH} and not any("headland pass" in change for change in ranking.changes):
-        tried = [translate("One more headland pass did not help.")]
-    if ranking.changes:
-        changes = join_list(map(translate_sentence, ranking.changes), "or")
-        return " ".join([*tried, translate("Found to work: {changes}.", changes=changes)])
-    if kinds:
-        tried.append(translate("Neither did driving slower everywhere or a narrower implement."))
-    return " ".join(tried)
 
 
 def _describe_refused_count(count: int, first: RefusalGroup) -> str:

@@ -148,7 +148,6 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "unmet": unmet or None,
             "shortfalls": shortfalls,
             "parts": [build_part_entry(part) for part in ranking.parts],
-            "changes": list(ranking.changes),
             "pull": _build_pull_entry(ranking.pull),
             "remarks": list(ranking.field_remarks),
             "ground": list(ranking.ground_sentences),

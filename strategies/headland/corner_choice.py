@@ -55,11 +55,8 @@ def find_working_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[floa
 def _compute_whole_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[float, float]:
     """Where the guided point is along a side when the implement must be lowered and lifted to miss no ground (m)."""
     side, width_m, tool_m = segment.headland_pass.sides[segment.side], job.layout.width_m, job.driving_rules.tool_m
-    first, last = segment.first_m, segment.last_m
-    if first is None:
-        first = compute_worked_reach_m(side.start_turn_rad, width_m)[1]
-    if last is None:
-        last = side.length_m + compute_worked_reach_m(side.end_turn_rad, width_m)[0]
+    first = compute_worked_reach_m(side.start_turn_rad, width_m)[1]
+    last = side.length_m + compute_worked_reach_m(side.end_turn_rad, width_m)[0]
     return first + tool_m, last + tool_m
 
 
@@ -140,9 +137,7 @@ def _compute_corner_cost_s(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment
 def _is_corner_between(a: HeadlandSegment, b: HeadlandSegment) -> bool:
     """Whether a segment ends at a corner of its pass where another begins."""
     is_same_pass = (a.headland_pass.number, a.headland_pass.ring) == (b.headland_pass.number, b.headland_pass.ring)
-    if not is_same_pass or a.last_m is not None or b.first_m is not None or a.has_no_corner:
-        return False
-    return (a.side + 1) % len(a.headland_pass.sides) == b.side
+    return is_same_pass and not a.has_no_corner and (a.side + 1) % len(a.headland_pass.sides) == b.side
 
 
 def _find_cheapest_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> WorkingArc | None:

@@ -1,4 +1,4 @@
-"""One tractor's share of the headland passes as legs.
+"""The headland passes as the legs of one tractor, for the estimate of a layout.
 
 Where two sides of a pass are not joined by an arc with the implement down, a path with it up leads from one to the
 next; a side that no path reaches is left out and its length counted.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +16,9 @@ from strategies.headland.corner_choice import cut_polyline, get_end_pose
 from strategies.headland.pass_shares import HeadlandSegment
 from strategies.headland.raised_paths import find_quickest_turn, find_raised_path
 from strategies.headland.strips import MIN_SIDE_M, HeadlandStrip, build_strips
-from strategies.path_planning.paths import DrivePath, Pose
+from strategies.path_planning.paths import DrivePath
 from strategies.program.field_job import FieldJob
-from strategies.program.legs import add_wait_points, build_path_legs
+from strategies.program.legs import build_path_legs
 from vehicle.missions.plan import ROUTE, TURN, Leg
 
 Points = npt.NDArray[np.float64]
@@ -29,59 +27,27 @@ SHORT_SIDE_WIDTHS = 5.0  # working widths; a shorter side may be left out if it 
 TRIMS_M = ((0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0), (10.0, 10.0))  # trimmed before and after a corner
 EDGE_TRIMS_M = ((0.0, 2.0), (2.0, 0.0), (2.0, 2.0), *TRIMS_M[1:])  # the same to keep off an open edge
 MAX_EDGE_DETOUR_S = 60.0  # a path that keeps off an open edge may cost this much more
-WAIT_POINT_STEP_M = 40.0  # between places to wait along a side
 
 _Connection = tuple[HeadlandStrip, DrivePath, HeadlandStrip]
 
 
 @dataclass(frozen=True)
 class HeadlandLegs:
-    """What one tractor drives of the passes: its legs, the poses where they begin and end, and the metres left out."""
+    """What a tractor drives of the passes: its legs, and the metres left out."""
 
     legs: tuple[Leg, ...]
-    start: Pose
-    end: Pose
-    unworked_m: float = 0.0
+    unworked_m: float
 
 
-def get_headland_legs(job: FieldJob, share: Sequence[HeadlandSegment]) -> HeadlandLegs | None:
-    """The legs of a share, built once for all jobs of a field; None if nothing of it can be driven."""
-    pass_key = tuple(
-        (headland_pass.number, headland_pass.ring, len(headland_pass.sides)) for headland_pass in job.headland_passes
-    )
-    key = pass_key, tuple(_build_segment_key(segment) for segment in share)
-    if key not in job.headland_leg_cache:
-        own_job = replace(job, turn_counts={})
-        job.headland_leg_cache[key] = _build_headland_legs(own_job, share), own_job.turn_counts
-    headland_legs, turn_counts = job.headland_leg_cache[key]
-    for kind, count in turn_counts.items():
-        job.turn_counts[kind] = job.turn_counts.get(kind, 0) + count
-    return headland_legs  # type: ignore[no-any-return]
-
-
-def _build_segment_key(segment: HeadlandSegment) -> tuple[Any, ...]:
-    """A key that distinguishes a segment from all others of a field, also from its reverse."""
-    first, last = segment.headland_pass.sides[segment.side].points[[0, -1]].tolist()
-    return (
-        segment.headland_pass.number,
-        segment.headland_pass.ring,
-        segment.side,
-        segment.first_m,
-        segment.last_m,
-        *first,
-        *last,
-    )
-
-
-def _build_headland_legs(job: FieldJob, share: Sequence[HeadlandSegment]) -> HeadlandLegs | None:
-    """As `get_headland_legs`, without the cache.
+def build_headland_legs(job: FieldJob, segments: Sequence[HeadlandSegment]) -> HeadlandLegs | None:
+    """The legs of some sides; None if nothing of them can be driven.
 
     Where no path leads on from a side, a short one of the two it would join is left out. Where both are long, the
     tractor takes any path there is, however near the edge of the field; if there is none, the next side is left out.
     """
     driven_strips: list[tuple[HeadlandStrip, DrivePath | None]] = []
     unworked_m, is_last_left_out = 0.0, False
-    for strip in build_strips(job, share):
+    for strip in build_strips(job, segments):
         if not driven_strips or (strip.joined_in and not is_last_left_out):
             driven_strips.append((strip, None))
             continue
@@ -112,17 +78,10 @@ def _join_strips(
     legs: list[Leg] = []
     for strip, path in driven_strips:
         if path is not None:
-            job.turn_counts[path.kind] = job.turn_counts.get(path.kind, 0) + 1
             task = replace(strip.task, kind=ROUTE if path.kind == "route" else TURN)
-            path_legs = build_path_legs(job, path, task)
-            legs += path_legs if task.kind == TURN else add_wait_points(path_legs, WAIT_POINT_STEP_M)
-        legs += _build_working_legs(job, strip)
-    return HeadlandLegs(
-        tuple(legs),
-        get_end_pose(driven_strips[0][0].points, 0),
-        get_end_pose(driven_strips[-1][0].points, -1),
-        unworked_m,
-    )
+            legs += build_path_legs(job, path, task)
+        legs.append(_build_working_leg(job, strip))
+    return HeadlandLegs(tuple(legs), unworked_m)
 
 
 def _connect_strips(job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip) -> _Connection | None:
@@ -172,23 +131,7 @@ def _trim_strip(strip: HeadlandStrip, first_m: float, last_m: float) -> Headland
     return replace(strip, points=points, length_m=strip.length_m - first_m - last_m)
 
 
-def _build_working_legs(job: FieldJob, strip: HeadlandStrip) -> list[Leg]:
-    """The legs of a strip, with places to wait before it, along a long one, and before its last part."""
-    length = float(np.hypot(*np.diff(strip.points, axis=0).T).sum())
-    hold_m = max(length - job.driving_rules.hold_back_m, 0.5 * length)
-    ends = [0.0, length] if strip.joined_out else [0.0, *_place_wait_points_m(hold_m), length]
-    parts = list(pairwise(ends))
-    legs = []
-    for index, (first, last) in enumerate(parts):
-        points = cut_polyline(strip.points, first, last)
-        x, y = points[len(points) // 2]
-        ground = job.layout.field.find_ground_at(float(x), float(y))
-        may_wait = index > 0 or not strip.joined_in
-        legs.append(Leg(points, job.driving_rules.work_speed_mps, 1, True, ground, strip.task, may_wait))
-    return legs
-
-
-def _place_wait_points_m(hold_m: float) -> list[float]:
-    """Where along a side a tractor may wait, up to the last place (m)."""
-    count = max(1, round(hold_m / WAIT_POINT_STEP_M))
-    return [hold_m * part / count for part in range(1, count + 1)]
+def _build_working_leg(job: FieldJob, strip: HeadlandStrip) -> Leg:
+    x, y = strip.points[len(strip.points) // 2].tolist()
+    ground = job.layout.field.find_ground_at(x, y)
+    return Leg(strip.points, job.driving_rules.work_speed_mps, 1, True, ground, strip.task)

@@ -27,19 +27,12 @@ WIDE_RADIUS_FACTORS = (1.15, 1.35, 1.7)  # times the planned radius, for arcs th
 BACK_UP_M = (0.0, 1.5, 3.0, 5.0, 8.0)  # straight back from a pose that no path joins
 
 
-def find_raised_path(
-    job: FieldJob, a: Pose, b: Pose, *, allow_rim: bool = False, keep_to_headland: bool = False
-) -> DrivePath | None:
+def find_raised_path(job: FieldJob, a: Pose, b: Pose, *, allow_rim: bool = False) -> DrivePath | None:
     """The path with the implement up from the end of a side or swath to the beginning of another; None for none.
 
-    With `allow_rim` the implement may reach over the edge of the field all along the path. With `keep_to_headland` a
-    path beside the swaths is taken however much longer it is, because others may stand on their swaths.
+    With `allow_rim` the implement may reach over the edge of the field all along the path.
     """
     rim = job.rim_connector or job.connector
-    if keep_to_headland and job.headland_connector is not None:
-        path = job.headland_connector.connect(a, b)
-        if _is_followable(path) and not job.crosses_fence(path):
-            return path
     candidates = chain((find_quickest_turn(job, a, b),), _find_paths_with_straights(job, rim, a, b))
     followable: list[DrivePath] = []
     for candidate in candidates:

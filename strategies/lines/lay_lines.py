@@ -68,9 +68,17 @@ def lay_lines(site: Site) -> list[WorkLine]:
 
 
 def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
-    """The pieces of lines on which the body has room, settled by a drive where that is scarce."""
-    pieces = (piece for draft in drafts for piece in _cut_to_room(site, draft))
-    return [line for line in (_settle(site, piece) for piece in pieces) if line is not None]
+    """The pieces of lines on which the body has room, settled by a drive where that is scarce.
+
+    Pieces of the same swath, or sides of the same round, are numbered on from 0.
+    """
+    pieces, counts = (piece for draft in drafts for piece in _cut_to_room(site, draft)), dict[LegTask, int]()
+    lines = list[WorkLine]()
+    for piece in pieces:
+        counts[piece.task] = number = counts.get(piece.task, -1) + 1
+        line = _settle(site, replace(piece, task=replace(piece.task, piece=number)))
+        lines += [] if line is None else [line]
+    return lines
 
 
 def _unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
@@ -78,11 +86,10 @@ def _unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
 
 
 def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
-    number = 0
     for ring, headland_pass in enumerate(site.headland_passes):
         for side in headland_pass.sides:
-            yield LineDraft(HEADLAND_PASS, number, (HEADLAND_PASS, ring), _draw_into_corners(site, headland_pass, side))
-            number += 1
+            points = _draw_into_corners(site, headland_pass, side)
+            yield LineDraft(HEADLAND_PASS, headland_pass.number, (HEADLAND_PASS, ring), points)
 
 
 def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]:
@@ -108,14 +115,15 @@ def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry
 
 
 def _list_leftover(site: Site, left: shapely.Geometry, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
-    """A line along the middle of every piece of ground that no line covers and that is worth one."""
+    """A line along the middle of every piece of ground that no line covers and that is worth one: one more round."""
     opened = left.buffer(-MIN_LEFT_HALF_M).buffer(MIN_LEFT_HALF_M)
-    number = 1 + max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=-1)
+    number = 1 + max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=0)
+    count = 0
     for piece in shapely.get_parts(opened).tolist():
         if piece.geom_type == "Polygon" and piece.area >= MIN_LEFT_AREA_WIDTHS * site.width_m**2:
             for line in _draw_middles(site, piece):
-                yield LineDraft(HEADLAND_PASS, number, (LEFTOVER, number), line)
-                number += 1
+                yield LineDraft(HEADLAND_PASS, number, (LEFTOVER, count), line)
+                count += 1
 
 
 def _draw_middles(site: Site, piece: shapely.Polygon) -> Iterator[Floats]:
@@ -150,14 +158,14 @@ def _cut_to_room(site: Site, draft: LineDraft) -> Iterator[WorkLine]:
     pieces = [(ahead, _pick_opposite(ahead, spans[1], length_m)) for ahead in spans[0]]
     taken = {back for _, back in pieces if back is not None}
     pieces += [(None, back) for back in spans[1] if back not in taken]
-    for number, (ahead, back) in enumerate(pieces):
+    for ahead, back in pieces:
         paths = [
             None if span is None else cut_line(path, span[0] + tool_m, span[1] + tool_m)
             for path, span in zip(drawn, (ahead, back), strict=True)
         ]
         known = [path for path in paths if path is not None]
         yield WorkLine(
-            LegTask(draft.kind, draft.number, number),
+            LegTask(draft.kind, draft.number),
             draft.group,
             (known[0], known[-1]),
             tool_m,

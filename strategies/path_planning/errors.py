@@ -1,9 +1,8 @@
-"""Errors of strategies: StrategyError, and NoPathError if no path leads from one swath to another."""
+"""Errors of strategies."""
 
 from __future__ import annotations
 
 from fields.errors import HeadlandError
-from fields.layout.swaths import Swath
 
 
 class StrategyError(HeadlandError):
@@ -12,23 +11,9 @@ class StrategyError(HeadlandError):
 
 def build_too_many_error(tractors: int, swaths: int) -> StrategyError:
     """The error for a fleet with more tractors than there are swaths."""
+    if not swaths:
+        return StrategyError("This machine has no room on any track of the field; use a narrower implement.")
     advice = "1 track of the field; use 1 tractor"
     if swaths > 1:
         advice = f"{swaths} tracks of the field; use {swaths} or fewer"
     return StrategyError(f"{tractors} tractors are more than the {advice}, or a bearing with more and shorter tracks.")
-
-
-class NoPathFromError(StrategyError):
-    """No path leads on from a `place` (x, y)."""
-
-    def __init__(self, sentence: str, place: tuple[float, float]) -> None:
-        super().__init__(sentence)
-        self.place = place
-
-
-class NoPathError(StrategyError):
-    """No path leads between two `swaths`."""
-
-    def __init__(self, sentence: str, swaths: tuple[Swath, Swath]) -> None:
-        super().__init__(sentence)
-        self.swaths = swaths

@@ -23,7 +23,6 @@ import numpy.typing as npt
 import shapely
 
 from fields.layout.swaths import Layout, Swath
-from strategies.path_planning.errors import StrategyError
 
 Points = npt.NDArray[np.float64]
 Span = tuple[float, float]
@@ -338,8 +337,8 @@ def bend_swaths(layout: Layout, bender: LineBender, tool_m: float) -> tuple[Layo
     """The swaths as they can be driven among the obstacles of a bender, in either direction.
 
     A pass is driven `tool_m` past the end of its swath. A swath that cannot be bent in both directions ends before the
-    obstacle, with room to turn aside or that of a headland if it is less, and continues as far behind it. Raises
-    StrategyError if no swath is left.
+    obstacle, with room to turn aside or that of a headland if it is less, and continues as far behind it. Where that
+    leaves none, all stay as they are laid: work lines are cut to where the body has room.
     """
     swaths: list[Swath] = []
     bent_lines: dict[Point, BentLine] = {}
@@ -349,9 +348,7 @@ def bend_swaths(layout: Layout, bender: LineBender, tool_m: float) -> tuple[Layo
             number = swaths[-1].piece + 1 if swaths and swaths[-1].line == swath.line else 0
             swaths.append(replace(piece, piece=number))
     if not swaths:
-        raise StrategyError(
-            f"Small obstacles leave no track of {MIN_SWATH_M:g} m in field '{layout.field.name}'; check the obstacles."
-        )
+        return layout, ObstacleBends({}, bender)
     return replace(layout, swaths=tuple(swaths)), ObstacleBends(bent_lines, bender)
 
 

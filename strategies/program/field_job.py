@@ -1,11 +1,10 @@
-"""What a strategy is given: the swaths, how the tractors drive, and a finder of paths between swaths."""
+"""How tractors drive, and a field by its swaths with a finder of paths between them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,14 +17,12 @@ from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose, measure_longest_reverse_m
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.path_planning.turn_kinds import AUTO_CORNERS
-from strategies.program.supply import Supply
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
-EDGE_DETOUR_S = 60.0  # how much longer a turn may take that does not reach too far over an open edge
 MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
 THESIS_MACHINE_M = 5.0  # length of tractor and implement that rows 10 m apart are for
@@ -88,29 +85,18 @@ class SwathPass:
 
 @dataclass
 class FieldJob:
-    """A field to be worked by `tractors` tractors.
+    """A field whose layout is timed, or whose remaining work is shared out anew among `tractors`.
 
     Paths: `connector` finds them anywhere in the field, `headland_connector` only beside the swaths, `rim_connector` in
     the corners of headland passes, where the guided point may be anywhere on the field. With `avoids_swaths` no path
-    crosses swaths if it can keep to the headland, however much longer it is; with `avoids_unworked` ground not yet
-    worked is not driven through on the way in if the headland leads round it. `obstacle_bends` are the passes bent
+    crosses swaths if it can keep to the headland, however much longer it is. `obstacle_bends` are the passes bent
     round small obstacles. No path crosses `fence` (fences and obstacles) as long as one of the `careful_connectors`
-    finds another.
+    finds another. No part of a machine should reach over an `open_edge`.
 
-    Order: `corner` is where to begin (from the last line?, first direction); None where any corner will do, as it is
-    where the paths from an entrance count. `jump` fixes the pattern of swaths, None leaves it to the strategy. The
-    `reversed_tractors` drive their orders backwards, in strategies with swaths of their own. `headland_passes` are the
-    passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or "auto" (each corner as is
-    quicker with the missed ground finished). No part of a machine should reach over an `open_edge`; turns that would
-    are driven by one of the `inner_connectors`, if that takes little longer. Tractors enter and leave by the
-    `entrance_lane`; without one they stand where work begins and stay where it ends. `entrance_ends` says whether they
-    come to an order of swaths from there, and go there from it, or from and to headland passes. `supply` is what every
-    tractor carries, None for nothing.
-
-    Caches, shared by all jobs of one field: `path_cache` by pair of poses, `turn_table_cache` by swaths, `share_cache`
-    and `headland_leg_cache` of headland passes by how they are shared out, `formation_cache` of swaths worked side by
-    side, `block_cache` of blocks in their quickest orders by number of tractors and the ends at the entrance,
-    `leg_cache` of swaths and paths. `turn_counts` counts the turns driven by kind.
+    `headland_passes` are the passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or
+    "auto" (each corner as is quicker with the missed ground finished). Tractors enter and leave by the `entrance_lane`;
+    without one they stand where work begins and stay where it ends. `path_cache` holds paths by pair of poses, for all
+    jobs of one field.
     """
 
     layout: Layout
@@ -118,30 +104,16 @@ class FieldJob:
     connector: Connector
     tractors: int
     headland_connector: Connector | None = None
-    corner: tuple[bool, int] | None = None
-    jump: int | None = None
-    reversed_tractors: tuple[int, ...] = ()
     headland_passes: tuple[HeadlandPass, ...] = ()
     rim_connector: Connector | None = None
     corners: str = AUTO_CORNERS
     avoids_swaths: bool = False
-    avoids_unworked: bool = False
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
     open_edge: FenceChecker | None = None
-    inner_connectors: tuple[Connector, ...] = ()
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
-    entrance_ends: tuple[bool, bool] = (True, True)
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
-    turn_table_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
-    share_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    supply: Supply | None = None
-    headland_leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    formation_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    block_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    turn_counts: dict[str, int] = field(default_factory=dict)
     missed_ground_price: float = 1.0
 
     @property
@@ -173,7 +145,7 @@ class FieldJob:
                     or path
                 )
             path = path or (self._choose_turn(a, b) if self.fence else None)
-            self.path_cache[a, b] = self._move_off_open_edge(path, a, b) or self._find_reversing_path(a, b)
+            self.path_cache[a, b] = path or self._find_reversing_path(a, b)
         return self.path_cache[a, b]
 
     def has_long_reverse(self, path: DrivePath | None) -> bool:
@@ -187,16 +159,6 @@ class FieldJob:
             if path is not None and not self.crosses_fence(path):
                 return path
         return None
-
-    def _move_off_open_edge(self, path: DrivePath | None, a: Pose, b: Pose) -> DrivePath | None:
-        """The path, or a turn farther inside if it reaches too far over an open edge and that takes little longer."""
-        if path is None or not self.has_overhang(path):
-            return path
-        turns = (connector.connect_directly(a, b) for connector in self.inner_connectors)
-        clear_turns = [turn for turn in turns if turn is not None and not self.has_overhang(turn)]
-        cost = self.connector.compute_cost_s
-        best = pick_quickest_inside(self.fence, list(clear_turns), cost)
-        return path if best is None or cost(best) > cost(path) + EDGE_DETOUR_S else best
 
     def has_overhang(self, path: DrivePath) -> bool:
         """Whether any part of the machine reaches too far over an open edge on a path."""
@@ -288,22 +250,6 @@ class FieldJob:
         bearing = swath.get_headings_rad(self.layout.get_bearing_rad(swath))[at_end == (swath_pass.direction > 0)]
         return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
-    def estimate_entrance_time_s(self, first: SwathPass, last: SwathPass) -> float:
-        """Estimated seconds from the entrance to a first pass and from a last pass back, as far as `entrance_ends` say;
-        0 without an entrance."""
-        if self.entrance_lane is None:
-            return 0.0
-        end_poses = (
-            (self.entrance_lane.inner_pose, self.get_entry_pose(first)),
-            (self.get_exit_pose(last), self.entrance_lane.build_path_out().start),
-        )
-        metres = sum(
-            compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m)
-            for (a, b), counts in zip(end_poses, self.entrance_ends, strict=True)
-            if counts
-        )
-        return metres / self.driving_rules.turn_speed_mps
-
     def estimate_turn_time_s(self, a: SwathPass, b: SwathPass) -> float:
         """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
         return self.build_turn_estimator(a)(b)
@@ -335,20 +281,3 @@ class FieldJob:
             return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
 
         return estimate_seconds
-
-
-def find_starting_corner(layout: Layout) -> tuple[bool, int] | None:
-    """Which side and direction to begin with on a field with an entrance: (from the last line?, direction), else None.
-
-    The side is one of the cell nearest to the entrance.
-    """
-    entrance = layout.field.entrance
-    if entrance is None:
-        return None
-    _, line, direction, cell = min(
-        (math.dist(entrance, end), swath.line, direction, swath.cell_number)
-        for swath in layout.swaths
-        for end, direction in ((swath.start_m, 1), (swath.end_m, -1))
-    )
-    lines = [swath.line for swath in layout.swaths if swath.cell_number == cell]
-    return line > (lines[0] + lines[-1]) / 2, direction

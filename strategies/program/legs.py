@@ -1,20 +1,18 @@
-"""Swaths, turns and paths as legs of a mission; missions of tractors that have swaths of their own."""
+"""Swaths and paths as legs of a mission."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from fields.layout.swaths import Swath
-from strategies.path_planning.errors import NoPathError, build_too_many_error
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob, SwathPass
-from vehicle.missions.plan import DRIVE_IN, ROUTE, SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import DRIVE_IN, SWATH, Leg, LegTask, Mission
 
 PATH_STEP_M = 0.25
 MIN_LEG_M = 0.05
@@ -26,21 +24,14 @@ def make_swath_task(kind: str, swath: Swath) -> LegTask:
     return LegTask(kind, swath.line, swath.piece)
 
 
-def get_straight_leg(
+def build_straight_leg(
     job: FieldJob, a: Pose, start_m: float, end_m: float, task: LegTask, *, may_wait: bool = False
 ) -> Leg:
     """A leg between two distances ahead of a pose: work at work speed, anything else at turn speed.
 
     It is straight, except on a curved swath and in bends round small obstacles of the pass that begins at the pose;
-    distances are along the swath. Each leg is built once for all plans of a field.
+    distances are along the swath.
     """
-    key = a, start_m, end_m, task, may_wait
-    if key not in job.leg_cache:
-        job.leg_cache[key] = _build_straight_leg(job, a, start_m, end_m, task, may_wait)
-    return job.leg_cache[key]  # type: ignore[no-any-return]
-
-
-def _build_straight_leg(job: FieldJob, a: Pose, start_m: float, end_m: float, task: LegTask, may_wait: bool) -> Leg:
     bent_line = job.obstacle_bends.bent_lines.get(a[:2])
     if bent_line is None:
         ahead = np.array([math.cos(a[2]), math.sin(a[2])])
@@ -55,19 +46,6 @@ def _build_straight_leg(job: FieldJob, a: Pose, start_m: float, end_m: float, ta
         task=task,
         may_wait=may_wait,
     )
-
-
-def get_path_legs(job: FieldJob, path: DrivePath, goal_swath: Swath) -> list[Leg]:
-    """A turn or route to a swath as one leg per gear.
-
-    Legs are built once per path object for all plans of a field; the cache holds the path, because its id is the key.
-    """
-    key = id(path), goal_swath.line, goal_swath.piece
-    cached = job.leg_cache.get(key)
-    if cached is None or cached[0] is not path:
-        legs = build_path_legs(job, path, make_swath_task(ROUTE if path.kind == "route" else TURN, goal_swath))
-        job.leg_cache[key] = path, tuple(legs)
-    return list(job.leg_cache[key][1])
 
 
 def build_path_legs(job: FieldJob, path: DrivePath, task: LegTask) -> list[Leg]:
@@ -116,57 +94,12 @@ def build_swath_legs(job: FieldJob, swath_pass: SwathPass) -> list[Leg]:
     hold_m = max(end_m - job.driving_rules.hold_back_m, 0.5 * (tool_m + end_m))
     work_task = make_swath_task(SWATH, swath_pass.swath)
     return [
-        get_straight_leg(job, entry, 0.0, tool_m, make_swath_task(DRIVE_IN, swath_pass.swath)),
-        get_straight_leg(job, entry, tool_m, hold_m, work_task),
-        get_straight_leg(job, entry, hold_m, end_m, work_task, may_wait=True),
+        build_straight_leg(job, entry, 0.0, tool_m, make_swath_task(DRIVE_IN, swath_pass.swath)),
+        build_straight_leg(job, entry, tool_m, hold_m, work_task),
+        build_straight_leg(job, entry, hold_m, end_m, work_task, may_wait=True),
     ]
-
-
-def build_turn_legs(job: FieldJob, a: SwathPass, b: SwathPass) -> list[Leg]:
-    """The path between two passes; raises NoPathError if none fits the field."""
-    path = job.find_path(job.get_exit_pose(a), job.get_entry_pose(b))
-    if path is None:
-        x, y, _ = job.get_exit_pose(a)
-        raise NoPathError(
-            f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from track {a.swath.line} "
-            f"to track {b.swath.line} (at {x:.0f}, {y:.0f} m) inside the field.",
-            (a.swath, b.swath),
-        )
-    job.turn_counts[path.kind] = job.turn_counts.get(path.kind, 0) + 1
-    return get_path_legs(job, path, b.swath)
-
-
-def build_mission(job: FieldJob, order: list[SwathPass]) -> Mission:
-    """The mission of a tractor that works its passes in order without waiting for anyone."""
-    legs = build_swath_legs(job, order[0])
-    for a, b in pairwise(order):
-        legs += build_turn_legs(job, a, b) + build_swath_legs(job, b)
-    return make_mission(legs)
 
 
 def make_mission(legs: Sequence[Leg]) -> Mission:
     """The legs as a mission in which the tractor may wait before it starts."""
     return Mission((legs[0].copy_with(may_wait=True), *legs[1:]))
-
-
-def group_by_line(job: FieldJob) -> list[list[Swath]]:
-    """The swaths of each line in order; raises StrategyError if there are more tractors than lines."""
-    by_line: dict[int, list[Swath]] = {}
-    for swath in job.layout.swaths:
-        by_line.setdefault(swath.line, []).append(swath)
-    lines = [by_line[line] for line in sorted(by_line)]
-    if len(lines) < job.tractors:
-        raise build_too_many_error(job.tractors, len(lines))
-    return lines
-
-
-def build_own_mission(job: FieldJob, tractor: int, order: list[SwathPass]) -> Mission:
-    """The mission of a tractor with swaths of its own; driven backwards if it is one of the job's reversed tractors."""
-    if tractor in job.reversed_tractors:
-        order = [SwathPass(swath_pass.swath, -swath_pass.direction) for swath_pass in order[::-1]]
-    return build_mission(job, order)
-
-
-def make_strategy_plan(job: FieldJob, name: str, missions: Iterable[Mission], **notes: Any) -> Plan:
-    """One mission per tractor as a plan whose notes say which strategy wrote it, with any further notes."""
-    return Plan(tuple(missions), {"strategy": name, "tractors": job.tractors, **notes})

@@ -34,12 +34,12 @@ class MoveTable:
         moves: what is known of the site, shared by all searches.
         cost_s: (n + 1, n + 1) seconds from the end of a node to the begin of another, with charges; guesses where
             not yet found, NO_MOVE_S where there is none.
-        surprises_s: by how much moves were dearer than expected, of all that were driven.
+        excesses_s: by how much moves were dearer than expected, of all that were driven.
     """
 
     moves: SiteMoves
     cost_s: Floats = field(init=False)
-    surprises_s: list[float] = field(default_factory=list)
+    excesses_s: list[float] = field(default_factory=list)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
@@ -97,7 +97,7 @@ class MoveTable:
 
     def estimate_costs(self) -> Floats:
         """Costs (n + 1, n + 1) with what moves not yet driven are likely to take more, by those that were."""
-        more_s = max(0.0, median(self.surprises_s)) if self.surprises_s else 0.0
+        more_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def prove(self, u: int, v: int) -> bool:
@@ -111,7 +111,7 @@ class MoveTable:
         before_s = self.cost_s[u, v]
         if self.find(u, v, search=True):
             self._drive_options(u, v)
-        self.surprises_s.append(min(self.cost_s[u, v], self._guess_detour_s(u, v)) - min(before_s, NO_MOVE_S))
+        self.excesses_s.append(min(self.cost_s[u, v], self._guess_detour_s(u, v)) - min(before_s, NO_MOVE_S))
         return (u, v) in self._proven
 
     def strike(self, u: int, v: int) -> None:

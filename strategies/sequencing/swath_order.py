@@ -9,20 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 
 import shapely
 
 from fields.layout.swaths import Layout, Swath
 from strategies.program.field_job import FieldJob, SwathPass
-from strategies.sequencing.order_proof import PROOF_EFFORT
-from strategies.sequencing.tour_search import BOUND_TOLERANCE, Tour, sharpen_bound
+from strategies.sequencing.tour_search import find_best_order
 from strategies.sequencing.turn_table import TurnTable
 
 START_CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
-CLOSE_RATIO = 1.03  # orders whose estimates are this close are compared by the paths driven
 MIN_OVERLAP_M = 1e-6  # of curved swaths
 SwathCell = list[Swath]
 PassOrder = list[SwathPass]
@@ -98,20 +94,15 @@ def list_jumps(job: FieldJob) -> list[int]:
 
 
 def order_swaths(
-    swaths: list[Swath],
-    job: FieldJob,
-    jump: int,
-    corner: tuple[bool, int],
-    last_piece: bool = False,
-    cells: Sequence[SwathCell] | None = None,
+    swaths: list[Swath], job: FieldJob, jump: int, corner: tuple[bool, int], cells: Sequence[SwathCell] | None = None
 ) -> PassOrder:
     """One order through all swaths, starting at a corner (from the last line?, first direction).
 
-    If the line of that corner is interrupted, it starts with its first piece or its last. `cells` are those of the
-    swaths if already known.
+    If the line of that corner is interrupted, it starts with its first piece. `cells` are those of the swaths if
+    already known.
     """
     cells = list(group_swaths_into_cells(job.layout, swaths) if cells is None else cells)
-    start = _find_start_cell(cells, job.layout, corner, last_piece)
+    start = _find_start_cell(cells, job.layout, corner)
     cells.remove(start)
     order = _order_cell(start, jump, *corner)
     while cells:
@@ -121,16 +112,14 @@ def order_swaths(
     return order
 
 
-def _find_start_cell(
-    cells: Sequence[SwathCell], layout: Layout, corner: tuple[bool, int], last_piece: bool
-) -> SwathCell:
+def _find_start_cell(cells: Sequence[SwathCell], layout: Layout, corner: tuple[bool, int]) -> SwathCell:
     """The cell that an order begins with."""
     from_last, _ = corner
     outer = -1 if from_last else 0
     first_cells = _find_first_cells(list(cells), layout)
     edge_line = (max if from_last else min)(cell[outer].line for cell in first_cells)
     pieces = (cell for cell in first_cells if cell[outer].line == edge_line)
-    return (max if last_piece else min)(pieces, key=lambda cell: cell[outer].piece)
+    return min(pieces, key=lambda cell: cell[outer].piece)
 
 
 def _find_first_cells(cells: list[SwathCell], layout: Layout) -> list[SwathCell]:
@@ -171,114 +160,19 @@ def _find_nearest_cell(
     return cells[index], (from_last, direction)
 
 
-def _is_interrupted(cells: Sequence[SwathCell], layout: Layout, corner: tuple[bool, int]) -> bool:
-    """Whether the line of a corner has different first and last pieces."""
-    return _find_start_cell(cells, layout, corner, True) is not _find_start_cell(cells, layout, corner, False)
+def estimate_layout_s(job: FieldJob, near_lines: int) -> float:
+    """Seconds of the swaths of a job in a good order for one tractor, with the paths between them and the entrance.
 
-
-def estimate_order_time_s(order: PassOrder, job: FieldJob) -> float:
-    """Estimated seconds for an order, turns and work."""
-    work_s = sum(swath_pass.swath.length_m for swath_pass in order) / job.driving_rules.work_speed_mps
-    return work_s + sum(job.estimate_turn_time_s(a, b) for a, b in pairwise(order))
-
-
-def order_shares_in_pattern(shares: list[list[Swath]], job: FieldJob, jump: int) -> list[PassOrder]:
-    """Orders in one pattern for several tractors at once, from the corner that makes the slowest quickest.
-
-    Estimates decide; close ones are compared by the paths really driven, so that the choice depends on the shape of the
-    field and not on its orientation.
+    Turns over at most `near_lines` are those that would be driven, longer paths are estimated.
     """
-    corners = [job.corner] if job.corner else START_CORNERS
-    share_cell_lists = [group_swaths_into_cells(job.layout, share) for share in shares]
-    options = [
-        [
-            order_swaths(share, job, jump, corner, last_piece, share_cells)
-            for share, share_cells in zip(shares, share_cell_lists, strict=True)
-        ]
-        for corner, last_piece in product(corners, (False, True))
-        if not last_piece or any(_is_interrupted(share_cells, job.layout, corner) for share_cells in share_cell_lists)
-    ]
-    option_entrance_times_s = [
-        [job.estimate_entrance_time_s(order[0], order[-1]) for order in orders] for orders in options
-    ]
-    option_times_s = [
-        max(
-            estimate_order_time_s(order, job) + entrance_s
-            for order, entrance_s in zip(orders, entrance_times_s, strict=True)
-        )
-        for orders, entrance_times_s in zip(options, option_entrance_times_s, strict=True)
-    ]
-    close_options = [
-        orders
-        for orders, time in zip(options, option_times_s, strict=True)
-        if time <= CLOSE_RATIO * min(option_times_s)
-    ]
-    distinct = [orders for index, orders in enumerate(close_options) if orders not in close_options[:index]]
-    if len(distinct) == 1:
-        return distinct[0]
-
-    def measure_slowest_s(orders: list[PassOrder]) -> float:
-        return round(
-            max(
-                compute_driven_time_s(order, job) + job.estimate_entrance_time_s(order[0], order[-1])
-                for order in orders
-            ),
-            2,
-        )
-
-    return min(distinct, key=measure_slowest_s)
-
-
-@dataclass(frozen=True, eq=False)
-class SearchedOrder:
-    """An order of passes, its seconds including work, and the tour found by the search."""
-
-    order: PassOrder
-    seconds: float
-    tour: Tour
-
-    @cached_property
-    def gap_pct(self) -> float:
-        """By how much the paths of another order could be quicker at most (percent); computed on first use."""
-        return sharpen_bound(self.tour).gap_pct
-
-
-def search_order(
-    share: list[Swath], job: FieldJob, table: TurnTable, *, roughly: bool = False, proven: bool = True
-) -> SearchedOrder:
-    """The quickest order through some swaths by the paths that would be driven.
-
-    `table` is that of all swaths of the layout. The search begins with the usual patterns and improves them
-    (tour_search). `roughly` is for comparing layouts: long paths are estimated, and the search ends early. Without
-    `proven` the best order of few swaths is not computed.
-    """
-    place = {swath: index for index, swath in enumerate(job.layout.swaths)}
-    cells = group_swaths_into_cells(job.layout, share)
+    swaths = list(job.layout.swaths)
+    table, place = TurnTable(job, swaths, near_lines), {swath: index for index, swath in enumerate(swaths)}
+    cells = group_swaths_into_cells(job.layout, swaths)
     starts = [
-        [place[swath_pass.swath] for swath_pass in order_swaths(share, job, jump, corner, cells=cells)]
+        [place[swath_pass.swath] for swath_pass in order_swaths(swaths, job, jump, corner, cells)]
         for jump, corner in product(list_jumps(job), START_CORNERS)
     ]
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
-    best = table.find_best_pass_order([place[swath] for swath in share], distinct, roughly=roughly, proven=proven)
-    work_s = sum(swath.length_m for swath in share) / job.driving_rules.work_speed_mps
-    return SearchedOrder([table.passes[p] for p in best.passes.tolist()], work_s + best.seconds, best)
-
-
-def prove_order(searched: SearchedOrder, table: TurnTable, effort: float = PROOF_EFFORT) -> SearchedOrder:
-    """A searched order improved and proven to a percent as far as `effort` goes: for orders that are kept.
-
-    `table` is that of the search. Takes up to some seconds where the search leaves more open.
-    """
-    tour = searched.tour
-    if tour.times is None or tour.gap_pct <= 100.0 * BOUND_TOLERANCE:
-        return searched
-    proven = table.prove_pass_order(tour, effort)
-    order = [table.passes[p] for p in proven.passes.tolist()]
-    return SearchedOrder(order, searched.seconds - tour.seconds + proven.seconds, proven)
-
-
-def compute_driven_time_s(order: PassOrder, job: FieldJob) -> float:
-    """Seconds for an order with the paths that would really be driven; infinite if one is missing."""
-    paths = [job.find_path(job.get_exit_pose(a), job.get_entry_pose(b)) for a, b in pairwise(order)]
-    turns = (math.inf if path is None else job.connector.compute_cost_s(path) for path in paths)
-    return sum(swath_pass.swath.length_m for swath_pass in order) / job.driving_rules.work_speed_mps + sum(turns)
+    first_s, last_s = table.estimate_start_end_s()
+    _, seconds = find_best_order(table.seconds, first_s, last_s, distinct)
+    return job.layout.total_length_m / job.driving_rules.work_speed_mps + seconds

@@ -7,23 +7,18 @@ once; dynamic programming over the two directions settles how each is driven, so
 
 The moves are those of Or (1976) and Lin (1965): a run of swaths is reversed, or taken out and put in elsewhere in
 either direction, with what lies between reversed or not. Tables of least seconds between any two places of the order
-make every move cheap to evaluate. When no move helps, two runs are swapped at random and the search continues (iterated
-local search, Lourenco, Martin and Stutzle 2003).
+make every move cheap to evaluate. The search ends where no move helps.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.sequencing.directed_bounds import bound_by_pass_prices
-from strategies.sequencing.tour_bounds import bound_by_swath_prices, compute_least_between_s, find_best_order
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
-from vehicle.model.gnss import draw_uniform
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -33,15 +28,11 @@ MAX_RUN_SWATHS = 10  # swaths in the shorter of two runs that are swapped; any n
 MAX_MOVE_SWATHS = 40  # swaths in both together
 MIN_GAIN_S = 1e-7
 MAX_STARTS = 3
-MAX_PROVEN_SWATHS = 16  # swaths: 0.04 s, and twice as long for every further swath
-BOUND_TOLERANCE = 2e-4  # an order this close to its bound, relatively, counts as the best
 # NumPy's numbers: for every Python constant passed on, the called function would be compiled once more.
 PLACE_0: Any = np.int64(0)
 NOWHERE: Any = np.int64(-1)
 NOT_REVERSED: Any = np.int64(0)  # how two runs are swapped: `_swap_runs`
 SECOND_REVERSED: Any = np.int64(2)
-KICK_BUDGET, MIN_KICKS = 500, 3  # kicks times swaths: a kick takes 1 ms for 20 swaths, 50 ms for 300
-MORE_KICKS_BUDGET, MAX_MORE_KICKS = 600_000, 300  # kicks times the square of the swaths, for an order that is kept
 
 
 @compile_function
@@ -232,166 +223,47 @@ def _improve_order(order, turns, first, last, onward, backward, shortest, head, 
 
 
 @compile_function
-def search_tour(start, turns, first, last, kicks, enough, seed, between):  # type: ignore[no-untyped-def]
-    """The best order (n,) of swaths found from `start` with at most `kicks` kicks, and its seconds.
+def search_tour(start, turns, first, last, between):  # type: ignore[no-untyped-def]
+    """The order (n,) of swaths found from `start` when no move helps any more, and its seconds.
 
-    Stops when an order takes no more than `enough` seconds. `between` (n + 1, n + 1) is from
-    tour_bounds.compute_least_between_s.
+    `between` (n + 1, n + 1) is from `compute_least_between_s`.
     """
     n = len(start)
     onward, backward = np.empty((n, min(n, MAX_MOVE_SWATHS), 2, 2)), np.empty((n, min(n, MAX_MOVE_SWATHS), 2, 2))
     shortest, head, tail = np.empty((n, min(n, MAX_MOVE_SWATHS), 2)), np.empty((n, 2)), np.empty((n, 2))
-    order, best_order = start.copy(), start.copy()
-    due = np.ones(n, dtype=np.bool_)
-    best_s = np.inf
-    for kick in range(kicks + 1):
-        cost = _improve_order(order, turns, first, last, onward, backward, shortest, head, tail, due, between)
-        if cost < best_s - MIN_GAIN_S:
-            best_s = cost
-            copy_row(order, best_order)
-        else:
-            copy_row(best_order, order)
-        if n < 4 or best_s <= enough:
-            break
-        # Swap two neighbouring runs at a random place.
-        i = int(draw_uniform(seed, 3 * kick) * (n - 2))
-        j = i + int(draw_uniform(seed, 3 * kick + 1) * min(MAX_RUN_SWATHS, n - 2 - i))
-        m = j + 1 + int(draw_uniform(seed, 3 * kick + 2) * min(MAX_RUN_SWATHS, n - 1 - j))
-        _swap_runs(order, i, j, m, NOT_REVERSED)
-        due[max(i - MAX_MOVE_SWATHS, 0) : min(m + 2, n)] = True
-    return best_order, best_s
+    order, due = start.copy(), np.ones(n, dtype=np.bool_)
+    seconds = _improve_order(order, turns, first, last, onward, backward, shortest, head, tail, due, between)
+    return order, seconds
 
 
 @compile_function
-def _choose_directions(order, turns, first, last):  # type: ignore[no-untyped-def]
-    """The passes (n,) that drive an order of swaths in the least seconds, by dynamic programming."""
-    n = len(order)
-    before = np.zeros((n, 2), dtype=np.int64)
-    seconds_now = np.array([first[2 * order[0]], first[2 * order[0] + 1]])
-    for k in range(1, n):
-        seconds_next = np.empty(2)
-        for d in range(2):
-            q = 2 * order[k] + d
-            from_forward, from_backward = (
-                seconds_now[0] + turns[2 * order[k - 1], q],
-                seconds_now[1] + turns[2 * order[k - 1] + 1, q],
-            )
-            before[k, d] = 0 if from_forward <= from_backward else 1
-            seconds_next[d] = min(from_forward, from_backward)
-        seconds_now = seconds_next
-    z = 2 * order[n - 1]
-    direction = 0 if seconds_now[0] + last[z] <= seconds_now[1] + last[z + 1] else 1
-    passes = np.empty(n, dtype=np.int64)
-    for k in range(n - 1, -1, -1):
-        passes[k] = 2 * order[k] + direction
-        direction = before[k, direction]
-    return passes
+def sum_order_s(order, turns, first, last) -> float:  # type: ignore[no-untyped-def]
+    """Least seconds of an order of swaths (n,) over all directions."""
+    v0, v1 = first[2 * order[0]], first[2 * order[0] + 1]
+    for k in range(1, len(order)):
+        v0, v1 = _time_step_to_swath(v0, v1, order[k - 1], order[k], turns)
+    z = 2 * order[len(order) - 1]
+    return min(v0 + last[z], v1 + last[z + 1])  # type: ignore[no-any-return]
 
 
-def compute_order_seconds(order: Ints, turns: Floats, first: Floats, last: Floats) -> float:
-    """Least seconds of an order of swaths over all directions."""
-    return TurnSeconds(turns, first, last).sum_order(_choose_directions(order, turns, first, last))
+def compute_least_between_s(turns: Floats, first: Floats, last: Floats) -> Floats:
+    """Least seconds between any two of n swaths and the node of start and end, symmetric (n + 1, n + 1)."""
+    n = len(first) // 2
+    blocks = turns.reshape(n, 2, n, 2).min(axis=(1, 3))
+    least_s = np.full((n + 1, n + 1), np.inf)
+    least_s[:n, :n] = np.minimum(blocks, blocks.T)
+    end_times_s = np.minimum(first, last).reshape(n, 2).min(axis=1)
+    least_s[n, :n] = least_s[:n, n] = end_times_s
+    np.fill_diagonal(least_s, np.inf)
+    return least_s
 
 
-class TurnSeconds(NamedTuple):
-    """Seconds of the turns between the passes of n swaths (2 n, 2 n), before the first and after the last (2 n,)."""
-
-    turns: Floats
-    first: Floats
-    last: Floats
-
-    def sum_order(self, passes: Ints) -> float:
-        """Seconds of an order of passes (n,)."""
-        return float(self.first[passes[0]] + self.turns[passes[:-1], passes[1:]].sum() + self.last[passes[-1]])
-
-
-@dataclass(frozen=True, eq=False)
-class Tour:
-    """Passes (n,) in order, the seconds of the paths between them, and a lower bound for every order.
-
-    `times` are set as long as a better bound may be found from them.
-    """
-
-    passes: Ints
-    seconds: float
-    bound_s: float
-    times: TurnSeconds | None = None
-
-    @property
-    def gap_pct(self) -> float:
-        """By how much another order could be quicker at most, in percent of this one's seconds."""
-        return 100.0 * max(0.0, 1.0 - self.bound_s / self.seconds) if self.seconds > MIN_GAIN_S else 0.0
-
-    def copy_with_bound(self, bound_s: float) -> Tour:
-        """The same with this bound if it is better."""
-        return replace(self, bound_s=min(max(self.bound_s, bound_s), self.seconds))
-
-
-def find_best_tour(
-    turns: Floats,
-    first: Floats,
-    last: Floats,
-    starts: list[list[int]],
-    seed: int = 1,
-    *,
-    kicked: bool = True,
-    proven: bool = True,
-    bounded: bool = True,
-) -> Tour:
-    """The best order of swaths found from several starts; the same for the same input and seed.
-
-    Each start is improved until no move helps; the best is then kicked, more often for few swaths, until it is as good
-    as its bound or the kicks are used up. Without `kicked` the search stops there and nothing is proven. Without
-    `proven` the best order of few swaths is not computed, without `bounded` the bound is that of the search alone
-    (`sharpen_bound`).
-    """
+def find_best_order(turns: Floats, first: Floats, last: Floats, starts: list[list[int]]) -> tuple[Ints, float]:
+    """The best order (n,) of swaths found from the most promising of some starts, and its seconds."""
     # Contiguous arrays only: the search is compiled for every memory layout it is given.
     turns, first, last = (np.ascontiguousarray(given) for given in (turns, first, last))
     between = compute_least_between_s(turns, first, last)
-    promising = sorted(
-        (np.array(start) for start in starts), key=lambda start: compute_order_seconds(start, turns, first, last)
-    )
-    orders = [search_tour(start, turns, first, last, 0, -np.inf, seed, between) for start in promising[:MAX_STARTS]]
+    promising = sorted((np.array(start) for start in starts), key=lambda start: sum_order_s(start, turns, first, last))
+    orders = [search_tour(start, turns, first, last, between) for start in promising[:MAX_STARTS]]
     order, seconds = min(orders, key=lambda result: result[1])
-    if not kicked:
-        return Tour(_choose_directions(order, turns, first, last), float(seconds), 0.0)
-    bound = bound_by_swath_prices(between, seconds - MIN_GAIN_S) if len(order) > 1 else seconds
-    enough = bound * (1.0 + BOUND_TOLERANCE)
-    if seconds > enough and len(order) > 3:
-        kicks = max(MIN_KICKS, KICK_BUDGET // len(order))
-        order, seconds = search_tour(order, turns, first, last, kicks, enough, seed, between)
-    passes = _choose_directions(order, turns, first, last)
-    if proven and seconds > enough and 3 < len(order) <= MAX_PROVEN_SWATHS:
-        return _prove_best(turns, first, last, Tour(passes, float(seconds), float(bound)))
-    times = TurnSeconds(turns, first, last) if len(order) > 1 else None
-    best = Tour(passes, float(seconds), float(min(bound, seconds)), times)
-    return sharpen_bound(best) if bounded else best
-
-
-def sharpen_bound(tour: Tour) -> Tour:
-    """The tour with a better bound if its own leaves a large gap: milliseconds, 0.2 s for 300 swaths."""
-    if tour.times is None or tour.seconds <= tour.bound_s * (1.0 + BOUND_TOLERANCE):
-        return tour
-    return tour.copy_with_bound(bound_by_pass_prices(*tour.times, tour.seconds - MIN_GAIN_S).bound_s)
-
-
-def search_tour_again(tour: Tour, seed: int = 1) -> Tour:
-    """The tour after many more kicks, for an order that is kept: tenths of a second."""
-    if tour.times is None:
-        return tour
-    kicks = min(MAX_MORE_KICKS, MORE_KICKS_BUDGET // len(tour.passes) ** 2)
-    enough = tour.bound_s * (1.0 + BOUND_TOLERANCE)
-    between = compute_least_between_s(*tour.times)
-    order, seconds = search_tour(tour.passes // 2, *tour.times, kicks, enough, seed, between)
-    if seconds > tour.seconds - MIN_GAIN_S:
-        return tour
-    return Tour(_choose_directions(order, *tour.times), float(seconds), tour.bound_s, tour.times)
-
-
-def _prove_best(turns: Floats, first: Floats, last: Floats, best: Tour) -> Tour:
-    """The best order of few swaths; the one found if nothing is quicker."""
-    passes = find_best_order(turns, first, last, best.seconds - MIN_GAIN_S)
-    if not len(passes):
-        return Tour(best.passes, best.seconds, best.seconds)
-    seconds = TurnSeconds(turns, first, last).sum_order(passes)
-    return Tour(passes, seconds, seconds)
+    return order, float(seconds)

@@ -125,7 +125,7 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
         elif direct is not None:
             legs += build_move(table, goal.node, direct)
     legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
-    return MissionWithStops(make_mission(legs).legs, tuple(placed), tuple(range(len(legs))))
+    return MissionWithStops(make_mission(legs).legs, tuple(placed))
 
 
 def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: bool) -> list[Leg]:

@@ -1,4 +1,4 @@
-"""A plan with service stops: each tractor's own stops, and who is served first if only one is served at a time.
+"""Who is served first if only one is served at a time, and what the notes of a plan hold of its stops.
 
 Also stops for a plan that changes while it is driven: existing stops stay, and work taken over from others gets its
 own. A plan does not say what a tractor carries; the most work that any of its tractors does with one load is taken as a
@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
 from strategies.program.field_job import FieldJob
-from strategies.program.legs import make_mission
 from strategies.program.supply import HEADLAND, PLACE, Supply
 from strategies.service_stops.stops import (
     SERVICE_CLEAR_M,
@@ -25,7 +22,6 @@ from strategies.service_stops.stops import (
     LoadPiece,
     MissionWithStops,
     ServiceStop,
-    add_stops,
     add_stops_in_gaps,
     find_waiting_leg,
     split_into_pieces,
@@ -33,38 +29,6 @@ from strategies.service_stops.stops import (
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
-
-
-def add_service_stops(job: FieldJob, plan: Plan, *, side_by_side: bool = False, staggered: bool = True) -> Plan:
-    """The plan with all stops of its tractors, listed in the note `refills`, none if one load is enough for each.
-
-    The note `collects` says whether tanks are emptied instead of filled, `service` whether batteries are charged
-    ("charge") or changed ("change") there. With `staggered` a tractor takes into account
-    when those before it are served, if only one is served at a time. Tractors that work `side_by_side` are served on
-    the headland, where the others wait at their gates until all are in place. Raises StrategyError if a tractor cannot
-    be served in time, or a formation would have to part for it.
-    """
-    supply = job.supply
-    if supply is None:
-        return plan
-    stopped_missions: list[MissionWithStops] = []
-    for mission in plan.missions:
-        busy_spans = (
-            [span for stopped_mission in stopped_missions for span in stopped_mission.service_spans_s]
-            if supply.one_at_a_time and staggered
-            else []
-        )
-        stopped_missions.append(add_stops(job, supply, mission, busy_spans))
-    if not any(stopped_mission.stops for stopped_mission in stopped_missions):
-        return replace(plan, notes={**plan.notes, "refills": []})
-    if side_by_side and job.tractors > 1 and supply.one_at_a_time:
-        raise StrategyError(explain_no_service(job, supply))
-    legs = [_renumber_gates(stopped_mission.legs, stopped_missions) for stopped_mission in stopped_missions]
-    if supply.one_at_a_time and job.tractors > 1:
-        add_queue_gates(legs, [stopped_mission.stops for stopped_mission in stopped_missions], supply)
-    notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
-    notes |= build_stop_notes(stopped_missions, supply)
-    return Plan(tuple(make_mission(stopped_mission) for stopped_mission in legs), notes)
 
 
 def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Supply) -> dict[str, Any]:
@@ -80,16 +44,6 @@ def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Suppl
     return notes if supply.service == REFILL else {**notes, "service": supply.service}
 
 
-def explain_no_service(job: FieldJob, supply: Supply) -> str:
-    """Why a formation works without service stops, and what helps."""
-    hectares = supply.capacity / supply.rate_per_m2 / 1e4
-    return (
-        f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} "
-        f"lasts for {hectares:.3g} ha of its share; {supply.service} on the headland, use split-field or interleaved, "
-        f"or a larger {'tank' if supply.service == REFILL else 'battery'}."
-    )
-
-
 def _build_stop_entries(number: int, stopped_mission: MissionWithStops) -> list[dict[str, float | int]]:
     """The stops of a tractor for the notes of a plan: tractor from 1, leg from 0, amount, place in metres."""
     entries: list[dict[str, float | int]] = []
@@ -97,27 +51,6 @@ def _build_stop_entries(number: int, stopped_mission: MissionWithStops) -> list[
         x, y = stopped_mission.legs[stop.leg].points[0].tolist()
         entries.append({"tractor": number + 1, "leg": stop.leg, "amount": round(stop.amount, 3), "x_m": x, "y_m": y})
     return entries
-
-
-def _renumber_gates(legs: Sequence[Leg], stopped_missions: Sequence[MissionWithStops]) -> list[Leg]:
-    """Legs whose gates and follow orders use the new leg numbers of the other tractors."""
-
-    def renumber_gate(old_gate: LegGate) -> LegGate:
-        new_numbers = stopped_missions[old_gate.tractor].new_numbers
-        is_dropped = old_gate.leg + 1 < len(new_numbers) and new_numbers[old_gate.leg + 1] == new_numbers[old_gate.leg]
-        return replace(old_gate, leg=new_numbers[old_gate.leg], after_m=0.0 if is_dropped else old_gate.after_m)
-
-    return [
-        replace(
-            leg,
-            gates=tuple(renumber_gate(old_gate) for old_gate in leg.gates),
-            follow=leg.follow
-            and replace(leg.follow, leg=stopped_missions[leg.follow.tractor].new_numbers[leg.follow.leg]),
-        )
-        if leg.gates or leg.follow
-        else leg
-        for leg in legs
-    ]
 
 
 @dataclass
@@ -221,18 +154,6 @@ def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
     yield worked_m
 
 
-@dataclass
-class ResumedLoadGaps(LoadGaps):
-    """Gaps of a tractor that is served where tractors of its plan have been served before."""
-
-    known_points: tuple[Pose, ...] = ()
-
-    @cached_property
-    def service_points(self) -> tuple[Pose, ...]:
-        """Where tractors stand at a fixed place."""
-        return self.known_points
-
-
 def add_stops_for_taken_work(
     job: FieldJob, supply: Supply, legs: Sequence[Leg], own_legs: int, service_points: tuple[Pose, ...] = ()
 ) -> list[Leg]:
@@ -251,13 +172,8 @@ def add_stops_for_taken_work(
     # A swath that is worked without a break is not interrupted half-way.
     fixed_legs = max([fixed_legs, *(piece.end_leg for piece in begun_pieces)])
     used_load = math.fsum(piece.need for piece in begun_pieces)
-    gaps = ResumedLoadGaps(
-        job,
-        supply,
-        tail,
-        [LoadPiece(0, fixed_legs, min(used_load, supply.capacity)), *later_pieces],
-        known_points=service_points,
-    )
+    begun = LoadPiece(0, fixed_legs, min(used_load, supply.capacity))
+    gaps = LoadGaps(job, supply, tail, [begun, *later_pieces], service_points)
     return [*legs[:last_stop_leg], *add_stops_in_gaps(gaps).legs]
 
 

@@ -1,91 +1,36 @@
-"""The missions of a plan with stops at which tanks are refilled or emptied, whatever strategy wrote it.
+"""Stops at which tanks are refilled or emptied in the legs of a tractor whose plan changes while it is driven.
 
 Between two pieces of work (swaths, sides of headland passes or parts of a long one) a tractor may fetch its next load:
-at a place near the edge of the field, along which it stands in one direction or the other, or it is served where it
-stands.
+at a place in which tractors of its plan stand, or it is served where it stands.
 
-Which stops are cheapest is settled exactly for the order of the plan. The cost of a stop in a gap between pieces need
-not be known for every gap: it is bounded from below first, and computed when the cheapest stops would use it. If others
-are served before, the tractor waits as well; who comes sooner is never served later, so the least time to every gap is
-enough to know.
+Which stops are cheapest is settled exactly for the order of the legs. The cost of a stop in a gap between pieces need
+not be known for every gap: it is bounded from below first, and computed when the cheapest stops would use it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate, pairwise
-
-import shapely
+from itertools import pairwise
 
 from strategies.headland.raised_paths import find_raised_path
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.paths import DrivePath, Pose, make_straight_path, shift_pose_ahead
+from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs
 from strategies.program.supply import PLACE, Supply
 from vehicle.missions.plan import DRIVE_IN, HEADLAND_PASS, REFILL, ROUTE, TURN, Leg, LegTask, Mission
 
-EDGE_INSETS_M = (0.5, 0.05)  # from the edge of the free region, so that a path along a bent edge fits
-STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
-ROOM_RADII = 1.0  # radii straight before and behind
-
-
-def find_service_points(job: FieldJob) -> tuple[Pose, ...]:
-    """The poses to stand in, one for each direction along the edge; none if the field has no room."""
-    place = None if job.supply is None else job.supply.place
-    edge = None if place is None else _find_nearest_edge(job, shapely.Point(place))
-    if edge is None:
-        return ()
-    place_m, step_m = float(edge.project(shapely.Point(place))), STEP_RADII * job.driving_rules.radius_m
-    candidate_poses = (_find_service_point(job, edge, place_m, hand, step_m) for hand in (1, -1))
-    return tuple(pose for pose in candidate_poses if pose is not None)
-
-
-def _find_nearest_edge(job: FieldJob, place: shapely.Point) -> shapely.LinearRing | None:
-    """The ring nearest to a place on which the guided point has a little room to spare."""
-    for inside_m in EDGE_INSETS_M:
-        parts = shapely.get_parts(job.connector.free.buffer(-inside_m))
-        rings = [ring for part in parts if not part.is_empty for ring in (part.exterior, *part.interiors)]
-        if rings:
-            return min(rings, key=lambda ring: round(float(ring.distance(place)), 3))
-    return None
-
-
-def _find_service_point(
-    job: FieldJob, edge: shapely.LinearRing, place_m: float, hand: int, step_m: float
-) -> Pose | None:
-    """The pose along the edge nearest to a place, in one direction, with room before and behind; None for none."""
-    room_m = ROOM_RADII * job.driving_rules.radius_m
-    for number in sorted(range(-STEP_COUNT, STEP_COUNT + 1), key=abs):
-        pose = _get_edge_pose(edge, (place_m + number * step_m) % edge.length, hand)
-        if job.connector.fits(make_straight_path(shift_pose_ahead(pose, -room_m), 2.0 * room_m)):
-            return pose
-    return None
-
-
-def _get_edge_pose(edge: shapely.LinearRing, distance_m: float, hand: int) -> Pose:
-    point = edge.interpolate(distance_m)
-    a, b = (edge.interpolate((distance_m + off) % edge.length) for off in (-0.5, 0.5))
-    return point.x, point.y, math.atan2(hand * (b.y - a.y), hand * (b.x - a.x))
-
-
 LOAD_TOLERANCE = 1e-9  # of a load: rounding of sums
 COST_TOLERANCE_S = 1e-6
-WaitEstimate = Callable[[int, float], float]
-"""Seconds that a tractor waits to be served in a gap, given the seconds taken by stops before it."""
-
-
-def _assume_no_wait(gap: int, later_s: float) -> float:
-    return 0.0
 
 
 def find_cheapest_stops(
-    needs: Sequence[float], costs: Sequence[float], capacity: float, estimate_wait_s: WaitEstimate = _assume_no_wait
+    needs: Sequence[float], costs: Sequence[float], capacity: float
 ) -> tuple[float, tuple[int, ...]] | None:
-    """The least sum of costs and waits, and the pieces before which the tank is refilled; None if no stops are enough.
+    """The least sum of costs, and the pieces before which the tank is refilled; None if no stops are enough.
 
     `costs[k]` is for a stop before piece k; the first load is whole. Of equal sums the one with later stops is taken.
     """
@@ -94,11 +39,7 @@ def find_cheapest_stops(
     best: list[tuple[float, int]] = [(0.0, 0)] + [(math.inf, 0)] * count
     for end in range(1, count + 1):
         begun_s = best[end - 1][0]
-        stop_s.append(
-            begun_s + costs[end - 1] + estimate_wait_s(end - 1, begun_s)
-            if end > 1 and math.isfinite(begun_s)
-            else begun_s
-        )
+        stop_s.append(begun_s + costs[end - 1] if end > 1 else begun_s)
         load = 0.0
         for start in range(end - 1, -1, -1):
             load += needs[start]
@@ -120,12 +61,11 @@ def find_cheapest_exact_stops(
     least_costs_s: Sequence[float],
     compute_cost_s: Callable[[int], float],
     capacity: float,
-    estimate_wait_s: WaitEstimate = _assume_no_wait,
 ) -> tuple[int, ...] | None:
     """As `find_cheapest_stops`, with costs computed only where their lower bounds do not rule a stop out."""
     costs_s, is_exact = list(least_costs_s), [False] * len(needs)
     while True:
-        cheapest_stops = find_cheapest_stops(needs, costs_s, capacity, estimate_wait_s)
+        cheapest_stops = find_cheapest_stops(needs, costs_s, capacity)
         if cheapest_stops is None:
             return None
         estimated_cuts = [cut for cut in cheapest_stops[1] if not is_exact[cut]]
@@ -135,7 +75,6 @@ def find_cheapest_exact_stops(
             costs_s[cut], is_exact[cut] = compute_cost_s(cut), True
 
 
-Span = tuple[float, float]
 SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
 WAIT_POINT_STEP_M = 20.0  # between places to wait on the path to a place and back, with several tractors
 NO_PATH_COST_S = 1e6  # cost of a stop that no path leads to
@@ -161,15 +100,10 @@ class ServiceStop:
 
 @dataclass(frozen=True)
 class MissionWithStops:
-    """A mission with its stops; `new_numbers[k]` is the new number of leg k, or of the next one that still exists.
-
-    `service_spans_s` are the times (from, to) at which it is expected to be served.
-    """
+    """The legs of a mission with its stops."""
 
     legs: tuple[Leg, ...]
     stops: tuple[ServiceStop, ...]
-    new_numbers: tuple[int, ...]
-    service_spans_s: tuple[Span, ...] = ()
 
 
 def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[LoadPiece]:
@@ -193,60 +127,18 @@ def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[L
 
 @dataclass
 class LoadGaps:
-    """What a stop costs in the gaps between the pieces of a mission."""
+    """What a stop costs in the gaps between the pieces of a mission; at a place tractors stand in `service_points`."""
 
     job: FieldJob
     supply: Supply
     mission: Mission
     pieces: list[LoadPiece]
-    busy_spans: Sequence[Span] = ()
+    service_points: tuple[Pose, ...]
 
     @cached_property
     def stop_s(self) -> float:
         """How long a stop takes in the mean (s)."""
         return self.supply.estimate_stop_s(math.fsum(piece.need for piece in self.pieces))
-
-    @cached_property
-    def leg_finishes_s(self) -> list[float]:
-        """When each leg is finished at its own speed, without any stop (s)."""
-        return list(accumulate(leg.stand_s + leg.length_m / leg.speed_mps for leg in self.mission.legs))
-
-    def find_service_span(self, gap: int, later_s: float) -> Span:
-        """When a tractor is served in a gap (from, to; s), given the delay by stops before."""
-        service_s, begin = (
-            self._estimate_service_s(gap),
-            self.leg_finishes_s[self.pieces[gap - 1].end_leg - 1] + later_s,
-        )
-        for first, last in sorted(self.busy_spans):
-            if first < begin + service_s and begin < last:
-                begin = last
-        return begin, begin + service_s
-
-    def compute_wait_s(self, gap: int, later_s: float) -> float:
-        """How long a tractor waits for its turn in a gap (s)."""
-        if not self.busy_spans:
-            return 0.0
-        return self.find_service_span(gap, later_s)[0] - self.leg_finishes_s[self.pieces[gap - 1].end_leg - 1] - later_s
-
-    def _estimate_service_s(self, gap: int) -> float:
-        """How long a tractor blocks the service (s): at a place from where it waits until it is clear of it."""
-        if self.supply.served_at != PLACE:
-            return self.stop_s
-        x, y, _ = self.get_end_poses(gap)[0]
-        flight_m = min(math.dist((x, y), spot[:2]) for spot in self.service_points)
-        return self.stop_s + (flight_m + SERVICE_CLEAR_M) / self.job.driving_rules.turn_speed_mps
-
-    @cached_property
-    def service_points(self) -> tuple[Pose, ...]:
-        """Where a tractor stands at a fixed place."""
-        if self.supply.served_at != PLACE:
-            return ()
-        points = find_service_points(self.job)
-        if not points:
-            raise StrategyError(
-                f"{_describe_place(self.supply)} has no room beside it for a tractor to stand; use another."
-            )
-        return points
 
     def get_end_poses(self, gap: int) -> tuple[Pose, Pose]:
         """Poses at the end of the piece before a gap and at the beginning of the piece after it."""
@@ -299,26 +191,16 @@ def find_service_path(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
     return job.find_path(a, b) or find_raised_path(job, a, b, allow_rim=True)
 
 
-def add_stops(job: FieldJob, supply: Supply, mission: Mission, busy_spans: Sequence[Span] = ()) -> MissionWithStops:
-    """The mission with its cheapest stops; others are served during `busy_spans`, and it waits until they are done.
-
-    Raises StrategyError if no stops are enough or no path leads there.
-    """
-    return add_stops_in_gaps(LoadGaps(job, supply, mission, split_into_pieces(job, supply, mission), busy_spans))
-
-
 def add_stops_in_gaps(gaps: LoadGaps) -> MissionWithStops:
-    """The mission of these gaps with its cheapest stops; raises StrategyError as `add_stops` does."""
+    """The mission with its cheapest stops; raises StrategyError if none are enough or no path leads there."""
     job, supply, mission, pieces = gaps.job, gaps.supply, gaps.mission, gaps.pieces
     needs = [piece.need for piece in pieces]
     if supply.is_enough(sum(needs)):
-        return MissionWithStops(mission.legs, (), tuple(range(len(mission.legs))))
+        return MissionWithStops(mission.legs, ())
     if max(needs) > supply.capacity:
         raise StrategyError(supply.explain_small_load(max(needs)))
     least_costs_s = [gaps.bound_stop_cost_s(gap) for gap in range(len(pieces))]
-    stop_gaps = find_cheapest_exact_stops(
-        needs, least_costs_s, gaps.compute_stop_cost_s, supply.capacity, gaps.compute_wait_s
-    )
+    stop_gaps = find_cheapest_exact_stops(needs, least_costs_s, gaps.compute_stop_cost_s, supply.capacity)
     if stop_gaps is None or any(gaps.compute_stop_cost_s(gap) >= NO_PATH_COST_S for gap in stop_gaps):
         raise StrategyError(
             f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads to "
@@ -340,43 +222,22 @@ def _insert_stop_legs(gaps: LoadGaps, cuts: Sequence[int]) -> MissionWithStops:
     old_legs, pieces = gaps.mission.legs, gaps.pieces
     legs: list[Leg] = []
     stops: list[ServiceStop] = []
-    new_numbers: list[int] = []
     legs_done = 0  # old legs that are written
     amounts = gaps.supply.list_amounts(
         [math.fsum(piece.need for piece in pieces[first:end]) for first, end in pairwise([0, *cuts, len(pieces)])]
     )
     for cut, amount in zip(cuts, amounts, strict=True):
-        before, after = pieces[cut - 1], pieces[cut]
-        new_numbers += range(len(legs), len(legs) + before.end_leg - legs_done)
-        legs += old_legs[legs_done : before.end_leg]
+        legs += old_legs[legs_done : pieces[cut - 1].end_leg]
         stop_s = gaps.supply.compute_stop_s(amount)
         legs_to, legs_on = _build_detour(gaps, cut, stop_s)
-        stop_at = len(legs) + len(legs_to)
         least = stops[-1].leg + 1 if stops else 0
-        stops.append(ServiceStop(stop_at, find_waiting_leg(legs, least), amount))
+        stops.append(ServiceStop(len(legs) + len(legs_to), find_waiting_leg(legs, least), amount))
         legs += [*legs_to, *legs_on]
-        legs_done = after.first_leg
-        new_numbers += _renumber_legs_between(gaps.supply, len(legs), after.first_leg - before.end_leg)
+        legs_done = pieces[cut].first_leg
         if not legs_on:
             legs.append(replace(old_legs[legs_done], stand_s=stop_s))
-            new_numbers.append(len(legs) - 1)
             legs_done += 1
-    new_numbers += range(len(legs), len(legs) + len(old_legs) - legs_done)
-    legs += old_legs[legs_done:]
-    return MissionWithStops(tuple(legs), tuple(stops), tuple(new_numbers), tuple(_list_service_spans(gaps, cuts)))
-
-
-def _list_service_spans(gaps: LoadGaps, cuts: Sequence[int]) -> Iterator[Span]:
-    """When the stops of a tractor are expected (from, to; s)."""
-    later_s = 0.0
-    for cut in cuts:
-        yield gaps.find_service_span(cut, later_s)
-        later_s += gaps.compute_wait_s(cut, later_s) + gaps.compute_stop_cost_s(cut)
-
-
-def _renumber_legs_between(supply: Supply, count: int, between: int) -> list[int]:
-    """Numbers of the legs between two pieces: none of them is driven on the path to a place and back."""
-    return [count] * between if supply.served_at == PLACE else list(range(count - between, count))
+    return MissionWithStops((*legs, *old_legs[legs_done:]), tuple(stops))
 
 
 def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:

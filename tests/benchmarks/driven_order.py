@@ -3,15 +3,14 @@
 The tracks are those that a plan lays along the driver's bearing. A track was worked when the driver was on its strip,
 in its direction, with the implement at work; of several passes over it that count nearly as much the one nearest to its
 line. A driver overlaps, so that there are more passes than tracks, and directions of neighbours do not always alternate
-as the driver's did: each track is driven in the direction that makes the order quickest, the driver's where that is as
-good. What a better order saves is thus told too low rather than too high. Rounds, ways and turns are those of the plan:
-two plans differ in the order of tracks alone.
+as the driver's did: the search drives each track in the direction that makes the order quickest. What a better order
+saves is thus told too low rather than too high. Two plans differ in the order of tracks alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from unittest.mock import patch
 
@@ -23,16 +22,19 @@ from fields.layout.swaths import Swath
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.request.plan_request import PlanRequest
-from strategies.program.field_job import FieldJob, SwathPass
-from strategies.program.legs import build_mission
-from strategies.program.strategy_record import Strategy
+from strategies.lines.work_line import WorkLine
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.build_plan import build_plan
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.waiting_places import StandsInWay
 from strategies.registry import STRATEGIES
-from vehicle.missions.plan import Plan
+from strategies.strategy_record import Strategy
+from vehicle.missions.plan import SWATH, Plan
 
 ALIGNED = math.cos(math.radians(20.0))
 APART_S = 20.0  # away from a strip for longer: another pass over it
 MOSTLY = 0.7  # of the metres of the longest pass over a strip: another one that may have been meant for it
-AGAINST_S = 0.1  # of directions that take as long the driver's are kept
 NAME, PLANNED = "as-driven", "split-field"
 Array = NDArray[np.float64]
 
@@ -76,8 +78,8 @@ def bearing_deg(done: Worked) -> float:
     return math.degrees(mean) % 180.0
 
 
-def taken(track: Swath, done: Worked, width_m: float) -> tuple[float, int] | None:
-    """When a track was worked (mean, s) and in which direction; None where nobody was seen on it."""
+def taken(track: Swath, done: Worked, width_m: float) -> float | None:
+    """When a track was worked (mean, s); None where nobody was seen on it."""
     along = (np.array(track.end_m) - track.start_m) / track.length_m
     offset = done.points - np.array(track.start_m)
     far, aside = offset @ along, offset @ np.array([-along[1], along[0]])
@@ -92,40 +94,31 @@ def taken(track: Swath, done: Worked, width_m: float) -> tuple[float, int] | Non
     metres = [float(done.metres[one].sum()) for one in passes]
     whole = [one for one, long in zip(passes, metres, strict=True) if long >= MOSTLY * max(metres)]
     best = min(whole, key=lambda one: float(np.abs(aside[one]).mean()))
-    return float(done.time_s[best].mean()), 1 if ahead[best].sum() > 0.0 else -1
+    return float(done.time_s[best].mean())
 
 
-def driven_order(tracks: Sequence[Swath], done: Worked, width_m: float) -> list[SwathPass]:
-    """The tracks in the order of the driver; one that nobody was seen on comes after its neighbour, driven back."""
+def driven_order(tracks: Sequence[Swath], done: Worked, width_m: float) -> list[Swath]:
+    """The tracks in the order of the driver; one that nobody was seen on comes after its neighbour."""
     seen = {track: taken(track, done, width_m) for track in tracks}
     known = [track for track in tracks if seen[track] is not None]
     keys = []
     for number, track in enumerate(tracks):
         near = min(known, key=lambda other: (abs(other.line - track.line), other.line), default=track)
-        at, direction = seen[near] or (0.0, 1)
-        away = abs(near.line - track.line)
-        keys.append((at, away, number, SwathPass(track, direction if away % 2 == 0 else -direction)))
+        keys.append((seen[near] or 0.0, abs(near.line - track.line), number, track))
     return [key[3] for key in sorted(keys, key=lambda key: key[:3])]
 
 
-def quickest_way(order: Sequence[SwathPass], seconds: Callable[[SwathPass, SwathPass], float]) -> list[SwathPass]:
-    """The same order with every track in the direction that makes the sum of `seconds` from pass to pass least."""
-    best = (
-        [(AGAINST_S * (way != order[0].direction), [SwathPass(order[0].swath, way)]) for way in (1, -1)]
-        if order
-        else []
-    )
-    for one in order[1:]:
-        ways = [SwathPass(one.swath, way) for way in (1, -1)]
-        best = [
-            min(
-                ((cost + seconds(so_far[-1], way) + AGAINST_S * (way.direction != one.direction), [*so_far, way])
-                 for cost, so_far in best),
-                key=lambda choice: choice[0],
-            )
-            for way in ways
-        ]  # fmt: skip
-    return min(best, key=lambda choice: choice[0])[1] if best else []
+def rank_lines(lines: Sequence[WorkLine], order: Sequence[Swath], headland: str) -> list[int]:
+    """Stages of work lines by which their tracks are worked in an order, and the headland before or after all."""
+    ranks = []
+    for line in lines:
+        pieces = [(rank, one) for rank, one in enumerate(order, start=1) if one.line == line.task.number]
+        middle = line.paths[0].mean(axis=0)
+        if line.task.kind == SWATH:
+            ranks.append(min(pieces, key=lambda piece: math.dist(middle, np.mean(piece[1].points_m, axis=0)))[0])
+        else:
+            ranks.append(0 if headland == HEADLAND_FIRST else len(order) + 1)
+    return ranks
 
 
 def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: NDArray[np.bool_]) -> Driven | None:
@@ -135,17 +128,19 @@ def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: ND
     site = prepare_context(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
     width_m = scenario.width_m
 
-    def build(job: FieldJob) -> Plan:
-        order = quickest_way(driven_order(job.layout.swaths, inner, width_m), job.estimate_turn_time_s)
-        return Plan((build_mission(job, order),), {"strategy": NAME, "tractors": 1})
+    order = driven_order(site.layout.swaths, inner, width_m)
 
-    with patch.dict(STRATEGIES, {NAME: Strategy(NAME, "as the driver drove", build)}):
+    def compose(table: MoveTable, tractors: int, headland: str, stands_in_way: StandsInWay) -> tuple[Programme, Plan]:
+        programme = make_programme(table, tractors, rank_lines(table.lines, order, headland))
+        return programme, build_plan(programme, strategy=NAME, headland=headland or None)
+
+    with patch.dict(STRATEGIES, {NAME: Strategy(NAME, "as the driver drove", compose=compose)}):
         own = _simulated(site, NAME)
     planned = _simulated(site, PLANNED)
     if own is None or planned is None:
         return None
     tracks = site.layout.swaths
-    found = sum(track.length_m for track in tracks if taken(track, inner, width_m))
+    found = sum(track.length_m for track in tracks if taken(track, inner, width_m) is not None)
     return Driven(*own, *planned, found / sum(track.length_m for track in tracks))
 
 

@@ -15,7 +15,6 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_checks import FenceIntrusionCheck, ObstacleIntrusionCheck
 from planner.evaluation.ground.coverage import locate_antenna
 from planner.evaluation.machine_outlines import build_body
-from planner.evaluation.repair.path_deviation import find_turn_deviations
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_SPEED, REC_STEERING
@@ -70,11 +69,21 @@ def find_faults(run: SimulationRun, context: PlanningContext) -> list[FaultPlace
     """The worst excursion, fence crossing, obstacle contact and start beside a line of a run, those that occur."""
     faults = [fault for what, measure in list_measures(context) if (fault := find_worst(run, context, what, measure))]
     if run.outcome == DONE:
-        worst = max(find_turn_deviations(run, context), key=lambda one: one.offset_m, default=None)
-        if worst is not None and worst.offset_m > LOST_M:
-            row = int(np.searchsorted(run.get_leg_numbers(worst.tractor), worst.leg))
-            faults.append(_describe_row(run, context, "start beside line", worst.offset_m, worst.tractor, row))
+        offset_m, tractor, row = max(_iter_starts(run, context), default=(0.0, 0, 0))
+        if offset_m > LOST_M:
+            faults.append(_describe_row(run, context, "start beside line", offset_m, tractor, row))
     return faults
+
+
+def _iter_starts(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[float, int, int]]:
+    """How far beside its line work starts after every interruption (m), with tractor and row."""
+    for tractor, mission in enumerate(run.plan.missions):
+        legs, places = mission.legs, locate_antenna(run.get_poses(tractor), context)
+        for number in range(1, len(legs)):
+            if legs[number].implement and not legs[number - 1].implement:
+                row = int(np.searchsorted(run.get_leg_numbers(tractor), number))
+                line, off = np.diff(legs[number].points[:2], axis=0)[0], places[row] - legs[number].points[0]
+                yield abs(float(line[0] * off[1] - line[1] * off[0])) / math.hypot(*line), tractor, row
 
 
 def list_measures(context: PlanningContext) -> Iterator[tuple[str, Measure]]:

@@ -22,7 +22,7 @@ from pathlib import Path
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates, prune_candidate
+from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates
 from planner.evaluation.context import prepare_context
 from planner.pipeline.ranking import list_candidates
 from planner.request.option_texts import parse_counts
@@ -100,10 +100,7 @@ def _plans(row: Row, where: Field, scenario: PlanRequest, ledger: Ledger) -> Non
     for wave in order_candidates(site, todo):
         known = find_incumbents(results)
         for number in wave:
-            with ledger.book_part("order"):
-                incumbent = known.get(todo[number].tractors)
-                pruned = prune_candidate(site, todo[number], incumbent)
-            results[number] = pruned or simulate_candidate(site, todo[number], incumbent).result
+            results[number] = simulate_candidate(site, todo[number], known.get(todo[number].tractors)).result
             row.plans.append(results[number])
 
 

@@ -4,7 +4,6 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,7 @@ from fields.layout.swaths import Swath
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import prepare_context
 from planner.request.plan_request import PlanRequest
-from strategies.program.field_job import SwathPass
-from tests.benchmarks.driven_order import Worked, bearing_deg, driven_order, quickest_way, taken, worked
+from tests.benchmarks.driven_order import Worked, bearing_deg, driven_order, taken, worked
 from tests.benchmarks.real_jobs import EARTH_M, factor, measured_job, report, spread, stops_s
 from tests.benchmarks.time_logs import ACTIVE_MM, INACTIVE_MM, SPEED, WIDTH, WORK_STATE, read_folder
 
@@ -124,25 +122,11 @@ def test_the_order_of_the_driver_is_found_again_by_hand() -> None:
     tracks = [Swath(number, 0, (0.0, 3.0 * number + 0.4), (100.0, 3.0 * number + 0.4)) for number in range(4)]
     assert bearing_deg(done) == pytest.approx(90.0, abs=1e-6)
     order = driven_order(tracks, done, 3.0)
-    assert [(one.swath.line, one.direction) for one in order] == [(2, 1), (0, -1), (3, 1), (1, -1)]
+    assert [one.line for one in order] == numbers
     beyond = Swath(4, 0, (0.0, 12.4), (100.0, 12.4))
     assert taken(beyond, done, 3.0) is None
     more = driven_order([*tracks, beyond], done, 3.0)
-    assert [(one.swath.line, one.direction) for one in more] == [(2, 1), (0, -1), (3, 1), (4, -1), (1, -1)]
-
-
-def test_directions_are_those_that_are_quickest_for_the_order_and_else_the_drivers() -> None:
-    tracks = [Swath(number, 0, (0.0, 3.0 * number), (100.0, 3.0 * number)) for number in range(4)]
-
-    def seconds(a: SwathPass, b: SwathPass) -> float:
-        end = a.swath.end_m if a.direction > 0 else a.swath.start_m
-        return math.dist(end, b.swath.start_m if b.direction > 0 else b.swath.end_m)
-
-    for ways, best in (((1, 1, 1, 1), None), ((-1, 1, -1, 1), [-1, 1, -1, 1]), ((1, -1, 1, 1), [1, -1, 1, -1])):
-        found = quickest_way([SwathPass(track, way) for track, way in zip(tracks, ways, strict=True)], seconds)
-        assert [one.swath for one in found] == tracks
-        assert sum(seconds(a, b) for a, b in pairwise(found)) == pytest.approx(9.0), "to and fro, 3 m apart"
-        assert best is None or [one.direction for one in found] == best
+    assert [one.line for one in more] == [2, 0, 3, 4, 1]
 
 
 def test_work_across_a_track_and_a_short_visit_do_not_count() -> None:
@@ -153,8 +137,7 @@ def test_work_across_a_track_and_a_short_visit_do_not_count() -> None:
     visit = Worked(done.points[5:9][::-1], -done.steps[5:9][::-1], np.arange(4.0) - 200.0)
     both = Worked(*(np.concatenate(pair) for pair in zip(
         (visit.points, visit.steps, visit.time_s), (done.points, done.steps, done.time_s), strict=True)))  # fmt: skip
-    at, direction = taken(track, both, 3.0) or (math.nan, 0)
-    assert at == pytest.approx(49.5) and direction == 1
+    assert taken(track, both, 3.0) == pytest.approx(49.5)
 
 
 def test_only_long_stops_are_taken_off() -> None:

@@ -35,7 +35,7 @@ def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
     assert list(answer) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "prices_assumed", "unmet", "shortfalls", "parts", "changes", "pull", "remarks", "ground", "summary",
+        "prices_assumed", "unmet", "shortfalls", "parts", "pull", "remarks", "ground", "summary",
     ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
@@ -242,13 +242,13 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_
 
 BEGINS = """
 import sys
-import planner.pipeline.plan_repairs as plan_repairs
+import planner.pipeline.candidate_evaluations as candidate_evaluations
 from planner.cli.main import main
-iter_outcomes = plan_repairs.iter_outcomes
+iter_outcomes = candidate_evaluations.iter_outcomes
 def told(*arguments):
     print("simulating", file=sys.stderr, flush=True)
     return iter_outcomes(*arguments)
-plan_repairs.iter_outcomes = told
+candidate_evaluations.iter_outcomes = told
 main()
 """
 """The command, which says on standard error that it begins to simulate."""

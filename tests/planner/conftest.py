@@ -3,18 +3,15 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import pytest
 import shapely
 
 from fields import Field
-from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
-from vehicle.missions.plan import Plan
-from vehicle.missions.run import SimulationRun
 
 
 def moved(field: Field, move: Callable[[Any], Any]) -> Field:
@@ -73,17 +70,3 @@ def evaluate_once() -> Callable[..., PlanResult]:
         return cached(id(site), strategy, tractors)
 
     return result
-
-
-@pytest.fixture
-def meeting(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
-    """Plans that would have been driven: in all of them tractors meet, and there is one order of tracks."""
-    driven: list[Plan] = []
-
-    def meets(*given: Any) -> CandidateRun:
-        driven.append(given[3].plan)
-        return CandidateRun(cast(SimulationRun, None), "tractors meet", "none", None)
-
-    monkeypatch.setattr("planner.evaluation.candidates.evaluate._run_plan", meets)
-    monkeypatch.setattr("planner.evaluation.candidates.evaluate.list_other_orders", lambda *_: ())
-    return driven

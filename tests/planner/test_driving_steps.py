@@ -13,7 +13,7 @@ from planner.evaluation.context import PlanningContext
 from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps, name_swaths
 from strategies.path_planning.connector import Connector
 from strategies.program.field_job import SwathPass
-from strategies.program.legs import get_path_legs
+from strategies.program.legs import build_path_legs
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
@@ -124,7 +124,7 @@ def test_turns_are_called_as_they_were_planned(place: Any, kind: str) -> None:
     a, b = SwathPass(by_line[6], 1), SwathPass(by_line[6 + over], -1)
     path = connector.connect_directly(job.get_exit_pose(a), job.get_entry_pose(b))
     assert path is not None and path.kind == kind
-    assert _classify_turn(get_path_legs(job, path, b.swath)) == kind
+    assert _classify_turn(build_path_legs(job, path, LegTask("turn", b.swath.line))) == kind
 
 
 def test_a_way_that_hardly_bends_has_no_shape() -> None:

@@ -17,7 +17,7 @@ from planner.errors import RequestError
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.variants import find_service_stops
+from planner.evaluation.candidates.service_conflicts import find_service_stops
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground_sentences import describe_ground
 from planner.farm.machines import FarmTractor

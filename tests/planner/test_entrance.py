@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
-from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -15,18 +13,13 @@ import shapely
 
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.variants import build_for_headland_orders
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg
-from strategies.headland.entrance_legs import add_entrance
 from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
-from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
-from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
-from strategies.sequencing.turn_table import TurnTable
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
 from vehicle.missions.run import DONE
@@ -174,29 +167,6 @@ class TestPlan:
         result = driven("split-field", 1).result
         assert result.done_s == pytest.approx(run.work_finish_s) and result.time_s == run.duration_s
 
-    def test_the_straight_way_from_the_gate_to_a_track(self) -> None:
-        """A track that begins straight ahead of the gate: the way in is the line between, and nothing else."""
-        job = replace(site().build_job(1), headland_passes=())
-        begin = (30.0, 12.0)
-        work = Leg(np.array([begin, (30.0, 90.0)]), 1.4, implement=True, task=LegTask("track", 3))
-        away = Leg(np.array([(30.0, 90.0), (30.0, 91.0)]), 1.4)
-        back = replace(job, entrance_lane=replace(job.entrance_lane, edge_pose=(30.0, EDGE_INSET_M, 0.5 * math.pi)))
-        plan = add_entrance(back, Plan((Mission((work, away)),)))
-        paths = [leg for leg in plan.missions[0].legs if leg.task.kind == ENTER]
-        assert math.fsum(leg.length_m for leg in paths) == pytest.approx(12.0 - EDGE_INSET_M, abs=1e-6)
-        assert all(np.allclose(leg.points[:, 0], 30.0) for leg in paths)
-        assert [leg.task.number for leg in paths] == [3] * len(paths)
-
-    def test_whoever_has_most_to_do_comes_in_first(self) -> None:
-        job = site().build_job(3)
-        legs = [
-            Leg(np.array([(10.0 + 20.0 * n, 15.0), (10.0 + 20.0 * n, end)]), 1.0)
-            for n, end in enumerate((50.0, 90.0, 70.0))
-        ]
-        plan = add_entrance(job, Plan(tuple(Mission((leg,)) for leg in legs)))
-        waits = [[gate.tractor for gate in mission.legs[0].gates] for mission in plan.missions]
-        assert waits == [[2], [], [1]]
-
     def test_the_lists_tell_the_ways(self) -> None:
         run = driven("split-field", 3).run
         assert run is not None
@@ -219,42 +189,6 @@ class TestPlan:
         pen = prepare_context(PlanRequest(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))
         result = simulate_candidate(pen, Candidate("split-field", 2)).result
         assert result.feasible, result.reason
-
-
-class TestOrder:
-    def test_begins_and_ends_where_the_ways_to_the_gate_are_short(self) -> None:
-        """The ends of an order of tracks are the ways that would be driven, straight through the gate included."""
-        job = site((60.0, 110.0)).build_job(1)
-        table = TurnTable(job, list(job.layout.swaths))
-        estimated = table.estimate_start_end_s().copy()
-        best = table.find_best_pass_order(list(range(len(job.layout.swaths))), [list(range(len(job.layout.swaths)))])
-        assert job.entrance_lane is not None
-        first, last = table.passes[best.passes[0]], table.passes[best.passes[-1]]
-        way = job.find_path(job.entrance_lane.inner_pose, job.get_entry_pose(first))
-        assert way is not None
-        seconds = job.connector.compute_cost_s(way) + job.entrance_lane.lead_m / job.driving_rules.turn_speed_mps
-        assert table.estimate_start_end_s()[0, best.passes[0]] == pytest.approx(seconds, abs=1e-3)
-        assert table.estimate_start_end_s()[0, best.passes[0]] >= estimated[0, best.passes[0]] - 1e-3
-        middle = np.median(
-            [math.dist(job.get_entry_pose(one)[:2], job.entrance_lane.edge_pose[:2]) for one in table.passes]
-        )
-        assert math.dist(job.get_entry_pose(first)[:2], job.entrance_lane.edge_pose[:2]) < middle
-        assert math.dist(job.get_exit_pose(last)[:2], job.entrance_lane.edge_pose[:2]) < middle
-
-    def test_of_several_has_one_end_at_the_gate_and_one_at_the_headland(self) -> None:
-        """Nobody drives back over the field: before the headland it begins at the gate, after it it ends there."""
-        site = site_at((30.0, 0.0), width_m=2.5, bearing_deg=0.0)
-        job = site.build_job(2)
-        built = build_for_headland_orders(STRATEGIES["split-field"], job, HEADLAND_ORDERS)
-        first = built.plan_after_headland
-        assert first is not None and job.entrance_ends == (True, True)
-        for before, after in zip(built.plan.missions, first.missions, strict=True):
-            assert before.start[1] < 55.0 and after.end[1] < 55.0
-            swaths = [sum(leg.task.kind == SWATH for leg in mission.legs) for mission in (before, after)]
-            assert swaths[0] == swaths[1]
-        assert build_for_headland_orders(STRATEGIES["split-field"], site.build_job(1), HEADLAND_ORDERS) == RefinedPlan(
-            ANY
-        )
 
 
 class TestWithout:

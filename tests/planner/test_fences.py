@@ -21,12 +21,11 @@ from planner.evaluation.ground.contact_checks import (
 from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.machine_outlines import build_body
-from planner.evaluation.repair.path_deviation import MAX_OUTSIDE_M, find_turn_deviations
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import FENCE, OBSTACLE
 from strategies.path_planning.collision_check import CHECK_STEP_M, FenceChecker, MachineBody
 from strategies.path_planning.paths import DrivePath, PathSegment, make_straight_path, merge_segments
-from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
@@ -201,24 +200,9 @@ def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -
     beside = np.array([[59.0, 20.0 - half + 0.3, 0.0]])
     assert check.measure_intrusion_m(beside) == pytest.approx(0.3)
     assert (
-        "touches a hole of the field" in (_find_fault(site, over, find_contact_places(over, site), None) or "")
-        and _find_fault(site, clear, find_contact_places(clear, site), None) is None
+        "touches a hole of the field" in (_find_fault(site, over, find_contact_places(over, site)) or "")
+        and _find_fault(site, clear, find_contact_places(clear, site)) is None
     )
-
-
-def test_a_turn_in_which_a_pond_is_touched_is_one_to_be_cured() -> None:
-    """As much of one as if the field were left by more than is borne."""
-    site = with_pond()
-    tasks = (LegTask(SWATH, 1), LegTask(TURN, 2), LegTask(SWATH, 2))
-    lines = [[(57.0, 10.0 + 10.0 * k), (57.0, 20.0 + 10.0 * k)] for k in range(3)]
-    legs = [
-        Leg(np.array(line), 1.0, implement=task.is_work, task=task) for line, task in zip(lines, tasks, strict=True)
-    ]
-    for east, touches in ((57.0, False), (59.5, True)):
-        run = standing(site, (57.0, 15.0, math.pi / 2), (east, 25.0, 0.0), (57.0, 30.0, math.pi / 2))
-        run.record[:, 0, 5] = [0, 0, 1, 1, 2, 2]
-        (turn,) = find_turn_deviations(replace(run, plan=Plan((Mission(tuple(legs)),))), site)
-        assert turn.is_outside == touches and (turn.offset_m > MAX_OUTSIDE_M) == touches
 
 
 MACHINE = MachineBody(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)

@@ -28,7 +28,6 @@ from planner.evaluation.ground.wheel_traffic import (
     SHORT_SPAN_ROWS,
     TYRE_WIDTH_M,
     FinishedGroundTraffic,
-    compute_charged_s,
     measure_finished_ground_traffic,
     measure_wheel_traffic_m2,
 )
@@ -363,13 +362,6 @@ class TestOverFinished:
         again = across + [(*pose[:3], True) for pose in across[::-1]]
         found = self.over_finished(small_site, self.run(small_site, again))
         assert found.area_m2 == pytest.approx(0.0, abs=1e-6) and found.length_m == pytest.approx(0.0, abs=1e-6)
-
-    def test_it_is_charged_like_missed_ground(self, small_site: Any) -> None:
-        run = self.run(small_site, self.crossing(30.0))
-        worked_m2 = 50.0 * 3.0
-        missed_and_spoilt_m2 = AREA - worked_m2 + self.ONCE
-        seconds = run.duration_s * (1.0 + missed_and_spoilt_m2 / worked_m2)
-        assert compute_charged_s(run, small_site) == pytest.approx(seconds, rel=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
+from planner.evaluation.candidates.line_programme import compose_plans
 from planner.evaluation.context import prepare_context
-from planner.evaluation.repair.path_deviation import find_first_turn_leg, find_first_working_legs
 from planner.request.plan_request import PlanRequest
 from planner.traffic.conflict_repair import _build_passage_gate, _build_turn_end_gate, find_waiting_leg
 from strategies.registry import STRATEGIES
@@ -48,24 +48,14 @@ class Guess:
             turning = turning or not self.down[leg]
         return leg, max(0.0, min(metres, self.lengths[leg] - 0.2))
 
-    def begun(self) -> list[int]:
-        """Working legs after a turn."""
-        return [leg for leg in range(1, self.last + 1) if self.down[leg] and not self.down[leg - 1]]
-
-    def turn_start(self, leg: int) -> int:
-        """First leg of the turn before a working leg."""
-        while leg > 0 and not self.down[leg - 1]:
-            leg -= 1
-        return leg
-
 
 @pytest.fixture(scope="module")
 def plans(wide_site: Any) -> list[Plan]:
     """Plans of every strategy, and some on a field with a notch."""
     notched = prepare_context(PlanRequest(field="U", no_headland=True), SHAPES["U"])
     return [
-        *(strategy.build(wide_site.build_job(count)) for strategy in STRATEGIES.values() for count in (1, 4)),
-        *(STRATEGIES[name].build(notched.build_job(3)) for name in ("split-field", "interleaved")),
+        *(compose_plans(wide_site, one, count)[0].plan for one in STRATEGIES.values() for count in (1, 4)),
+        *(compose_plans(notched, STRATEGIES[name], 3)[0].plan for name in ("split-field", "interleaved")),
     ]
 
 
@@ -89,19 +79,10 @@ class TestTasksSayWhatLegsShow:
                     assert (past.leg, past.after_m) == guess.past(leg, metres)
                     assert turned.leg == guess.turned(leg)
 
-    def test_turns(self, plans: list[Plan]) -> None:
-        for plan in plans:
-            for mission in plan.missions:
-                guess = Guess(mission)
-                assert find_first_working_legs(mission) == guess.begun()
-                assert [find_first_turn_leg(mission, leg) for leg in guess.begun()] == [
-                    guess.turn_start(leg) for leg in guess.begun()
-                ]
-
 
 def test_repairs_wait_at_hold_points_only(wide_site: Any) -> None:
     for name, tractors in (("interleaved", 5), ("split-field", 4)):
-        written = STRATEGIES[name].build(wide_site.build_job(tractors))
+        written = compose_plans(wide_site, STRATEGIES[name], tractors)[0].plan
         repaired = run_candidate(wide_site, Candidate(name, tractors)).run.plan
         for before, after in zip(written.missions, repaired.missions, strict=True):
             for a, b in zip(before.legs, after.legs, strict=True):

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from fields import Field, lay_swaths
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, run_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.layout_choice import (
     MIN_GAIN,
@@ -17,7 +17,7 @@ from planner.evaluation.layout_choice import (
 )
 from planner.request.plan_request import PlanRequest
 from strategies.program.field_job import DrivingRules
-from strategies.registry import STRATEGIES
+from vehicle.missions.plan import SWATH
 
 L = Field("L", shapely.Polygon([(0, 0), (120, 0), (120, 55), (50, 55), (50, 140), (0, 140)]))
 RECTANGLE = Field("r", shapely.box(0, 0, 200, 60))
@@ -63,15 +63,14 @@ def test_headings_are_those_of_the_cells(in_cells: PlanningContext) -> None:
 
 
 def headings(site: PlanningContext) -> list[tuple[Any, float]]:
-    """Every track with the angle of the leg that works it."""
-    by_place = {(track.line, track.piece): track for track in site.layout.swaths}
-    plan = STRATEGIES["split-field"].build(site.build_job(1))
+    """Every track with the angles of the legs that work it."""
+    by_line = {track.line: track for track in site.layout.swaths}
     told = []
-    for leg in plan.missions[0].legs:
-        if leg.implement:
+    for leg in run_candidate(site, Candidate("split-field", 1)).run.plan.missions[0].legs:
+        if leg.task.kind == SWATH:
             (x0, y0), (x, y) = leg.points[0], leg.points[-1]
-            told.append((by_place[leg.task.number, leg.task.piece], math.atan2(y - y0, x - x0)))
-    assert {track for track, _ in told} == set(site.layout.swaths)
+            told.append((by_line[leg.task.number or 0], math.atan2(y - y0, x - x0)))
+    assert {track for track, _ in told} == set(by_line.values())
     return told
 
 

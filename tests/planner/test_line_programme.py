@@ -8,7 +8,7 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.candidates.evaluate import Candidate, _check_programme, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans, describe_left
 from planner.evaluation.candidates.pruning import Incumbent
@@ -103,10 +103,10 @@ def test_no_pole_is_too_small_to_be_seen(half_width_m: float, place: tuple[float
 def test_what_no_machine_may_do_makes_a_programme_infeasible(context: PlanningContext) -> None:
     """The same drive on a field with a mast where it works."""
     driven = drive(context)
-    assert _check_programme(context, driven).reason is None
+    assert _check_run(context, driven).reason is None
     mast = Obstacle("mast", shapely.Point(90.0, 45.0), 1.0, "mast")
     blocked = prepare(Field("with a mast", RECTANGLE, obstacles=(mast,)))
-    checked = _check_programme(blocked, driven)
+    checked = _check_run(blocked, driven)
     assert checked.reason is not None
     assert OBSTACLE in {fault.kind for fault in checked.faults}
 

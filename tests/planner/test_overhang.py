@@ -18,8 +18,8 @@ from planner.evaluation.ground.overhang import measure_overhang
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
-from strategies.headland.pass_legs import get_headland_legs
-from strategies.headland.pass_shares import share_headland
+from strategies.headland.pass_legs import build_headland_legs
+from strategies.headland.pass_shares import list_segments
 from strategies.headland.strips import MAX_MISSED_SHARE
 from strategies.program.field_job import FieldJob
 from tests.examples import seldom
@@ -38,7 +38,7 @@ def work(site: PlanningContext) -> PlanResult:
 
 def list_legs(job: FieldJob) -> tuple[Leg, ...]:
     """The legs of all headland passes, driven by one tractor."""
-    legs = get_headland_legs(job, share_headland(job, outside_in=True)[0])
+    legs = build_headland_legs(job, list_segments(job))
     assert legs is not None
     return legs.legs
 
@@ -69,7 +69,7 @@ def test_a_dear_tip_makes_a_corner_square(lay: Any, monkeypatch: pytest.MonkeyPa
     site = lay()
     rate = site.build_job(1).finishing_rate_s_per_m2
     monkeypatch.setattr(FieldJob, "finishing_rate_s_per_m2", 1000.0 * rate)
-    jobs = (replace(site.build_job(1), corners=one, headland_leg_cache={}) for one in ("auto", "square"))
+    jobs = (replace(site.build_job(1), corners=one) for one in ("auto", "square"))
     auto, square = map(list_legs, jobs)
     assert len(auto) == len(square)
     assert all(np.array_equal(a.points, b.points) for a, b in zip(auto, square, strict=True))

@@ -8,14 +8,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 import shapely
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.variants import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -28,14 +27,8 @@ from planner.risk.monte_carlo import sample_outcomes
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_export import format_ranking_json
-from strategies.program.legs import build_mission
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
-from strategies.sequencing.turn_table import TurnTable
-from strategies.service_stops.load_search import split_into_loads
-from strategies.service_stops.loaded_order import ServiceTrips
-from strategies.service_stops.stop_plan import add_service_stops
-from tests.benchmarks.orders import B_STAR
-from vehicle.missions.plan import SWATH, Plan
+from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 
 RATE, STAND_S, WIDTH_M = 0.3, 90.0, 3.0
@@ -44,7 +37,7 @@ TANK = Supply(300.0, RATE, STAND_S)
 Case = tuple[str, int, str, bool]
 CASES: list[Case] = [
     (HEADLAND, 1, "split-field", True),
-    (HEADLAND, 3, "col-by-col", False),
+    (HEADLAND, 3, "interleaved", False),
     (SERVICE_VEHICLE, 2, "split-field", False),
     ("60,0", 2, "split-field", True),
 ]
@@ -115,8 +108,7 @@ class TestPlans:
     def test_one_is_served_at_a_time_where_only_one_can_be(self, case: Case) -> None:
         found = driven(*case)
         assert found.run is not None
-        job = site_for(case[0], case[3]).build_job(case[1])
-        assert find_service_conflict(found.run, job) is None
+        assert find_service_conflict(found.run, site_for(case[0], case[3]).supply) is None
         if case[0] != HEADLAND:
             stops = find_service_stops(found.run)
             assert all(b.from_s >= a.to_s - 1.0 for a, b in itertools.pairwise(stops))
@@ -201,28 +193,13 @@ def test_the_place_costs_more_than_the_headland_and_a_far_one_more_than_a_near_o
     assert times[0] < times[1] < (wide.result.time_s or 0.0)
 
 
-@pytest.mark.parametrize("refill", [SERVICE_VEHICLE, "30,0"])
+@pytest.mark.parametrize("refill", [HEADLAND, SERVICE_VEHICLE, "30,0"])
 def test_formations_that_would_have_to_part_say_what_helps(refill: str) -> None:
     found = simulate_candidate(site_for(refill), Candidate("row-by-row", 2))
     assert found.run is None and found.result.reason is not None
-    assert "refill on the headland, use split-field or interleaved, or a larger tank" in found.result.reason
+    assert "use split-field or interleaved, or a larger tank" in found.result.reason
     enough = simulate_candidate(site_for(refill, True, replace(TANK, capacity=5000.0)), Candidate("row-by-row", 2))
     assert enough.result.feasible and enough.result.refills == 0
-
-
-@pytest.mark.parametrize(("strategy", "tractors"), [("row-by-row", 2), ("col-by-col", 3), ("row-by-row-optimised", 3)])
-def test_a_formation_waits_on_the_headland_for_those_that_refill(strategy: str, tractors: int) -> None:
-    """It loses the stops of whoever has most at the least, and at the most all of them, one after another."""
-    found, dry = (
-        simulate_candidate(site_for(HEADLAND if tank else None, True, tank), Candidate(strategy, tractors))
-        for tank in (TANK, None)
-    )
-    assert found.result.feasible and dry.result.feasible and found.run is not None
-    stops = [stop["tractor"] for stop in found.run.plan.notes["refills"]]
-    assert len(stops) == found.result.refills and set(stops) == set(range(1, tractors + 1))
-    lost_s = (found.result.time_s or 0.0) - (dry.result.time_s or 0.0)
-    assert 0.95 * max(map(stops.count, stops)) * STAND_S <= lost_s <= 1.05 * len(stops) * STAND_S
-    assert found.run.standing_s.sum() == pytest.approx(len(stops) * STAND_S, abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -288,39 +265,3 @@ def test_an_implement_of_the_farm_carries() -> None:
     drill = FarmImplement(name="drill", capacity=800.0, rate_per_m2=0.02)
     assert drill.build_supply(240.0) == Supply(800.0, 0.02, 240.0)
     assert FarmImplement(name="plough").build_supply(240.0) is None
-
-
-@pytest.mark.slow
-def test_a_plan_in_loads_is_never_dearer_than_the_printed_order() -> None:
-    """24 tracks of 9 m by 216 m in three loads of eight (see tests.benchmarks.orders): driven, both in full physics."""
-    tank = Supply(8 * 9.0 * 216.0 * 0.0016 * 1.001, 0.0016, 60.0)
-    for refill in (HEADLAND, "0,0"):
-        scenario = PlanRequest(
-            field="drawn", width_m=9.0, no_headland=True, headland_m=18.0, bearing_deg=0.0, tractor="mr1000a",
-            refill=refill,
-        )  # fmt: skip
-        site = prepare_context(scenario, Field("drawn", shapely.box(0, 0, 216, 252)), supply=tank)
-        tracks = list(site.layout.swaths)
-        assert len(tracks) == 24 and {round(track.length_m) for track in tracks} == {216}
-        job = site.build_job(1)
-        assert job.supply is not None
-        table = TurnTable(job, tracks)
-        trips = ServiceTrips(job, table, job.supply, list(range(24)))
-        need = np.full(24, 9.0 * 216.0 * 0.0016)
-        printed = split_into_loads(np.array(B_STAR) - 1, trips.build_task(need))
-        while trips.compute_exact_times(printed):
-            printed = split_into_loads(np.array(B_STAR) - 1, trips.build_task(need))
-        plan = add_service_stops(job, Plan((build_mission(job, [table.passes[p] for p in printed.passes]),)))
-        assert [sum(leg.task.kind == SWATH for leg in m.legs) // 2 for m in plan.missions] == [24]
-        theirs = drive(site, plan)
-        ours = simulate_candidate(site, Candidate("split-field", 1))
-        assert ours.result.feasible and ours.result.refills == 2
-        assert (ours.result.time_s or math.inf) <= theirs
-
-
-def drive(site: PlanningContext, plan: Plan) -> float:
-    from vehicle.sim.world import simulate
-
-    run = simulate(plan, site.tractor, site.implement)
-    assert run.outcome == "done"
-    return run.duration_s

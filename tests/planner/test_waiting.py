@@ -1,20 +1,12 @@
-"""Optimised waiting and giving way: never slower, no contact, the same every time."""
+"""Giving way: no contact, the same every time."""
 
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, run_candidate
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.traffic.conflict_repair import can_gates_open, resolve_conflicts
-from strategies.formations.release_times import measure_outline_extents
-from strategies.program.strategy_record import RefinedPlan
-from strategies.registry import STRATEGIES
-from strategies.row_by_row import form_row_by_row
-from strategies.row_by_row_optimised import NOT_QUICKER_REMARK, refine_optimised
-from tests.examples import seldom
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
@@ -27,83 +19,9 @@ def simulate(site: Any, plan: Plan) -> SimulationRun:
     return World(plan, site.tractor, site.implement).run(stop_clearance_m=0.05, max_time_s=8000.0)
 
 
-def test_the_outline_on_the_headland_is_that_of_the_contact_shapes(small_site: Any) -> None:
-    tractor, implement = small_site.tractor, small_site.implement
-    job = small_site.build_job(1)
-    formation = form_row_by_row(job)
-    slot = formation.rounds[1][0]
-    poses = np.array([(4.0, 70.0, turned) for turned in np.radians(np.arange(0.0, 360.0, 2.0))])
-    along, across = measure_outline_extents(job, slot, poses, tractor, implement)
-    body = World(formation.plan, tractor, implement).bodies[0]
-    out, sign = job.compute_heading(slot.swath_pass) + math.pi, 1 if slot.swath_pass.direction > 0 else -1
-    for (x, y, turned), reach, sides in zip(poses, along, across, strict=True):
-        body.position, body.angle = (x, y), turned
-        corners = [body.local_to_world(corner) for shape in body.shapes for corner in shape.get_vertices()]
-        aside = [sign * (c.y * math.cos(out) - c.x * math.sin(out)) for c in corners]
-        assert reach == pytest.approx(max(c.x * math.cos(out) + c.y * math.sin(out) for c in corners))
-        assert sides == pytest.approx((min(aside), max(aside)))
-
-
-class TestOptimised:
-    @pytest.mark.parametrize("tractors", [2, *seldom(3), 5])
-    def test_is_never_slower_than_row_by_row_and_touches_nothing(
-        self, wide_site: Any, evaluate_once: Any, tractors: int
-    ) -> None:
-        plain, timed = (evaluate_once(wide_site, n, tractors) for n in ("row-by-row", "row-by-row-optimised"))
-        assert plain.feasible and timed.feasible, (plain.reason, timed.reason)
-        assert timed.time_s <= plain.time_s
-        assert timed.collisions == 0 and timed.min_clearance_m > 0
-        assert timed.waiting_s <= plain.waiting_s
-
-    def test_gains_where_rows_queue(self, wide_site: Any, evaluate_once: Any) -> None:
-        plain, timed = (evaluate_once(wide_site, n, 5).time_s for n in ("row-by-row", "row-by-row-optimised"))
-        assert timed < 0.95 * plain
-
-    def test_works_what_row_by_row_works(self, wide_site: Any, evaluate_once: Any) -> None:
-        plain, timed = (evaluate_once(wide_site, n, 5) for n in ("row-by-row", "row-by-row-optimised"))
-        assert timed.worked_pct == pytest.approx(plain.worked_pct, abs=0.5)
-
-    def test_is_the_same_every_time(self, wide_site: Any) -> None:
-        twice = []
-        for _ in range(2):
-            refined = refine_optimised(
-                wide_site.build_job(3), lambda p: simulate(wide_site, p), wide_site.tractor, wide_site.implement
-            )
-            twice.append((format_plan(refined.plan), refined.run and refined.run.duration_s))
-        assert twice[0] == twice[1]
-
-    def test_one_tractor_has_nothing_to_optimise(self, wide_site: Any, evaluate_once: Any) -> None:
-        times = {evaluate_once(wide_site, n, 1).time_s for n in ("row-by-row", "row-by-row-optimised", "col-by-col")}
-        assert len(times) == 1
-        optimised, plain = (evaluate_once(wide_site, n, 1).remark for n in ("row-by-row-optimised", "row-by-row"))
-        assert optimised.startswith("a single tractor has nobody to wait for")
-        assert "wait" not in (plain or "") and optimised.endswith(plain or ""), "only the reach over edges may be told"
-
-    def test_a_plan_that_fell_back_says_so(
-        self, wide_site: Any, evaluate_once: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def nothing_quicker(job: Any, run: Any, *_: Any) -> RefinedPlan:
-            plan = form_row_by_row(job).plan
-            return RefinedPlan(plan, run(plan), NOT_QUICKER_REMARK)
-
-        timed = evaluate_once(wide_site, "row-by-row-optimised", 3)
-        slow = replace(STRATEGIES["row-by-row-optimised"], refine=nothing_quicker)
-        monkeypatch.setitem(STRATEGIES, "row-by-row-optimised", slow)
-        fallen = compute_candidate_figures(wide_site, Candidate("row-by-row-optimised", 3))
-        assert "no optimised queue" not in (timed.remark or "") and timed.time_s < fallen.time_s
-        assert fallen.time_s == evaluate_once(wide_site, "row-by-row", 3).time_s
-        assert (fallen.remark or "").startswith("optimised waiting was not quicker: driven as row-by-row")
-
-    def test_a_conflict_on_every_try_falls_back_to_the_plain_queue(self, wide_site: Any) -> None:
-        def clumsy(plan: Plan) -> SimulationRun:
-            run = simulate(wide_site, plan)
-            timed = plan.notes["strategy"] == "row-by-row-optimised"
-            return replace(run, outcome=CONFLICT) if timed else run
-
-        job = wide_site.build_job(3)
-        refined = refine_optimised(job, clumsy, wide_site.tractor, wide_site.implement)
-        assert refined.plan.notes["strategy"] == "row-by-row" and refined.remark == NOT_QUICKER_REMARK
-        assert refined.run is not None and refined.run.outcome == DONE
+def test_one_tractor_has_nobody_to_keep_beside(wide_site: Any, evaluate_once: Any) -> None:
+    times = {evaluate_once(wide_site, n, 1).time_s for n in ("row-by-row", "row-by-row-optimised", "col-by-col")}
+    assert len(times) == 1
 
 
 def leg(*points: tuple[float, float], work: bool = True, hold: bool = False, gates: tuple[LegGate, ...] = ()) -> Leg:

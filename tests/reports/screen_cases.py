@@ -104,11 +104,7 @@ CUT_OFF = replace(
                                   "obstacles."),),
     prices_assumed=True,
 )  # fmt: skip
-NONE_WORKS = replace(
-    DEFAULT,
-    plans=REFUSED[:1] * 6,
-    changes=("a headland of 14 m (--headland 14)", "an implement of 2.5 m (--width 2.5)"),
-)
+NONE_WORKS = replace(DEFAULT, plans=REFUSED[:1] * 6)
 FUEL = replace(
     DEADLINE,
     plans=tuple(replace(plan, fuel_l=29.6 + plan.tractors, fuel_l_per_ha=(29.6 + plan.tractors) / 3.92,

@@ -100,7 +100,7 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "prices_assumed", "unmet", "shortfalls", "parts", "changes", "pull", "remarks", "ground", "summary",
+        "prices_assumed", "unmet", "shortfalls", "parts", "pull", "remarks", "ground", "summary",
     ]  # fmt: skip
     assert data["scenario"] == {} and data["unmet"] is None
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}

@@ -140,9 +140,9 @@ def test_a_finished_sentence_is_found_by_the_key_that_it_was_made_from(brackets:
     sentence = "Obstacles cut off 1.20 ha, which no plan works."
     with use_language("de"):
         assert translate_sentence(sentence) == f"⟦{sentence}⟧"
-        assert translate_sentence("Found to work: myfield.") == "⟦Found to work: myfield.⟧"
+        assert translate_sentence("Feasible: myfield.") == "⟦Feasible: myfield.⟧"
         assert translate_sentence("myfield") == "myfield"
-        long = f"Found to work: {'x, ' * MOST_SENTENCE_CHARS}."
+        long = f"Feasible: {'x, ' * MOST_SENTENCE_CHARS}."
         assert translate_sentence(long) == long
     assert translate_sentence(sentence) == sentence
 

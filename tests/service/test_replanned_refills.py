@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.variants import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import prepare_context
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
@@ -77,7 +77,7 @@ def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     manager.mark_failed("anna", 1, 1.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            replan, "find_service_conflict", lambda run, job: runs.append(run) or find_service_conflict(run, job)
+            replan, "find_service_conflict", lambda run, supply: runs.append(run) or find_service_conflict(run, supply)
         )
         return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
 

@@ -4,22 +4,20 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 import pytest
 import shapely
 from shapely import affinity, box
 
 from fields import Field, Layout, Swath, lay_swaths
 from strategies.path_planning.connector import Connector, TurnCosts
-from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
-from vehicle.missions.plan import Plan
+from strategies.program.field_job import DrivingRules, FieldJob
 
 WIDTH_M, HEADLAND_M, RADIUS_M, TOOL_M = 3.0, 9.0, 4.3, 2.3
 Spans = Sequence[Sequence[tuple[float, float]]]
 
 
 class Jobs:
-    """Ways to make a job, and to see what a plan works."""
+    """Ways to make a job."""
 
     width_m, headland_m, radius_m, tool_m = WIDTH_M, HEADLAND_M, RADIUS_M, TOOL_M
 
@@ -41,14 +39,7 @@ class Jobs:
         layout = lay_swaths(field, WIDTH_M, HEADLAND_M, bearing_deg)
         free = field.boundary.buffer(-0.5 * WIDTH_M, join_style="mitre")
         costs = TurnCosts(1.5, 1.0, 4.0)
-        return FieldJob(
-            layout,
-            self.make_driving_rules(**driving_rules),
-            Connector(free, RADIUS_M, costs),
-            tractors,
-            None,
-            find_starting_corner(layout),
-        )
+        return FieldJob(layout, self.make_driving_rules(**driving_rules), Connector(free, RADIUS_M, costs), tractors)
 
     def rectangle(
         self,
@@ -81,41 +72,6 @@ class Jobs:
         layout = Layout(Field("drawn", outline), bearing_rad, WIDTH_M, HEADLAND_M, swaths, outline)
         connector = Connector(outline, RADIUS_M, TurnCosts(1.5, 1.0, 4.0))
         return FieldJob(layout, self.make_driving_rules(**driving_rules), connector, tractors)
-
-    def worked(self, job: FieldJob, plan: Plan) -> dict[Swath, list[tuple[float, float, int]]]:
-        """For each track the segments worked on it: metres from its start, and the tractor, in order.
-
-        Every working leg must lie on one track and be driven at working speed, the implement `tool_m` behind.
-        """
-        worked: dict[Swath, list[tuple[float, float, int]]] = {swath: [] for swath in job.layout.swaths}
-        for tractor, mission in enumerate(plan.missions):
-            for leg in (leg for leg in mission.legs if leg.implement):
-                assert leg.task.kind == "track" and leg.gear == 1 and leg.speed_mps == job.driving_rules.work_speed_mps
-                ahead = (leg.points[-1] - leg.points[0]) / np.linalg.norm(leg.points[-1] - leg.points[0])
-                bar = leg.points[[0, -1]] - job.driving_rules.tool_m * ahead
-                swath, low, high = self._on_track(job, bar)
-                assert (leg.task.number, leg.task.piece) == (swath.line, swath.piece)
-                worked[swath].append((low, high, tractor))
-        return {swath: sorted(segments) for swath, segments in worked.items()}
-
-    def _on_track(self, job: FieldJob, bar: Any) -> tuple[Swath, float, float]:
-        matches = []
-        for swath in job.layout.swaths:
-            start, end = np.array(swath.start_m), np.array(swath.end_m)
-            along = (end - start) / swath.length_m
-            offset = bar - start
-            place, aside = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
-            if aside.max() < 1e-6 and place.min() > -1e-6 and place.max() < swath.length_m + 1e-6:
-                matches.append((swath, float(place.min()), float(place.max())))
-        assert len(matches) == 1, f"a working leg lies on {len(matches)} tracks"
-        return matches[0]
-
-    def assert_all_once(self, job: FieldJob, plan: Plan) -> None:
-        """Every metre of every track is worked exactly once, each track by one tractor."""
-        for swath, segments in self.worked(job, plan).items():
-            assert len({tractor for _, _, tractor in segments}) == 1
-            edges = [0.0, *(edge for low, high, _ in segments for edge in (low, high)), swath.length_m]
-            assert np.allclose(edges[0::2], edges[1::2], atol=1e-6), f"line {swath.line}: {segments}"
 
 
 @pytest.fixture(scope="session")

@@ -7,9 +7,12 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
@@ -24,12 +27,22 @@ from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from strategies import registry
 from strategies.names import STRATEGY_NAMES, list_entry_points, list_strategy_names
+from strategies.path_planning.errors import StrategyError
 from strategies.registry import STRATEGIES, describe_hidden_strategies, get_strategy
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
 ROOT = Path(__file__).parents[2]
 FACE = ROOT / "planner/cli/alias"
 FIELD = Field("box", shapely.box(0.0, 0.0, 60.0, 90.0))
 Install = Callable[..., Path]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A work line as a deal sees it."""
+
+    task: LegTask
+    length_m: float = 80.0
 
 
 @pytest.fixture
@@ -83,11 +96,12 @@ def test_other_processes_load_it_as_well(blocks: Path) -> None:
     assert elsewhere.feasible and elsewhere == plan(request, field=FIELD, executor=SerialExecutor()).ranking.plans[0]
 
 
-def test_the_blocks_of_the_example_are_neighbours(blocks: Path, jobs: object) -> None:
-    job = jobs.rectangle(6, tractors=3)  # type: ignore[attr-defined]
-    missions = get_strategy("blocks").build(job).missions
-    worked = [[leg.task.number for leg in one.legs if leg.task is not None and leg.task.is_work] for one in missions]
-    assert [sorted(set(lines)) for lines in worked] == [[0, 1], [2, 3], [4, 5]]
+def test_the_blocks_of_the_example_are_neighbours(blocks: Path, jobs: Any) -> None:
+    lines = [Line(LegTask(SWATH, number)) for number in range(6)] + [Line(LegTask(HEADLAND_PASS, 1))]
+    deal = get_strategy("blocks").deal
+    assert deal is not None
+    allowed = deal(lines, jobs.make_driving_rules(), 3).allowed
+    assert allowed[:, :6].tolist() == np.repeat(np.eye(3, dtype=bool), 2, axis=1).tolist() and allowed[:, 6].all()
 
 
 def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
@@ -109,7 +123,7 @@ def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
         ),
         (
             "misnamed",
-            "from headland import Strategy\nSTRATEGY = Strategy('other', 'words', lambda job: None)",
+            "from headland import Strategy\nSTRATEGY = Strategy('other', 'words', lambda *_: None)",
             "broken_misnamed:STRATEGY is no headland.Strategy of that name",
         ),
     ],
@@ -123,8 +137,8 @@ def test_a_broken_one_is_refused_where_it_is_named(install: Install, name: str, 
 
 
 def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Install) -> None:
-    source = "from headland import Strategy\nSTRATEGY = Strategy('faulty', 'words', lambda job: {BODY})"
-    install("faulty_one", source.replace("{BODY}", "1 // 0"), {"faulty": "faulty_one:STRATEGY"})
+    source = "from headland import Strategy\nSTRATEGY = Strategy('faulty', 'words', lambda *_: 1 // 0)"
+    install("faulty_one", source, {"faulty": "faulty_one:STRATEGY"})
     request = PlanRequest(strategies=("faulty", "split-field"), tractors=(1,), width_m=6.0, local=True)
     ranking = plan(request, field=FIELD, executor=SerialExecutor()).ranking
     assert ranking.best is not None and ranking.best.strategy == "split-field"
@@ -133,10 +147,24 @@ def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Insta
 
 
 def test_the_end_of_the_computing_time_is_no_fault_of_a_strategy(install: Install) -> None:
-    source = "from headland import Strategy\nSTRATEGY = Strategy('slow', 'words', lambda job: job())"
+    source = "from headland import Strategy\nSTRATEGY = Strategy('slow', 'words', lambda check, *_: check())"
     install("slow_one", source, {"slow": "slow_one:STRATEGY"})
     with pytest.raises(TimeSpentError):
-        get_strategy("slow").build(TimeShare(-1.0).check)  # type: ignore[arg-type]
+        get_strategy("slow").deal(TimeShare(-1.0).check, None, 1)  # type: ignore[arg-type,misc]
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("None", "TypeError: it gives a NoneType in place of a LineDeal"),
+        ("LineDeal(free_other_lines(lines, 1))", r"ValueError: allowed has the shape \(1, 2\) in place of \(2, 2\)"),
+    ],
+)
+def test_what_is_no_deal_is_a_reason(install: Install, jobs: Any, body: str, words: str) -> None:
+    source = f"from headland import *\nSTRATEGY = Strategy('odd', 'words', lambda lines, *_: {body})"
+    install("odd_one", source, {"odd": "odd_one:STRATEGY"})
+    with pytest.raises(StrategyError, match=f"Strategy 'odd' of the package odd_one failed .{words}"):
+        get_strategy("odd").deal([Line(LegTask(SWATH, 1))] * 2, jobs.make_driving_rules(), 2)  # type: ignore[misc]
 
 
 def test_a_name_of_headland_stays_headlands_and_a_remark_says_so(install: Install) -> None:

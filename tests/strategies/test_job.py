@@ -1,4 +1,4 @@
-"""What a job tells a strategy: poses of passes, estimated turn times, ways, the starting corner."""
+"""What a job tells: poses of passes, estimated turn times, ways."""
 
 import math
 from dataclasses import replace
@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Polygon, box
 
-from fields import Field
 from strategies.path_planning.collision_check import FenceChecker, MachineBody
 from strategies.path_planning.connector import Connector, TurnCosts
-from strategies.program.field_job import FieldJob, SwathPass, find_starting_corner
+from strategies.program.field_job import FieldJob, SwathPass
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(40))
@@ -171,20 +170,3 @@ class TestManyTurns:
         for (p, q), seconds in zip(pairs, found.tolist(), strict=True):
             turn = job.find_turn(starts[p], ends[q])
             assert seconds == pytest.approx(math.inf if turn is None else job.connector.compute_cost_s(turn))
-
-
-class TestStartingCorner:
-    @pytest.mark.parametrize("x", [0.0, 30.0])
-    @pytest.mark.parametrize("y", [0.0, 98.0])
-    def test_is_the_end_of_track_nearest_the_entrance(self, jobs: Any, x: float, y: float) -> None:
-        job = jobs.rectangle(10, 80.0, entrance=(x, y))
-        assert job.corner is not None
-        from_last, direction = job.corner
-        swath = job.layout.swaths[-1 if from_last else 0]
-        start = swath.start_m if direction > 0 else swath.end_m
-        ends = [end for t in job.layout.swaths for end in (t.start_m, t.end_m)]
-        assert math.dist(start, (x, y)) == min(math.dist(end, (x, y)) for end in ends)
-
-    def test_is_open_without_an_entrance(self, jobs: Any) -> None:
-        job = jobs.on_field(Field("f", box(0, 0, 50, 100)))
-        assert find_starting_corner(job.layout) is None

@@ -1,4 +1,4 @@
-"""Tracks and turns as legs: geometry by hand, and what refuses."""
+"""Tracks and paths as legs: geometry by hand."""
 
 import math
 from itertools import pairwise
@@ -12,19 +12,11 @@ from shapely import box
 
 from fields import Field
 from fields.geometry.field import GroundZone
-from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, PathSegment
-from strategies.program.field_job import FieldJob, SwathPass
-from strategies.program.legs import (
-    add_wait_points,
-    build_mission,
-    build_swath_legs,
-    build_turn_legs,
-    get_path_legs,
-    get_straight_leg,
-)
+from strategies.program.field_job import SwathPass
+from strategies.program.legs import add_wait_points, build_path_legs, build_straight_leg, build_swath_legs
 from tests.examples import count_examples
-from vehicle.missions.plan import Leg, LegTask, Plan, check_plan
+from vehicle.missions.plan import Leg, LegTask
 
 QUICK = settings(max_examples=count_examples(40))
 
@@ -34,7 +26,7 @@ class TestStraightLeg:
     @given(angle=st.floats(-math.pi, math.pi), start=st.floats(-20, 20), length=st.floats(0.1, 300), work=st.booleans())
     def test_lies_ahead_of_the_pose(self, jobs: Any, angle: float, start: float, length: float, work: bool) -> None:
         task = LegTask("track" if work else "drive-in", 3)
-        leg = get_straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, task)
+        leg = build_straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, task)
         offset = leg.points - (7.0, -3.0)
         assert np.allclose(offset @ (math.cos(angle), math.sin(angle)), [start, start + length], atol=1e-9)
         assert np.allclose(offset @ (-math.sin(angle), math.cos(angle)), 0.0, atol=1e-9)
@@ -43,13 +35,13 @@ class TestStraightLeg:
 
     def test_work_and_driving_in_have_their_own_speeds(self, jobs: Any) -> None:
         job = jobs.rectangle(4, work_speed_mps=2.0, turn_speed_mps=1.1)
-        speeds = [get_straight_leg(job, (0, 0, 0), 0, 5, LegTask(kind)).speed_mps for kind in ("track", "drive-in")]
+        speeds = [build_straight_leg(job, (0, 0, 0), 0, 5, LegTask(kind)).speed_mps for kind in ("track", "drive-in")]
         assert speeds == [2.0, 1.1]
 
     def test_takes_the_ground_under_its_middle(self, jobs: Any) -> None:
         yard = GroundZone("asphalt", box(0, 0, 30, 30))
         job = jobs.on_field(Field("f", box(0, 0, 60, 100), ground_zones=(yard,)))
-        grounds = [get_straight_leg(job, (10.0, y, math.pi / 2), 0, 10, LegTask("track")).ground for y in (5.0, 50.0)]
+        grounds = [build_straight_leg(job, (10.0, y, math.pi / 2), 0, 10, LegTask("track")).ground for y in (5.0, 50.0)]
         assert grounds == ["asphalt", "soil"]
 
 
@@ -82,75 +74,15 @@ class TestPass:
 
 class TestWay:
     def test_one_leg_per_gear_at_the_speed_of_its_gear(self, jobs: Any) -> None:
-        job = jobs.rectangle(4, reverse_speed_mps=0.8)
+        job = jobs.rectangle(4, turn_speed_mps=1.2, reverse_speed_mps=0.8)
         path = DrivePath(
             (0, 0, 0), (PathSegment(6, 0.0, 1), PathSegment(4, 0.1, -1), PathSegment(5, 0.0, 1)), "switch-back"
         )
-        legs = get_path_legs(job, path, job.layout.swaths[2])
-        assert [leg.gear for leg in legs] == [1, -1, 1]
-        assert [leg.speed_mps for leg in legs] == [1.5, 0.8, 1.5]
+        legs = build_path_legs(job, path, LegTask("turn", 1, 1))
+        assert [(leg.gear, leg.speed_mps) for leg in legs] == [(1, 1.2), (-1, 0.8), (1, 1.2)]
         assert [leg.length_m for leg in legs] == pytest.approx([6, 4, 5], abs=1e-3)
         assert all(np.allclose(a.points[-1], b.points[0]) for a, b in pairwise(legs))
-
-    def test_forward_only_at_turning_speed(self, jobs: Any) -> None:
-        job = jobs.rectangle(4, turn_speed_mps=1.2, reverse_speed_mps=0.8)
-        (leg,) = get_path_legs(job, DrivePath((0, 0, 0), (PathSegment(6, 0.1, 1),), "u"), job.layout.swaths[2])
-        assert leg.speed_mps == 1.2 and leg.gear == 1 and not leg.implement
-
-    @pytest.mark.parametrize(("kind", "task"), [("u", "turn"), ("switch-back", "turn"), ("route", "way")])
-    def test_says_which_track_it_leads_to(self, jobs: Any, kind: str, task: str) -> None:
-        swath = jobs.drawn([[(0, 40)], [(0, 40), (60, 100)]]).layout.swaths[2]
-        (leg,) = get_path_legs(jobs.rectangle(4), DrivePath((0, 0, 0), (PathSegment(6, 0.1, 1),), kind), swath)
-        assert leg.task == LegTask(task, number=1, piece=1) and not leg.may_wait
-
-    def test_joins_the_passes_it_leads_between_and_is_counted(self, jobs: Any) -> None:
-        job = jobs.rectangle(8)
-        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[4], -1)
-        legs = build_turn_legs(job, a, b)
-        assert np.allclose(legs[0].points[0], job.get_exit_pose(a)[:2], atol=1e-6)
-        assert np.allclose(legs[-1].points[-1], job.get_entry_pose(b)[:2], atol=1e-6)
-        # Two arcs of 4.3 m, half a circle together, and the straight between their centres, 12 - 8.6 m and 2.3 m apart.
-        assert sum(leg.length_m for leg in legs) == pytest.approx(math.pi * 4.3 + math.hypot(3.4, 2.3), abs=0.02)
-        assert job.turn_counts == {"u": 1}
-
-    def test_no_way_is_refused_with_radius_tracks_and_place(self, jobs: Any) -> None:
-        job: FieldJob = jobs.rectangle(4, 60.0)
-        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[1], -1)
-        job.path_cache[job.get_exit_pose(a), job.get_entry_pose(b)] = None
-        with pytest.raises(StrategyError, match=r"radius of 4\.3 m leads from track 0 to track 1 \(at .* m\) inside"):
-            build_turn_legs(job, a, b)
-
-    def test_a_field_as_narrow_as_its_tracks_is_refused(self, jobs: Any) -> None:
-        from dataclasses import replace
-
-        from strategies.path_planning.connector import Connector
-
-        job = jobs.rectangle(6, 60.0)
-        tight = replace(job, connector=Connector(box(1.5, 6, 16.5, 72), 4.3, job.connector.costs, ("u",)))
-        with pytest.raises(StrategyError, match="No path with a turning radius"):
-            build_mission(tight, [SwathPass(job.layout.swaths[i], 1) for i in range(2)])
-
-
-class TestMission:
-    @QUICK
-    @given(lines=st.permutations(range(6)), first=st.sampled_from([1, -1]), data=st.data())
-    def test_any_order_of_passes_joins_up(self, jobs: Any, lines: list[int], first: int, data: Any) -> None:
-        job = jobs.rectangle(6, 60.0)
-        paths = data.draw(st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
-        order = [SwathPass(job.layout.swaths[line], way) for line, way in zip(lines, paths, strict=True)]
-        plan = Plan((build_mission(job, order),))
-        check_plan(plan)
-        jobs.assert_all_once(job, plan)
-        for a, b in pairwise(plan.missions[0].legs):
-            assert math.dist(a.points[-1], b.points[0]) < 1e-2
-
-    def test_one_pass_is_a_mission(self, jobs: Any) -> None:
-        job = jobs.rectangle(3)
-        mission = build_mission(job, [SwathPass(job.layout.swaths[2], -1)])
-        assert len(mission.legs) == 3
-        x, y, heading = mission.start
-        assert math.isclose(heading, job.compute_heading(SwathPass(job.layout.swaths[2], -1)), abs_tol=1e-9)
-        assert (x, y) == pytest.approx(job.layout.swaths[2].end_m)
+        assert {leg.task for leg in legs} == {LegTask("turn", 1, 1)} and not any(leg.implement for leg in legs)
 
 
 def test_parts_between_stops_are_as_long_as_they_measure() -> None:

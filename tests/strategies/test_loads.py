@@ -179,29 +179,3 @@ def test_a_piece_above_a_load_has_no_stops() -> None:
 
 def test_of_equal_stops_the_latest_is_taken() -> None:
     assert find_cheapest_stops([1.0] * 5, [7.0] * 5, 3.0) == (7.0, (3,))
-
-
-@given(needs_and_costs, st.floats(0.0, 12.0), st.floats(0.5, 6.0))
-def test_stops_are_the_cheapest_where_one_waits_for_another(
-    values: tuple[list[float], list[float]], busy_from: float, lasts: float
-) -> None:
-    """Piece k is begun at k s without stops; whoever comes while another is served waits until that is over."""
-    needs, costs = values
-    n = len(needs)
-
-    def wait(gap: int, later_s: float) -> float:
-        at = gap + later_s
-        return busy_from + lasts - at if busy_from <= at < busy_from + lasts else 0.0
-
-    def seconds(cuts: tuple[int, ...]) -> float:
-        later = 0.0
-        for cut in cuts:
-            later += wait(cut, later) + costs[cut]
-        return later
-
-    edges = [(0, *cuts, n) for size in range(n) for cuts in combinations(range(1, n), size)]
-    fitting = [e[1:-1] for e in edges if all(math.fsum(needs[a:b]) <= 1.5 + 1e-9 for a, b in pairwise(e))]
-    found = find_cheapest_stops(needs, costs, 1.5, wait)
-    assert found is not None
-    assert found[0] == pytest.approx(seconds(found[1]), abs=1e-4)
-    assert found[0] == pytest.approx(min(seconds(cuts) for cuts in fitting), abs=1e-4)

@@ -1,15 +1,14 @@
 """The strategies as records: what others read of them, and the table of the guide that says the same."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from strategies.names import STRATEGY_NAMES
 from strategies.registry import STRATEGIES
-from vehicle.missions.plan_file import format_plan
+from strategies.split_field import deal_blocks
+from strategies.strategy_record import Strategy
 
 GUIDE = Path(__file__).parents[2] / "planner/guide/headlands.md"
 
@@ -30,13 +29,7 @@ def test_the_guide_says_the_same_in_the_same_order() -> None:
     assert known == [(strategy.name, strategy.description) for strategy in STRATEGIES.values()]
 
 
-@pytest.mark.parametrize("name", STRATEGY_NAMES)
-def test_every_strategy_builds_without_a_simulation(jobs: Any, name: str) -> None:
-    assert STRATEGIES[name].build(jobs.rectangle(6, tractors=3)).tractors == 3
-
-
-@pytest.mark.parametrize("name", STRATEGY_NAMES)
-def test_a_jump_changes_the_plan_where_it_is_taken_and_only_there(jobs: Any, name: str) -> None:
-    job = jobs.rectangle(8, turn_s=(0.0, 90.0, 80.0, 10.0, 10.0))
-    plans = {format_plan(STRATEGIES[name].build(replace(job, jump=jump, turn_counts={}))) for jump in (1, 3)}
-    assert (len(plans) == 2) is STRATEGIES[name].takes_jump
+def test_a_strategy_either_deals_or_composes() -> None:
+    for made in ({}, {"deal": deal_blocks, "compose": STRATEGIES["col-by-col"].compose}):
+        with pytest.raises(TypeError, match="strategy 'odd' needs either deal or compose"):
+            Strategy("odd", "words", **made)

@@ -9,7 +9,6 @@ import numpy as np
 
 from planner.evaluation.candidates.energy_figures import list_energy_figures, list_service_figures, measure_energy
 from planner.evaluation.candidates.slope_figures import list_slope_figures
-from planner.evaluation.candidates.variants import measure_headland_phase_s
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import (
     Coverage,
@@ -24,7 +23,9 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost, get_price_per_hour
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from vehicle.energy.run_energy import RunEnergy
+from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.records import FINISHED
 
 MIN_BEYOND_M = 5.0  # less driving beyond the allowed overhang is in the results, but no remark
 
@@ -106,6 +107,20 @@ def measure_candidate(
         faults=candidate_run.faults,
     )
     return _add_clock_times(figures, context, run, coverage)
+
+
+def measure_headland_phase_s(run: SimulationRun) -> float | None:
+    """Seconds from the first tractor's start on the headland passes to the last one's end; None without passes."""
+    times = []
+    for tractor, mission in enumerate(run.plan.missions):
+        is_headland_leg = np.array([leg.task.kind == HEADLAND_PASS for leg in mission.legs])
+        headland_rows = np.flatnonzero(
+            is_headland_leg[run.get_leg_numbers(tractor)] & (run.get_statuses(tractor) != FINISHED)
+        )
+        times += (
+            [float(run.time_s[headland_rows[0]]), float(run.time_s[headland_rows[-1]])] if len(headland_rows) else []
+        )
+    return max(times) - min(times) if times else None
 
 
 def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:

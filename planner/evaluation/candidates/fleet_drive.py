@@ -9,10 +9,9 @@ from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.request.plan_request import MIN_CLEARANCE_M
-from planner.traffic.conflict_repair import Scheduler
+from planner.traffic.conflict_repair import Scheduler, Simulate
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from strategies.program.strategy_record import Simulate
 from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun

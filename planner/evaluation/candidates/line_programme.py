@@ -24,7 +24,6 @@ from planner.traffic.conflict_repair import resolve_conflicts
 from strategies.formations.compose import describe_formation_share
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.strategy_record import ComposePlan, Strategy
 from strategies.program.supply import Supply
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
@@ -33,6 +32,7 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.programmes.waiting_places import StandsInWay
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
+from strategies.strategy_record import ComposePlan, Strategy
 from vehicle.missions.plan import REFILL, Plan
 
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark

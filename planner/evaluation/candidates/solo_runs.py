@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from planner.evaluation.candidates.time_bounds import compute_planned_s, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.traffic.trajectories import compute_mission_key
 from vehicle.missions.plan import Mission, Plan
@@ -115,6 +114,20 @@ class SoloRuns:
         needed_rows = _estimate_rows(missions)
         while self._runs and sum(len(run.time_s) for run in self._runs.values()) + needed_rows > MAX_ROWS:
             del self._runs[next(iter(self._runs))]
+
+
+def compute_planned_s(mission: Mission) -> float:
+    """Seconds at planned speeds."""
+    return round(math.fsum(leg.length_m / leg.speed_mps for leg in mission.legs), 3)
+
+
+def remove_gates(plan: Plan) -> Plan:
+    """The plan without gates and follow orders."""
+    free_legs = (
+        tuple(leg.copy_with(gates=(), follow=None) if leg.gates or leg.follow else leg for leg in mission.legs)
+        for mission in plan.missions
+    )
+    return Plan(tuple(Mission(legs) for legs in free_legs), plan.notes)
 
 
 def _estimate_rows(missions: Sequence[Mission]) -> float:

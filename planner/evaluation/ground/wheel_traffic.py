@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.overlays import Areas, clip_area, subtract_area, unite_areas
 from planner.evaluation.ground.swept_area import (
     Points,
     Rows,
     SweptArea,
-    compute_swept_area,
     compute_swept_between_rows,
 )
 from vehicle.missions.run import SimulationRun
@@ -75,13 +73,6 @@ def find_driven_over_ground(
     tyres, strip = _find_marks(run, context, swept, np.arange(len(swept.ground)), wide=True)
     ground = clip_area(unite_areas(_remove_worked_again(swept, tyres, strip)), context.layout.field.workable_region)
     return tuple(shapely.get_parts(ground))
-
-
-def compute_charged_s(run: SimulationRun, context: PlanningContext) -> float:
-    """Seconds of a run with unworked ground, and finished ground that was driven over, worked at its own rate."""
-    swept = compute_swept_area(run, context)
-    spoilt_m2 = measure_finished_ground_traffic(run, context, swept).area_m2
-    return replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2).extrapolate_to_field(run.duration_s)
 
 
 def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:

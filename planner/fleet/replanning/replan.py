@@ -234,7 +234,6 @@ def _build_detour_job(context: PlanningContext, blocked: shapely.Geometry) -> Fi
         rim_connector=rim,
         careful_connectors=(),
         path_cache={},
-        turn_table_cache={},
     )
 
 

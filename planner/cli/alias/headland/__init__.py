@@ -50,9 +50,9 @@ if TYPE_CHECKING:
     from planner import *  # noqa: F403
     from planner.pipeline.outputs.saved_plans import simulate_saved_plan
     from strategies.path_planning.errors import StrategyError
-    from strategies.program.field_job import FieldJob, SwathPass
-    from strategies.program.legs import build_mission, build_own_mission, group_by_line, make_strategy_plan
-    from strategies.program.strategy_record import RefinedPlan, Strategy
+    from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
+    from strategies.program.field_job import DrivingRules
+    from strategies.strategy_record import Strategy
     from vehicle.energy.load import build_work_load
     from vehicle.energy.run_energy import compute_run_energy
     from vehicle.missions.plan import Leg, LegGate, Mission, Plan
@@ -65,9 +65,9 @@ _HOMES = {
     "fields": fields.__all__,
     "planner.pipeline.outputs.saved_plans": ["simulate_saved_plan"],
     "strategies.path_planning.errors": ["StrategyError"],
-    "strategies.program.field_job": ["FieldJob", "SwathPass"],
-    "strategies.program.legs": ["build_mission", "build_own_mission", "group_by_line", "make_strategy_plan"],
-    "strategies.program.strategy_record": ["RefinedPlan", "Strategy"],
+    "strategies.program.dealing": ["DealtLine", "LineDeal", "free_other_lines", "group_swath_lines"],
+    "strategies.program.field_job": ["DrivingRules"],
+    "strategies.strategy_record": ["Strategy"],
     "vehicle.energy.load": ["build_work_load"],
     "vehicle.energy.run_energy": ["compute_run_energy"],
     "vehicle.missions.plan": ["Leg", "LegGate", "Mission", "Plan"],
@@ -76,9 +76,9 @@ _HOMES = {
     "vehicle.model.tractor": ["Implement", "Tractor", "list_tractor_names", "load_tractor"],
 }
 __all__ = [
-    "FieldJob", "Implement", "Leg", "LegGate", "Mission", "Plan", "RefinedPlan", "Strategy", "StrategyError",
-    "SwathPass", "Tractor", "build_mission", "build_own_mission", "build_work_load", "compute_run_energy", "find_soil",
-    "group_by_line", "list_tractor_names", "load_tractor", "make_strategy_plan", "parse_plan", "simulate_saved_plan",
+    "DealtLine", "DrivingRules", "Implement", "Leg", "LegGate", "LineDeal", "Mission", "Plan", "Strategy",
+    "StrategyError", "Tractor", "build_work_load", "compute_run_energy", "find_soil", "free_other_lines",
+    "group_swath_lines", "list_tractor_names", "load_tractor", "parse_plan", "simulate_saved_plan",
 ]  # fmt: skip
 __all__ += planner.__all__
 __all__ += fields.__all__

@@ -1,0 +1,53 @@
+"""Parts of a divided field are planned on their own; a field without a plan is drawn with the places."""
+
+import pytest
+import shapely
+
+from fields import Field
+from fields.geometry.obstacles import Obstacle
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.outputs.pictures import build_refused_picture
+from planner.pipeline.planning import plan
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import OBSTACLE, PlanFault, PlanRanking, PlanResult
+from reports.plan.map_figure import draw_plan_map, render_png
+from reports.plan.plan_wording import describe_ranking
+from reports.plan.ranking_page import render_plan_page
+
+TOUCHED = PlanFault(OBSTACLE, 0, 10.0, 20.0)
+
+
+@pytest.fixture(scope="module")
+def divided_ranking() -> PlanRanking:
+    ditch = Obstacle("ditch", shapely.LineString([(-1, 40), (101, 40)]), 0.75)
+    field = Field("divided", shapely.box(0, 0, 100, 90), obstacles=(ditch,))
+    request = PlanRequest(width_m=6.0, tractors=(1,), strategies=("row-by-row",))
+    return plan(request, field=field, executor=SerialExecutor()).ranking
+
+
+class TestDivided:
+    @pytest.mark.slow
+    def test_the_other_half_has_a_plan_of_its_own(self, divided_ranking: PlanRanking) -> None:
+        """South of the ditch remain 40 - 0.75 - 0.3 m of 100 m."""
+        (part,) = divided_ranking.parts
+        assert part.ground.m2 == pytest.approx(3895.0) and part.neck_width_m == 0.0
+        assert part.plan is not None and part.plan.worked_pct is not None and part.plan.worked_pct > 90.0
+
+    def test_the_answer_tells_it(self, divided_ranking: PlanRanking) -> None:
+        (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]
+        assert sentence.startswith("0.39 ha at x 50 m, y ") and "no way leads there within the field" in sentence
+        assert "Planned on its own (part 2) it takes 0:" in sentence
+
+
+def test_without_a_plan_the_field_is_drawn_with_the_places() -> None:
+    context: PlanningContext = prepare_context(PlanRequest(tractors=(1,)), Field("bare", shapely.box(0, 0, 60, 50)))
+    refused = PlanResult("row-by-row", 1, "auto", False, "it touches the pond", faults=(TOUCHED,))
+    ranking = PlanRanking("bare", 0.3, 1, (refused,))
+    picture = build_refused_picture(context, ranking)
+    assert picture.fault_places == ((10.0, 20.0),)
+    assert render_png(draw_plan_map(picture, "bare")).startswith(b"\x89PNG")
+    page = render_plan_page(ranking, None, {}, picture)
+    assert "<svg" in page and "cannot be driven" in page
+    (sentence,) = describe_ranking(ranking)
+    assert "it touches the pond" in sentence
