@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import shapely
@@ -12,9 +13,10 @@ from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from strategies.lines.lay_lines import lay_lines
 from strategies.path_planning.paths import shift_pose_ahead
+from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import build_body_outline, build_ground
-from strategies.site.site import Site
+from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.world import World
@@ -25,6 +27,10 @@ MAX_OUTSIDE_M = 0.5  # of the guided point beyond the outline: a plan that drive
 LEAST_SEEN_M = 0.6  # half the size of an obstacle that no cell of the grid misses
 LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
+CORNER_FACTORS = {
+    SQUARE_CORNERS: math.inf,
+    ROUND_CORNERS: 0.0,
+}  # of corners asked for; others weigh ground against time
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
@@ -51,6 +57,7 @@ def build_site(context: PlanningContext) -> Site:
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
         drive=partial(_drive_alone, context),
+        corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
 
 

@@ -22,7 +22,7 @@ from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.programme import list_pairs, prove_mission
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
-from strategies.programmes.work_moves import MISSED_FACTOR
+from strategies.site.site import MISSED_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line

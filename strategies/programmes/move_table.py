@@ -20,7 +20,7 @@ from strategies.site.site import Site
 Floats = npt.NDArray[np.float64]
 
 NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
-NEAR_LINES = 8  # lines whose moves from an end are found at once; those farther off when a programme uses them
+NEAR_LINES = 14  # lines whose moves from an end are found at once; those farther off when a programme uses them
 GUESS_S = 20.0  # of a move not yet found, beyond the way at turning speed
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
 MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up

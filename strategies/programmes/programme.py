@@ -14,7 +14,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.tour_legs import build_tour_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
-from strategies.programmes.work_moves import MISSED_FACTOR
+from strategies.site.site import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from strategies.lines.work_line import WorkLine, cut_line
 from strategies.moves.move import Move, MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
-from strategies.programmes.work_moves import MISSED_FACTOR, list_work_moves
-from strategies.site.site import Site
+from strategies.programmes.work_moves import list_work_moves
+from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 

@@ -15,10 +15,9 @@ import shapely
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move, MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
-from strategies.site.site import Site
+from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import HEADLAND_PASS
 
-MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
 SHARPEST_RAD = 2.0  # corners beyond this are turned with the implement up
 STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them
 SWATH_OFF_M, SWATH_TURN_RAD = 0.5, 0.05  # pieces of one swath continue each other this well
@@ -37,6 +36,7 @@ def list_work_moves(site: Site, finder: MoveFinder, a: WorkLine, way: int, b: Wo
     end, begin = a.get_end(way), b.get_begin(next_way)
     moves = []
     for leave_m, join_m, corner in _list_cuts(site, end, begin, a.task.kind):
+        factor = MISSED_FACTOR if corner is None else site.corner_factor
         if leave_m > MOST_CUT_SHARE * a.measure_path_m(way) - 1.0:
             continue
         if join_m > MOST_CUT_SHARE * b.measure_path_m(next_way) - 1.0:
@@ -45,8 +45,8 @@ def list_work_moves(site: Site, finder: MoveFinder, a: WorkLine, way: int, b: Wo
         q = b.get_pose(next_way, join_m)
         for move in finder.list_moves(p, q, leads=False, most=2):
             missed_m2 = _measure_missed_m2(site, move.path, p, q, corner)
-            if missed_m2 is not None:
-                finish_s = MISSED_FACTOR * missed_m2 * site.work_s_per_m2
+            if missed_m2 is not None and factor < math.inf:
+                finish_s = factor * missed_m2 * site.work_s_per_m2
                 drive_s = max(move.drive_s, move.path.length_m / site.rules.work_speed_mps)
                 drive_s -= (leave_m + join_m) / site.rules.work_speed_mps
                 moves.append(

@@ -25,7 +25,7 @@ from strategies.programmes.site_moves import (
     SETTLE_M,
     build_path_legs,
 )
-from strategies.programmes.work_moves import MISSED_FACTOR
+from strategies.site.site import MISSED_FACTOR
 from vehicle.missions.plan import REFILL, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 

@@ -19,6 +19,7 @@ from strategies.site.ground import BodyOutline, Floats, Ground
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
+MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
 Drive = Callable[[Plan], SimulationRun]
 """Simulates a plan of one tractor on its own, without errors of position."""
 
@@ -38,6 +39,8 @@ class Site:
         turn_kinds: kinds of turns that may be driven.
         lane: through the entrance, None without one.
         drive: simulates one tractor.
+        corner_factor: seconds to finish ground left in corners of the headland, to those that it takes to work it with
+            the corner; infinite where every corner is worked whole.
     """
 
     layout: Layout
@@ -54,6 +57,7 @@ class Site:
     turn_kinds: tuple[str, ...]
     lane: EntranceLane | None
     drive: Drive
+    corner_factor: float = MISSED_FACTOR
 
     @property
     def width_m(self) -> float:
