@@ -27,10 +27,7 @@ MAX_OUTSIDE_M = 0.5  # of the guided point beyond the outline: a plan that drive
 LEAST_SEEN_M = 0.6  # half the size of an obstacle that no cell of the grid misses
 LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
-CORNER_FACTORS = {SQUARE_CORNERS: math.inf, ROUND_CORNERS: 0.0}  # where asked for; else ground is weighed against time
-    SQUARE_CORNERS: math.inf,
-    ROUND_CORNERS: 0.0,
-}  # of corners asked for; others weigh ground against time
+CORNER_FACTORS = {SQUARE_CORNERS: math.inf, ROUND_CORNERS: 0.0}  # as asked; else ground is weighed against time
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
