@@ -45,6 +45,8 @@ def find_clear_place(
 
     With a step to spare, as nobody stops and drives quite as planned; infinite where there is none.
     """
+    if not math.isfinite(place_m):
+        return place_m
     x, y, heading = begin
     back_m = site.body.guide_m - site.axle_m
     step_m = CLEAR_STEP_M if forwards else -CLEAR_STEP_M
