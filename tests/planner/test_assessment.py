@@ -88,7 +88,7 @@ class TestFigures:
         for value in (found.p50_s, found.p80_s, found.p95_s):
             assert value == pytest.approx(found.time_s, rel=0.01)
         assert found.expected_cost == found.paid_cost == pytest.approx(found.cost, rel=0.01)
-        assert found.expected_cost_error == 0.0
+        assert found.expected_cost_error == pytest.approx(0.0, abs=1e-9)
 
     def test_late_ground_is_charged(self) -> None:
         terms = CostTerms(build_hire_terms(40.0, 0.0).prices.model_copy(update={"late_per_ha": 1000.0}))

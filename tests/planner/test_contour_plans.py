@@ -57,8 +57,8 @@ def test_curved_swaths_are_driven_on_their_curves() -> None:
 
 @pytest.mark.slow
 def test_formations_say_that_they_need_straight_swaths() -> None:
-    with pytest.raises(StrategyError, match="needs straight tracks side by side, and those along contours are curved"):
-        run_candidate(drive()[0], Candidate("row-by-row", 1))
+    with pytest.raises(StrategyError, match="needs straight tracks side by side, and those here are curved"):
+        run_candidate(drive()[0], Candidate("row-by-row", 2))
 
 
 def test_erosion_shares_of_a_plane() -> None:
