@@ -18,7 +18,8 @@ from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks
+from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_simulate
+from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
 from planner.evaluation.ground_sentences import describe_ground
@@ -100,14 +101,25 @@ def test_steps_have_their_slopes_and_add_up_to_the_fuel_of_the_plan() -> None:
         assert abs(step.slope_across_pct or 0.0) < 6.0, "it comes out of a turn"
 
 
+def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
+    """No move on which the tractor gets stuck is proven, so every track is worked down the plane, none is left."""
+    driven = simulate_candidate(tilt(0.0, 0.45, soil="soft"), ONE)
+    assert driven.result.feasible and driven.run is not None
+    works = [leg for mission in driven.run.plan.missions for leg in mission.legs if leg.implement and leg.task.is_work]
+    assert {round(float(leg.points[0][0]), 1) for leg in works} == {1.5 + 3.0 * number for number in range(12)}
+    assert all(leg.points[-1][1] < leg.points[0][1] for leg in works)
+
+
 def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
-    evaluation = simulate_candidate(tilt(0.0, 0.45, soil="soft"), ONE)
-    plan = evaluation.result
-    assert not plan.feasible and plan.reason is not None
-    assert plan.reason.startswith("tractor 1 gets stuck at x ") and "45 % uphill" in plan.reason
-    needed, given = re.findall(r"([\d.]+) kN", plan.reason)
-    assert "and the ground lets its wheels push with" in plan.reason and float(needed) > float(given) > 20.0
-    assert [fault.kind for fault in plan.faults] == ["stuck"]
+    """A plan made for level ground, driven up the plane."""
+    level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")
+    assert level.run is not None
+    run = build_simulate(steep, build_rehearsal(steep))(level.run.plan)
+    assert run.stall is not None and locate_stall(run.stall).kind == "stuck"
+    reason = describe_stall(run.stall, FIELD)
+    assert reason.startswith("tractor 1 gets stuck at x ") and "45 % uphill" in reason
+    needed, given = re.findall(r"([\d.]+) kN", reason)
+    assert "and the ground lets its wheels push with" in reason and float(needed) > float(given) > 20.0
 
 
 def test_the_drive_force_of_a_file_is_named_with_what_takes_its_place() -> None:
