@@ -75,7 +75,7 @@ class Row:
 
     `cpu_s` is of the context and the plan of one tractor, `reference_cpu_s_per_km` that of 3 m at 5 km/h on the same
     field. `fits` and `is_wide` say whether a plan and a formation are asked for. `where` and `formation_where` hold the
-    places of faults as sentences, `changes` what would work instead, `crash` the last line of a traceback.
+    places of faults as sentences, `crash` the last line of a traceback.
     """
 
     case: str
@@ -92,7 +92,6 @@ class Row:
     crash: str | None = None
     where: tuple[str, ...] = ()
     remark: str | None = None
-    changes: tuple[str, ...] = ()
     worked_pct: float | None = None
     time_s: float | None = None
     driven_km: float | None = None
@@ -180,13 +179,12 @@ def plan_field(
 
 
 def _plan_row(row: Row, field: Field, machine: Machine, with_formation: bool) -> None:
-    """Plan as a user would, with all repairs; a plan that is refused all the same is driven once more to say where."""
+    """Plan as a user would; a plan that is refused all the same is driven once more to say where."""
     begun = time.process_time()
     answer = _plan(field, machine, SOLO, 1)
     row.cpu_s = time.process_time() - begun
     result, context, run = answer.ranking.plans[0], answer.context, answer.run
     row.feasible, row.reason, row.remark = result.feasible, result.reason, result.remark
-    row.changes = answer.ranking.changes
     row.worked_pct, row.time_s = result.worked_pct, result.time_s
     if run is not None:
         row.driven_km, row.longest_reverse_m = measure_driven_km(run), measure_longest_reverse_m(run)

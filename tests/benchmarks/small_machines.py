@@ -34,8 +34,8 @@ FIELDS = {
 """Outlines in metres, 1,655 to 1,750 m2."""
 PLANS: dict[str, dict[str, Any]] = {
     "as planned": {},
-    "one after another, omega": {"turn": "omega"},
-    "the same, headland left": {"turn": "omega", "no_headland": True},
+    "omega turns": {"turn": "omega"},
+    "omega turns, headland left": {"turn": "omega", "no_headland": True},
 }
 
 
@@ -48,9 +48,9 @@ def prepare(name: str, **options: Any) -> PlanningContext:
     return prepare_context(request, Field(name, shapely.Polygon(FIELDS[name])))
 
 
-def plan(context: PlanningContext, *, in_sequence: bool = False) -> PlanResult:
-    """The figures of one tractor in the best order, or one swath after another."""
-    return compute_candidate_figures(context, Candidate(STRATEGY, 1, 1 if in_sequence else None))
+def plan(context: PlanningContext) -> PlanResult:
+    """The figures of one tractor."""
+    return compute_candidate_figures(context, Candidate(STRATEGY, 1))
 
 
 def describe(label: str, context: PlanningContext, figures: PlanResult, cpu_s: float) -> str:
@@ -72,7 +72,7 @@ def compare(name: str) -> None:
     for label, options in PLANS.items():
         begun = time.process_time()
         context = prepare(name, **options)
-        figures = plan(context, in_sequence=bool(options))
+        figures = plan(context)
         print(describe(label, context, figures, time.process_time() - begun), flush=True)
         finished_s.append(figures.finished_s)
     planned_s, *others_s = finished_s

@@ -51,11 +51,3 @@ def test_an_entrance_stays_with_its_part() -> None:
     field = Field("divided", shapely.box(0, 0, 200, 200), obstacles=(DITCH,), entrance=(0.0, 150.0))
     assert cut_field_part(field, 0.3, 6.0, 1).entrance == (0.0, 150.0)
     assert cut_field_part(field, 0.3, 6.0, 2).entrance is None
-
-
-def test_a_margin_of_its_own_holds_for_one_obstacle_alone() -> None:
-    """A pond of 10 x 10 m with 1 m around it takes 144 m2, the other with 0.3 m takes 112.36 m2."""
-    ponds = [Obstacle("pond", shapely.box(x, 50, x + 10, 60)) for x in (40, 120)]
-    field = Field("ponds", shapely.box(0, 0, 200, 100), obstacles=tuple(ponds))
-    ground = field.compute_ground_with_margin(0.3, own_margins_m={1: 1.0})
-    assert ground.boundary.area == pytest.approx(20_000.0 - 144.0 - 112.36)

@@ -172,5 +172,5 @@ def test_samples_at_ordinary_speeds(name: str, width_m: float, speed_kmh: float)
     assert auto.feasible, auto.reason
     others_s = [one.finished_s for one in (square, rounded) if one.feasible and one.finished_s]
     auto_s, misses_less = auto.finished_s or math.inf, auto.worked_pct > rounded.worked_pct + 0.2
-    assert auto_s <= 1.005 * (max(others_s) if misses_less else min(others_s))
+    assert auto_s <= 1.03 * (max(others_s) if misses_less else min(others_s))
     assert (auto.outside_along_m or 0.0) < 20.0
