@@ -72,7 +72,7 @@ def test_answers_that_are_kept_are_not_worked_out_again(
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda text: text.replace('"time_s": 1', '"time_s": 2', 1), "Line 1 of {keep} (--checkpoint) was changed"),
+        (lambda text: text.replace('"time_s": ', '"time_s": 1', 1), "Line 1 of {keep} (--checkpoint) was changed"),
         (lambda text: text.replace('"plans": [', '"plans": [[', 1), "Line 1 of {keep} (--checkpoint) is not an answer"),
         (lambda text: text + "[" * 100_000 + "\n", "is not an answer of Headland"),
         (lambda text: text + "[]\n", "is not an answer of Headland"),
