@@ -19,6 +19,7 @@ from strategies.site.ground import build_body_outline, build_ground
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
+from vehicle.model.terrain import Terrain
 from vehicle.sim.world import World
 
 ROOM_BEYOND_M = 1.0  # distances are known a little beyond what a body reaches
@@ -53,7 +54,8 @@ def build_site(context: PlanningContext) -> Site:
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
-        drive=partial(_drive_alone, context),
+        drive=partial(_drive_alone, context, context.physics.terrain),
+        drive_level=partial(_drive_alone, context, None),
         corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
 
@@ -110,9 +112,9 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     return shapely.buffer(shapely.LineString(ends), half_m, cap_style="flat")
 
 
-def _drive_alone(context: PlanningContext, plan: Plan) -> SimulationRun:
-    """Drive a plan of one tractor on the ground of a context, without errors of position, while there is time left."""
+def _drive_alone(context: PlanningContext, terrain: Terrain | None, plan: Plan) -> SimulationRun:
+    """Drive a plan of one tractor on a terrain, without errors of position, while there is time left."""
     context.time_share.check()
-    physics = context.physics
-    world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
+    load = context.physics.driven_load
+    world = World(plan, context.tractor, context.implement, terrain=terrain, load=load)
     return world.run(max_time_s=MOST_DRIVE_S)

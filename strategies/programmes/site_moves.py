@@ -189,9 +189,9 @@ class SiteMoves:
 
     @cached_property
     def _straight(self) -> tuple[Floats, Floats]:
-        """Times and poses of a drive along a straight line from rest to rest."""
+        """Times and poses of a drive along a straight line from rest to rest, on level ground: it lies nowhere."""
         leg = Leg(np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), self.site.rules.work_speed_mps, 1, True)
-        run = self.site.drive(Plan((Mission((leg,)),)))
+        run = self.site.drive_level(Plan((Mission((leg,)),)))
         return run.time_s, run.get_poses(0)
 
     def _measure_off_m(self, pose: Floats, goal: Pose) -> float:

@@ -38,7 +38,7 @@ class Site:
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
         lane: through the entrance, None without one.
-        drive: simulates one tractor.
+        drive, drive_level: simulate one tractor, on the ground of the field and on level ground.
         corner_factor: seconds to finish ground left in corners of the headland, to those that it takes to work it with
             the corner; infinite where every corner is worked whole.
     """
@@ -57,6 +57,7 @@ class Site:
     turn_kinds: tuple[str, ...]
     lane: EntranceLane | None
     drive: Drive
+    drive_level: Drive
     corner_factor: float = MISSED_FACTOR
 
     @property

@@ -1,6 +1,7 @@
 """Programmes of work lines: what they cover, what their sums say, and that a drive agrees."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,13 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
+from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans, describe_left
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.site import build_site
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE
@@ -174,3 +177,16 @@ def test_nobody_begins_the_second_stage_before_the_others_end_the_first(operatio
         begins.append(float(run.time_s[legs >= stages.index(1)][0]))
     last_part_s = found.driving_rules.hold_back_m / found.driving_rules.work_speed_mps + 5.0
     assert not is_kept or max(ends) < min(begins) + last_part_s
+
+
+def test_what_starting_and_stopping_take_does_not_depend_on_where_heights_are_known(context: PlanningContext) -> None:
+    """Heights of a field far from its origin: the straight line that is timed lies on no ground of the field."""
+    far = shapely.transform(RECTANGLE, lambda points: points + 500.0)
+    grid = ElevationGrid(490.0, 490.0, 5.0, np.zeros((25, 45)))
+    found = prepare_context(
+        PlanRequest(field="far", width_m=WIDTH_M, tractors=(1,)),
+        field=Field("far", far),
+        physics=replace(LEVEL_GROUND, terrain=build_terrain(grid)),
+    )
+    level, high = (SiteMoves(build_site(one), []).rest_s for one in (context, found))
+    assert high == pytest.approx(level, abs=0.2)
