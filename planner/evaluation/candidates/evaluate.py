@@ -146,7 +146,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
         )
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
-        remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there; the list of legs says where")
+        remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)")
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:
         remarks.append(f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all")
