@@ -167,7 +167,9 @@ def _format_grouped_remark(members: Sequence[tuple[PlanResult, str]]) -> str:
     first, remark = members[0]
     has_one_text = all(part == remark for _, part in members)
     if has_one_text and all(plan.strategy == first.strategy for plan, _ in members):
-        return f"{first.strategy} with {join_list(sorted({plan.tractors for plan, _ in members}))}: {remark}."
+        counts = join_list(sorted({plan.tractors for plan, _ in members}))
+        values = {"strategy": first.strategy, "counts": counts, "remark": translate_sentence(remark)}
+        return translate("{strategy} with {counts}: {remark}.", **values)
     example = "" if has_one_text else f", such as {first.strategy} with {first.tractors}"
     return f"{len(members)} plans{example}: {remark}."
 

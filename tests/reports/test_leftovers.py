@@ -29,7 +29,7 @@ from tests.reports.brackets import Brackets
 from tests.reports.screen_cases import RANKINGS, build_day, build_records
 
 NAMES = re.compile(
-    r"--[a-z-]+|split-field|row-by-row(-optimised)?|interleaved|switch-back(\+u)?|u\+switch-back|km/h|Yanmar|denmark|"
+    r"--[a-z-]+|split-field|row-by-row(-optimised)?|interleaved|omega|switch-back(\+u)?|u\+switch-back|km/h|Yanmar|denmark|"
     r"small|field \d+|'?strip'?|farm\.geojson#strip|robots|Fendts|harrow|far\b|https?://\S+|plan\.\w+|fields\.html|"
     r"day\.html|[Ll]oam|cultivator|cone index: .*|FAO-56.*|, \w+ \d\.\w+"
 )
