@@ -34,7 +34,8 @@ from planner.evaluation.context import prepare_context
 from planner.evaluation.site import build_site
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest
-from strategies.moves.move import MoveFinder
+from strategies.moves.drives import measure_settling
+from strategies.moves.move_finder import MoveFinder
 from strategies.programmes.order_search import OrderProblem, search_programmes
 from strategies.sequencing.directed_bounds import bound_by_pass_prices
 from vehicle.missions.plan import Leg, Mission
@@ -51,7 +52,8 @@ bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
 search_programmes(OrderProblem.from_moves(seconds, seconds[0, :6], seconds[0, :6]), 1, 1)
 context = prepare_context(PlanRequest(width_m=6.0, tractors=(1,)), field=Field("yard", shapely.box(0, 0, 90, 60)))
 simulate_candidate(context, Candidate("split-field", 2))
-finder = MoveFinder(build_site(context))
+site = build_site(context)
+finder = MoveFinder(site, measure_settling(site))
 finder.has_way_on(begin, backwards=False)
 finder.search((10.0, 30.0, 0.0), (20.0, 30.0, 3.0))
 routes.connect(begin, end)

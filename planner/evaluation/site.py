@@ -56,6 +56,7 @@ def build_site(context: PlanningContext) -> Site:
         lane=context.gateway,
         drive=partial(_drive_alone, context, context.physics.terrain),
         drive_level=partial(_drive_alone, context, None),
+        is_alike=context.physics.terrain is None and not field.ground_zones,
         corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
 
@@ -113,8 +114,8 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
 
 
 def _drive_alone(context: PlanningContext, terrain: Terrain | None, plan: Plan) -> SimulationRun:
-    """Drive a plan of one tractor on a terrain, without errors of position, while there is time left."""
+    """Drive a plan on a terrain, each tractor as if it were alone, without errors of position, while there is time."""
     context.time_share.check()
     load = context.physics.driven_load
     world = World(plan, context.tractor, context.implement, terrain=terrain, load=load)
-    return world.run(max_time_s=MOST_DRIVE_S)
+    return world.run(max_time_s=MOST_DRIVE_S, independent=True)

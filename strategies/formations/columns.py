@@ -94,7 +94,7 @@ def _join_pieces(table: MoveTable, swath: int, numbers: Sequence[int]) -> Iterat
 
 def _stays_down(table: MoveTable, u: int, v: int) -> bool:
     """Whether the best move between two nodes was driven well with the implement down."""
-    move = table.get_move(u, v) if table.prove(u, v) else None
+    move = table.get_move(u, v) if table.prove([(u, v)]) else None
     return move is not None and move.is_work
 
 

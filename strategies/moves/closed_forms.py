@@ -33,7 +33,6 @@ Floats = npt.NDArray[np.float64]
 ROWS = MAX_PIECES + 2
 LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before the first arc, or back
 LEADS_IN_M = np.array([2.5, 0.0, 5.0, 10.0, -4.0, -8.0])  # straight before the next line, or back into it
-SHORT_LEAD_M, SHORT_LEAD_S = 2.0, 4.0  # a line begun right out of an arc is begun out of place: charged so much
 LONG_REVERSE_M, LONG_REVERSE_S_PER_M = 15.0, 3.0  # drivers turn rather than reverse farther: charged so much
 SAME_S = 0.02  # candidates that take as long as this are one path, built twice
 FARTHEST_M = 60.0  # straights of a plain corner are no longer
@@ -105,27 +104,37 @@ def _add_primitives(b, lead_out, lead_in, radius, forms, kinds, count) -> int:  
 
 @compile_function
 def compute_awkward_s(rows) -> float:  # type: ignore[no-untyped-def]
-    """Charge (s) of rows (n, 3) for reversing far or on an arc, and for beginning a line right out of an arc."""
-    back, last, bends_back = 0.0, 0, 0.0
+    """Charge (s) of rows (n, 3) for reversing far or on an arc."""
+    back, bends_back = 0.0, 0.0
     for k in range(len(rows)):
         if rows[k, 2] < 0.0:
             back += rows[k, 0]
             if rows[k, 0] > 0.0 and rows[k, 1] != 0.0:
                 bends_back = CURVED_REVERSE_S
-        if rows[k, 0] > 0.0:
-            last = k
-    seconds = bends_back + LONG_REVERSE_S_PER_M * max(0.0, back - LONG_REVERSE_M)
-    if rows[last, 2] > 0.0 and (rows[last, 1] != 0.0 or rows[last, 0] < SHORT_LEAD_M):
-        seconds += SHORT_LEAD_S
-    return seconds
+    return bends_back + LONG_REVERSE_S_PER_M * max(0.0, back - LONG_REVERSE_M)
 
 
 @compile_function
-def list_closed_forms(b, radii, costs, leads_out, leads_in, allowed_kinds, most):  # type: ignore[no-untyped-def]
+def estimate_settling_s(rows, settling) -> float:  # type: ignore[no-untyped-def]
+    """Charge (s) for beginning a line after rows (n, 3), by the metres driven straight since their last arc.
+
+    `settling` (2, k): such metres, and the charge for beginning a line then.
+    """
+    straight, bends = 0.0, False
+    for k in range(len(rows)):
+        if rows[k, 0] > 0.0 and rows[k, 1] != 0.0:
+            straight, bends = 0.0, True
+        else:
+            straight += rows[k, 0]
+    return np.interp(straight, settling[0], settling[1]) if bends else 0.0
+
+
+@compile_function
+def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_kinds, most):  # type: ignore[no-untyped-def]
     """The quickest closed forms (k <= most, ROWS, 3) from the origin to pose b (3,), quickest first, and their seconds.
 
     `radii` (r,) are tried in turn; `allowed_kinds` (4,) says which kinds of primitives may be driven; kinds (k,) come
-    third.
+    third. `settling` as of estimate_settling_s.
     """
     size = len(radii) * (2 + 2 * MAX_PRIMITIVES * len(leads_out) * len(leads_in))
     forms, kinds, seconds = np.empty((size, ROWS, 3)), np.zeros(size, np.int64), np.empty(size)
@@ -139,6 +148,7 @@ def list_closed_forms(b, radii, costs, leads_out, leads_in, allowed_kinds, most)
         seconds[k] = np.inf
         if allowed_kinds[kinds[k]]:
             seconds[k] = compute_drive_time_s(forms[k], costs) + compute_awkward_s(forms[k])
+            seconds[k] += estimate_settling_s(forms[k], settling)
     order = np.argsort(seconds[:count])
     kept, kept_s, kept_kinds = np.empty((most, ROWS, 3)), np.empty(most), np.empty(most, np.int64)
     found, last = 0, -1.0
@@ -170,11 +180,12 @@ def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  
 
 
 @compile_function
-def weigh_forms(a, forms, numbers, costs, kept_grid, kept_frame, wheels_s_per_m):  # type: ignore[no-untyped-def]
-    """Seconds (k,) of some of the forms (n, m, 3) from pose a (3,), and their charges, wheels on kept ground too."""
-    seconds, charges = np.empty(len(numbers)), np.empty(len(numbers))
+def weigh_forms(a, forms, numbers, costs, settling, kept_grid, kept_frame, wheels_s_per_m):  # type: ignore[no-untyped-def]
+    """Seconds (k, 3) of some of the forms (n, m, 3) from pose a (3,): as driven, charged, and for settling after."""
+    weights = np.empty((len(numbers), 3))
     for place, k in enumerate(numbers):
-        seconds[place] = compute_drive_time_s(forms[k], costs)
         wheels = measure_length_inside(a, forms[k], kept_grid, kept_frame, KEPT_DEPTH_M)
-        charges[place] = compute_awkward_s(forms[k]) + wheels_s_per_m * wheels
-    return seconds, charges
+        weights[place, 0] = compute_drive_time_s(forms[k], costs)
+        weights[place, 1] = compute_awkward_s(forms[k]) + wheels_s_per_m * wheels
+        weights[place, 2] = estimate_settling_s(forms[k], settling)
+    return weights

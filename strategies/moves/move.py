@@ -1,37 +1,17 @@
-"""A move from the end of one work line to the begin of another, and the ways of it that the ground leaves."""
+"""A move from the end of one work line to the begin of another."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.moves.closed_forms import (
-    LEADS_IN_M,
-    LEADS_OUT_M,
-    list_closed_forms,
-    pick_with_room,
-    weigh_forms,
-)
-from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
-from strategies.path_planning.paths import PATH_KINDS, DrivePath, PathSegment, Pose, merge_segments
-from strategies.site.site import Site
+from strategies.path_planning.paths import DrivePath, PathSegment, Pose, merge_segments
 
 Floats = npt.NDArray[np.float64]
-
-MOVE_MARGIN_M = 0.10  # room kept on planned moves; a drive errs by about as much
-WIDER_RADIUS = 1.25  # of the planned one: some arcs at the smallest radius are not followed well enough
-MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those with room that are kept
-MOST_POSES = 1500  # expanded by a search
-POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
-PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
-KEPT_GOALS = 8
-SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +24,7 @@ class Move:
         kind: as of a path.
         drive_s: seconds, as planned or once driven as measured; less what it saves on the lines that it cuts.
         charge_s: for what a driver avoids, for wheels on kept ground, and for ground left unworked.
+        settling_s: charge for ground missed as the next line is begun beside it, as expected or as measured.
         leave_m, join_m: by how much the line left is lifted early, and the line begun is lowered late.
         is_work: whether the implement stays down.
     """
@@ -53,6 +34,7 @@ class Move:
     kind: str
     drive_s: float
     charge_s: float = 0.0
+    settling_s: float = 0.0
     leave_m: float = 0.0
     join_m: float = 0.0
     is_work: bool = False
@@ -60,97 +42,12 @@ class Move:
     @property
     def cost_s(self) -> float:
         """Seconds with all charges."""
-        return self.drive_s + self.charge_s
+        return self.drive_s + self.charge_s + self.settling_s
 
     @cached_property
     def path(self) -> DrivePath:
         """Its path, segments of no length left out."""
         return merge_segments(self.start, _iter_segments(self.rows), self.kind)
-
-
-def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
-    """Pose b as seen from pose a, to a millimetre and a microradian."""
-    dx, dy, cosine, sine = b[0] - a[0], b[1] - a[1], math.cos(a[2]), math.sin(a[2])
-    turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
-    x, y = dx * cosine + dy * sine, dy * cosine - dx * sine
-    return round(x, SAME_POSE_DIGITS), round(y, SAME_POSE_DIGITS), round(turn, 2 * SAME_POSE_DIGITS)
-
-
-@dataclass(eq=False)
-class MoveFinder:
-    """Finds moves between poses on a site; closed forms are kept by relative pose, as most of a field's are alike."""
-
-    site: Site
-    radii: Floats = field(init=False)
-    _forms: dict[tuple[float, float, float, int], tuple[Floats, npt.NDArray[np.int64]]] = field(default_factory=dict)
-    _ways: dict[tuple[Pose, bool], bool] = field(default_factory=dict)
-    _remaining: dict[tuple[float, float], Floats] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        radius = self.site.rules.radius_m
-        self.radii = np.array([radius, WIDER_RADIUS * radius])
-
-    @property
-    def _body(self) -> Any:
-        body, ground = self.site.body, self.site.ground
-        return body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M
-
-    def list_moves(self, a: Pose, b: Pose, *, leads: bool = True, most: int = MOST_OPTIONS) -> list[Move]:
-        """The quickest closed forms from a to b on which the body has room; without `leads` arcs may begin at once."""
-        place, start, kept, site = place_in_frame(a, b), np.array(a), self.site.kept, self.site
-        forms, kinds = self._get_forms(place, PLAIN_LEADS if leads else 1)
-        numbers = pick_with_room(start, forms, most, *self._body)
-        if leads and not len(numbers):
-            forms, kinds = self._get_forms(place, len(LEADS_OUT_M))
-            numbers = pick_with_room(start, forms, most, *self._body)
-        seconds, charges = weigh_forms(start, forms, numbers, site.speeds, kept.grid, kept.frame, site.wheels_s_per_m)
-        return [
-            Move(a, forms[k], PATH_KINDS[kinds[k]], drive_s, charge_s)
-            for k, drive_s, charge_s in zip(numbers.tolist(), seconds.tolist(), charges.tolist(), strict=True)
-        ]
-
-    def search(self, a: Pose, b: Pose) -> Move | None:
-        """A move by search, where no closed form has room."""
-        site, kept, remaining_m = self.site, self.site.kept, self._get_remaining_m(b)
-        start, goal, radii, kinds = np.array(a), np.array(b), self.radii[:1], site.allowed_kinds
-        rows, seconds = search_move(start, goal, remaining_m, radii, site.speeds, kinds, MOST_POSES, *self._body)
-        if seconds == np.inf:
-            return None
-        rows = shorten_rows(start, rows, radii, site.speeds, kinds, *self._body)
-        only = np.zeros(1, np.int64)
-        costs = weigh_forms(start, rows[None], only, site.speeds, kept.grid, kept.frame, site.wheels_s_per_m)
-        return Move(a, rows, "route", float(costs[0][0]), float(costs[1][0]))
-
-    def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
-        """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""
-        both = bool(self.site.allowed_kinds[3])
-        key = pose, backwards and not both
-        if key not in self._ways:
-            gears = np.array([1.0, -1.0]) if both else np.array([-1.0 if backwards else 1.0])
-            radius_m = float(self.radii[0])
-            self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._body))
-        return self._ways[key]
-
-    def _get_remaining_m(self, goal: Pose) -> Floats:
-        """The way that remains to a goal over the grid; kept for the last few goals, as it is as large as the field."""
-        key, ground = goal[:2], self.site.ground
-        if key not in self._remaining:
-            while len(self._remaining) >= KEPT_GOALS:
-                del self._remaining[next(iter(self._remaining))]
-            least_m = min(half for _, _, half in self.site.rules.boxes)  # no machine gets through less
-            self._remaining[key] = measure_remaining_m(*key, least_m, ground.grid, ground.frame)
-        return self._remaining[key]
-
-    def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, npt.NDArray[np.int64]]:
-        """The closed forms to a place with the first so many leads, none but zero for one."""
-        key = (*place, leads)
-        if key not in self._forms:
-            none, site = np.zeros(1), self.site
-            outs, ins = (LEADS_OUT_M[:leads], LEADS_IN_M[:leads]) if leads > 1 else (none, none)
-            goal, kinds = np.array(place), site.allowed_kinds
-            forms, _, form_kinds = list_closed_forms(goal, self.radii, site.speeds, outs, ins, kinds, MOST_FORMS)
-            self._forms[key] = forms, form_kinds
-        return self._forms[key]
 
 
 def _iter_segments(rows: Floats) -> Iterator[PathSegment]:

@@ -78,11 +78,11 @@ def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untype
 
 
 @compile_function
-def _find_shot(pose, b, radii, costs, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def _find_shot(pose, b, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """The quickest closed form (ROWS, 3) from a pose to pose b with room, and its seconds; infinite for none."""
     dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
     goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
-    forms, seconds, _ = list_closed_forms(goal, radii, costs, SHOT_OUT_M, SHOT_IN_M, kinds, SHOT_FORMS)
+    forms, seconds, _ = list_closed_forms(goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, SHOT_FORMS)
     numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:
         return np.empty((0, 3)), np.inf
@@ -90,7 +90,7 @@ def _find_shot(pose, b, radii, costs, kinds, guide, points, reach, grid, frame, 
 
 
 @compile_function
-def search_move(a, b, remaining, radii, costs, kinds, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def search_move(a, b, remaining, radii, costs, settling, kinds, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
 
     `remaining` is the way that remains (measure_remaining_m), `most` the number of poses that may be expanded.
@@ -112,7 +112,9 @@ def search_move(a, b, remaining, radii, costs, kinds, most, guide, points, reach
         expanded += 1
         near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
-            link, link_s = _find_shot(poses[node], b, radii, costs, kinds, guide, points, reach, grid, frame, margin)
+            link, link_s = _find_shot(
+                poses[node], b, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin
+            )
             if link_s < np.inf:
                 return _trace_rows(node, came, bends, ways, link), spent_s[node] + link_s
         for way in range(gears):
@@ -210,7 +212,7 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def shorten_rows(a, rows, radii, costs, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def shorten_rows(a, rows, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that take less time, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
@@ -232,7 +234,7 @@ def shorten_rows(a, rows, radii, costs, kinds, guide, points, reach, grid, frame
             if first >= last - 1:
                 break
             link, link_s = _find_shot(
-                ends[first], ends[last], radii, costs, kinds, guide, points, reach, grid, frame, margin
+                ends[first], ends[last], radii, costs, settling, kinds, guide, points, reach, grid, frame, margin
             )
             if link_s < np.inf and link_s <= _measure_seconds(rows[first:last], costs):
                 out, taken = np.concatenate((link, out)), first

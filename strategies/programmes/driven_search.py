@@ -41,7 +41,7 @@ def search_driven_tours(
             if can_be_driven(best):
                 return best
             best_s = math.inf
-        are_driven = False not in [table.prove(u, v) for u, v in list_moves(tours)]
+        are_driven = table.prove(list_moves(tours))
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue

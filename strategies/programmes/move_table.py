@@ -43,6 +43,7 @@ class MoveTable:
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
+    _driven: set[Move] = field(default_factory=set)
     _searched_in_vain: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -100,35 +101,44 @@ class MoveTable:
         more_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
-    def prove(self, u: int, v: int) -> bool:
-        """Find and drive the moves between two nodes until the cheapest is one that was driven well; if there is one.
+    def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
+        """Find and drive the moves of all pairs of nodes until the cheapest of each was driven well; whether all have
+        one.
 
         A move that a drive refuses does not exist; of others the time is as driven, and beginning the next line beside
         it is charged.
         """
-        if (u, v) in self._proven:
-            return True
-        before_s = self.cost_s[u, v]
-        if self.find(u, v, search=True):
-            self._drive_options(u, v)
-        self.excesses_s.append(min(self.cost_s[u, v], self._guess_detour_s(u, v)) - min(before_s, NO_MOVE_S))
-        return (u, v) in self._proven
+        todo = {pair: float(self.cost_s[pair]) for pair in pairs if pair not in self._proven}
+        undriven = [pair for pair in todo if self.find(*pair, search=True) and not self._is_settled(pair)]
+        while undriven:
+            self.moves.drive([(*pair, self._options[pair][0]) for pair in undriven])
+            for pair in undriven:
+                self._take_drive(pair)
+            undriven = [pair for pair in undriven if not self._is_settled(pair)]
+        for pair, before_s in todo.items():
+            self._update_cost(*pair)
+            self.excesses_s.append(min(self.cost_s[pair], self._guess_detour_s(*pair)) - min(before_s, NO_MOVE_S))
+        return all(pair in self._proven for pair in pairs)
+
+    def _take_drive(self, pair: tuple[int, int]) -> None:
+        """Replace the cheapest move of a pair by what a drive made of it."""
+        options = self._options[pair]
+        proven = self.moves.get_driven(*pair, options.pop(0))
+        if proven is not None:
+            self._driven.add(proven)
+            insort(options, proven, key=attrgetter("cost_s"))
+
+    def _is_settled(self, pair: tuple[int, int]) -> bool:
+        """Whether the cheapest move of a pair was driven, or none is left."""
+        options = self._options[pair]
+        if options and options[0] in self._driven:
+            self._proven.add(pair)
+        return not options or pair in self._proven
 
     def strike(self, u: int, v: int) -> None:
         """Take the move between two nodes for one that does not exist: the next best has to be driven."""
         self._options[u, v].pop(0)
         self._proven.discard((u, v))
-        self._update_cost(u, v)
-
-    def _drive_options(self, u: int, v: int) -> None:
-        options, driven = self._options[u, v], set[int]()
-        while options and id(options[0]) not in driven:
-            proven = self.moves.drive(u, v, options.pop(0))
-            if proven is not None:
-                driven.add(id(proven))
-                insort(options, proven, key=attrgetter("cost_s"))
-        if options:
-            self._proven.add((u, v))
         self._update_cost(u, v)
 
     def find(self, u: int, v: int, *, search: bool) -> bool:

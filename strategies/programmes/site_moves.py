@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
@@ -18,12 +17,13 @@ import numpy.typing as npt
 
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import WorkLine, cut_line
-from strategies.moves.move import Move, MoveFinder
-from strategies.path_planning.paths import DrivePath, Pose
-from strategies.program.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
+from strategies.moves.drives import BRAKE_M, SETTLE_M, MoveDrives, Passage, build_work_leg, measure_settling
+from strategies.moves.move import Move
+from strategies.moves.move_finder import MoveFinder
+from strategies.path_planning.paths import Pose
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
-from vehicle.missions.plan import TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
@@ -31,12 +31,6 @@ Floats = npt.NDArray[np.float64]
 DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
 CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
 MOST_CUT_SHARE = 0.4
-SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
-BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
-STRAIGHT_M = 2.0 * (SETTLE_M + BRAKE_M)  # driven from rest to rest, for what starting and stopping take
-MOST_OFF_SHARE = 0.25  # of the width: a drive that begins a line farther beside it has lost it
-OFF_LENGTH_M = 6.0  # driven until a tractor is back on a line that it began beside
-ROOM_TOLERANCE_M = 0.03
 MISSION_TOLERANCE_M = 0.1  # of a whole mission, whose lines begin less exactly than those driven alone
 
 
@@ -51,12 +45,14 @@ class SiteMoves:
     site: Site
     lines: Sequence[WorkLine]
     finder: MoveFinder = field(init=False)
+    drives: MoveDrives = field(init=False)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     _driven: dict[Move, Move | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.finder = MoveFinder(self.site)
+        self.finder = MoveFinder(self.site, measure_settling(self.site))
+        self.drives = MoveDrives(self.site, self.site.is_alike)
         nodes, lane = range(2 * len(self.lines)), self.site.lane
         self.ends: list[Pose] = [self.lines[k // 2].get_end(k % 2) for k in nodes]
         self.begins: list[Pose] = [self.lines[k // 2].get_begin(k % 2) for k in nodes]
@@ -80,10 +76,15 @@ class SiteMoves:
             self._found[u, v] = self._search(u, v)
         return self._found[u, v]
 
-    def drive(self, u: int, v: int, move: Move) -> Move | None:
-        """A move with its time and deviation as driven; None if it is not, leaves the ground or loses its line."""
-        if move not in self._driven:
-            self._driven[move] = self._drive(u, v, move)
+    def drive(self, wanted: Sequence[tuple[int, int, Move]]) -> None:
+        """Drive moves between two nodes each, all at once."""
+        todo = [(self._build_passage(*one), one[2]) for one in wanted if one[2] not in self._driven]
+        proven = self.drives.prove([passage for passage, _ in todo])
+        self._driven.update((move, one) for (_, move), one in zip(todo, proven, strict=True))
+
+    def get_driven(self, u: int, v: int, move: Move) -> Move | None:
+        """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
+        self.drive([(u, v, move)])
         return self._driven[move]
 
     def has_way(self, u: int, v: int) -> bool:
@@ -143,30 +144,20 @@ class SiteMoves:
         drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
         return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)
 
-    def _drive(self, u: int, v: int, move: Move) -> Move | None:
-        legs = build_path_legs(self.site, move.path, LegTask(TURN), is_work=move.is_work)
-        before = None if u == self.gate else self.build_work_leg(u, move.leave_m, last_m=SETTLE_M)
-        after = None if v == self.gate else self.build_work_leg(v, 0.0, move.join_m, first_m=SETTLE_M + BRAKE_M)
-        driven = [leg for leg in (before, *legs, after) if leg is not None]
-        run = self.site.drive(Plan((Mission(tuple(driven)),)))
-        if run.outcome != DONE:
-            return None
-        poses, numbers = run.get_poses(0), run.get_leg_numbers(0)
-        if measure_proof_rooms(self.site, poses).min() < -ROOM_TOLERANCE_M:
-            return None
-        if after is None:
-            return move
-        row = int(np.argmax(numbers == len(driven) - 1))
-        off_m = self._measure_off_m(poses[row], self.lines[v // 2].get_pose(v % 2, move.join_m))
-        if off_m > MOST_OFF_SHARE * self.site.width_m:
-            return None
-        speed = self.site.rules.work_speed_mps
-        missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * self.site.work_s_per_m2
-        begun_s = 0.0 if before is None else self._measure_start_s(before.length_m)
-        settled_m = min(SETTLE_M, 0.5 * after.length_m)
-        end_s = _find_time_s(run.time_s[row:], poses[row:], settled_m) - settled_m / speed
-        drive_s = end_s - begun_s - (move.leave_m + move.join_m) / speed
-        return replace(move, drive_s=drive_s, charge_s=move.charge_s + missed_s)
+    def _build_passage(self, u: int, v: int, move: Move) -> Passage:
+        before = None if u == self.gate else self.cut_before(u, move.leave_m)
+        return Passage(move, before, None if v == self.gate else self.cut_after(v, move.join_m))
+
+    def cut_before(self, node: int, leave_m: float) -> Floats:
+        """The stretch (n, 2) of a node that is driven with the move which leaves it so far before its end."""
+        line, way = self.lines[node // 2], node % 2
+        end_m = line.measure_path_m(way) - leave_m
+        return cut_line(line.paths[way], max(0.0, end_m - SETTLE_M), end_m)
+
+    def cut_after(self, node: int, join_m: float) -> Floats:
+        """The stretch (n, 2) of a node that is driven with the move which joins it so far after its begin."""
+        line, way = self.lines[node // 2], node % 2
+        return cut_line(line.paths[way], join_m, min(line.measure_path_m(way), join_m + SETTLE_M + BRAKE_M))
 
     def find_lost_legs(self, legs: Sequence[Leg]) -> list[int]:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
@@ -177,58 +168,8 @@ class SiteMoves:
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost
 
-    def _measure_start_s(self, distance_m: float) -> float:
-        """Seconds from rest to so far along a straight line (at most SETTLE_M)."""
-        return _find_time_s(*self._straight, distance_m)
-
-    @property
-    def rest_s(self) -> float:
-        """Seconds that a straight line takes longer from rest to rest than at working speed."""
-        time_s, _ = self._straight
-        return float(time_s[-1]) - STRAIGHT_M / self.site.rules.work_speed_mps
-
-    @cached_property
-    def _straight(self) -> tuple[Floats, Floats]:
-        """Times and poses of a drive along a straight line from rest to rest, on level ground: it lies nowhere."""
-        leg = Leg(np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), self.site.rules.work_speed_mps, 1, True)
-        run = self.site.drive_level(Plan((Mission((leg,)),)))
-        return run.time_s, run.get_poses(0)
-
-    def _measure_off_m(self, pose: Floats, goal: Pose) -> float:
-        """How far beside the line from a goal pose on the implement is, with the centre of mass at a pose (3,)."""
-        x, y, heading = pose.tolist()
-        dx, dy = x - self.site.bar_m * math.cos(heading) - goal[0], y - self.site.bar_m * math.sin(heading) - goal[1]
-        off_m: float = abs(dy * math.cos(goal[2]) - dx * math.sin(goal[2]))
-        return off_m
-
-    def build_work_leg(
-        self, node: int, leave_m: float, join_m: float = 0.0, *, first_m: float = math.inf, last_m: float = math.inf
-    ) -> Leg:
-        """The leg that works a node, without what moves cut from its ends; only its first or last metres."""
+    def build_work_leg(self, node: int, leave_m: float, join_m: float = 0.0) -> Leg:
+        """The leg that works a node, without what moves cut from its ends."""
         line, way = self.lines[node // 2], node % 2
-        end_m = line.measure_path_m(way) - leave_m
-        points = cut_line(line.paths[way], max(join_m, end_m - last_m), min(end_m, join_m + first_m))
-        x, y = points[len(points) // 2].tolist()
-        ground = self.site.layout.field.find_ground_at(x, y)
-        return Leg(points, self.site.rules.work_speed_mps, 1, True, ground, line.task)
-
-
-def _find_time_s(time_s: Floats, poses: Floats, distance_m: float) -> float:
-    """When a drive has come so far from its first pose."""
-    driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    return float(np.interp(distance_m, driven_m, time_s))
-
-
-def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool = False) -> list[Leg]:
-    """A path as legs, one per gear; with the implement down where it is work."""
-    legs = []
-    for gear, sampled in path.sample(PATH_STEP_M):
-        steps_m = np.hypot(*np.diff(sampled, axis=0).T)
-        points = sampled[np.concatenate([[True], steps_m > MIN_STEP_M])]
-        if float(steps_m.sum()) <= MIN_LEG_M:
-            continue
-        x, y = points[len(points) // 2].tolist()
-        speed_mps = site.rules.work_speed_mps if is_work else site.rules.get_path_speed_mps(gear)
-        ground = site.layout.field.find_ground_at(x, y)
-        legs.append(Leg(points, speed_mps, gear, is_work, ground, task))
-    return legs
+        points = cut_line(line.paths[way], join_m, line.measure_path_m(way) - leave_m)
+        return build_work_leg(self.site, points, line.task)

@@ -7,11 +7,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 from strategies.lines.work_line import cut_line
+from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.site_moves import build_path_legs
 from strategies.programmes.waiting_places import list_parts_m
 from vehicle.missions.plan import ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 

@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from strategies.lines.work_line import WorkLine
-from strategies.moves.move import Move, MoveFinder
+from strategies.moves.move import Move
+from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import HEADLAND_PASS

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
@@ -16,7 +17,6 @@ from strategies.program.legs import add_wait_points, make_mission
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from strategies.programmes.site_moves import build_path_legs
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads

@@ -11,23 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 
-import numpy as np
-
-from strategies.lines.lay_lines import measure_proof_rooms
+from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_table import DETOUR_FACTOR, DETOUR_S, NO_MOVE_S, MoveTable
-from strategies.programmes.site_moves import (
-    MOST_CUT_SHARE,
-    MOST_OFF_SHARE,
-    OFF_LENGTH_M,
-    ROOM_TOLERANCE_M,
-    SETTLE_M,
-    build_path_legs,
-)
+from strategies.programmes.site_moves import MOST_CUT_SHARE
 from strategies.site.site import MISSED_FACTOR
-from vehicle.missions.plan import REFILL, LegTask, Mission, Plan
-from vehicle.missions.run import DONE
 
 CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move
 
@@ -132,34 +121,8 @@ class StopMoves:
 
     def _drive(self, trip: Trip, move: Move) -> Move | None:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
-        table, node, line = self.table, trip.node, self.table.lines[trip.node // 2]
-        rest_m = line.measure_path_m(node % 2) - trip.at_m
-        legs = build_path_legs(table.site, move.path, LegTask(REFILL))
-        before = [table.moves.build_work_leg(node, rest_m + move.leave_m, last_m=SETTLE_M)] if trip.is_arriving else []
-        after = (
-            []
-            if trip.is_arriving
-            else [table.moves.build_work_leg(node, 0.0, trip.at_m + move.join_m, first_m=SETTLE_M)]
-        )
-        driven = [*before, *legs, *after]
-        run = table.site.drive(Plan((Mission(tuple(driven)),)))
-        if run.outcome != DONE or measure_proof_rooms(table.site, run.get_poses(0)).min() < -ROOM_TOLERANCE_M:
-            return None
-        numbers = run.get_leg_numbers(0)
-        cut_s = (move.leave_m + move.join_m) / table.site.rules.work_speed_mps
-        if trip.is_arriving:
-            begun_s = float(run.time_s[int(np.argmax(numbers > 0))]) if legs else run.duration_s
-            return replace(move, drive_s=run.duration_s - begun_s - cut_s)
-        row = int(np.argmax(numbers == len(driven) - 1))
-        off_m = self._measure_off_m(run.get_poses(0)[row], line.get_pose(node % 2, trip.at_m + move.join_m))
-        if off_m > MOST_OFF_SHARE * table.site.width_m:
-            return None
-        missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * table.site.work_s_per_m2
-        return replace(move, drive_s=float(run.time_s[row]) - cut_s, charge_s=move.charge_s + missed_s)
-
-    def _measure_off_m(self, pose: np.ndarray, goal: Pose) -> float:
-        """How far beside the line from a goal pose on the implement is, with the centre of mass at a pose (3,)."""
-        x, y, heading = pose.tolist()
-        bar_m = self.table.site.bar_m
-        dx, dy = x - bar_m * math.cos(heading) - goal[0], y - bar_m * math.sin(heading) - goal[1]
-        return abs(float(dy * math.cos(goal[2]) - dx * math.sin(goal[2])))
+        moves, node = self.table.moves, trip.node
+        rest_m = self.table.lines[node // 2].measure_path_m(node % 2) - trip.at_m
+        before = moves.cut_before(node, rest_m + move.leave_m) if trip.is_arriving else None
+        after = None if trip.is_arriving else moves.cut_after(node, trip.at_m + move.join_m)
+        return moves.drives.prove([Passage(move, before, after)])[0]

@@ -94,7 +94,7 @@ class TourLoads:
 
     def drive_moves(self, order: LoadedOrder) -> bool:
         """Find and drive all moves that an order uses; whether there was any that was not driven before."""
-        tour, is_new = self.list_parts(order), False
+        tour = self.list_parts(order)
         cuts = set(order.cuts) if self.moves is not None else set()
         gate = [] if self.table.site.lane is None else [self.table.gate]
         pairs = [
@@ -103,11 +103,8 @@ class TourLoads:
             if gap not in cuts and not before.leads_to(after)
         ]
         ends = [pair for end in gate for pair in ((end, tour[0].node), (tour[-1].node, end))]
-        for pair in [*pairs, *ends]:
-            if not self.table.is_proven(*pair):
-                is_new = True
-                if self.table.find(*pair, search=True):
-                    self.table.prove(*pair)
+        is_new = not all(self.table.is_proven(*pair) for pair in [*pairs, *ends])
+        self.table.prove([*pairs, *ends])
         return self._drive_detours(tour, order.cuts) or is_new
 
     def _drive_detours(self, tour: Sequence[TourPart], cuts: Sequence[int]) -> bool:

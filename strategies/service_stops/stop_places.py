@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from strategies.moves.move import MOVE_MARGIN_M
+from strategies.moves.move_finder import MOVE_MARGIN_M
 from strategies.path_planning.paths import Pose, shift_pose_ahead
 from strategies.program.supply import Point
 from strategies.site.ground import measure_rooms

@@ -10,12 +10,12 @@ from itertools import accumulate
 
 import numpy as np
 
+from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import join_paths
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.site_moves import build_path_legs
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need

@@ -21,7 +21,7 @@ from vehicle.missions.run import SimulationRun
 
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
 Drive = Callable[[Plan], SimulationRun]
-"""Simulates a plan of one tractor on its own, without errors of position."""
+"""Simulates tractors that pass each other by, each as if it were alone, without errors of position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,8 @@ class Site:
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
         lane: through the entrance, None without one.
-        drive, drive_level: simulate one tractor, on the ground of the field and on level ground.
+        drive, drive_level: simulate tractors, on the ground of the field and on level ground.
+        is_alike: whether its ground is level and the same everywhere.
         corner_factor: seconds to finish ground left in corners of the headland, to those that it takes to work it with
             the corner; infinite where every corner is worked whole.
     """
@@ -58,6 +59,7 @@ class Site:
     lane: EntranceLane | None
     drive: Drive
     drive_level: Drive
+    is_alike: bool
     corner_factor: float = MISSED_FACTOR
 
     @property
