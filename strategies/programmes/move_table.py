@@ -41,6 +41,7 @@ class MoveTable:
     cost_s: Floats = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
+    _sought: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
@@ -145,6 +146,10 @@ class MoveTable:
         """Find the moves between two nodes, by a search where nothing else helps; whether there is one."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
+        if search and (u, v) not in self._sought:
+            self._sought.add((u, v))
+            more = self.moves.list_more_options(u, v)
+            self._options[u, v] = sorted([*self._options[u, v], *more], key=attrgetter("cost_s"))
         if not self._options[u, v] and search and self._may_search(u, v):
             self._searched.add((u, v))
             found = self.moves.search(u, v)

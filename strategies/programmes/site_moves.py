@@ -47,6 +47,7 @@ class SiteMoves:
     finder: MoveFinder = field(init=False)
     drives: MoveDrives = field(init=False)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    _more_options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     _driven: dict[Move, Move | None] = field(default_factory=dict)
 
@@ -69,6 +70,14 @@ class SiteMoves:
         if (u, v) not in self._options:
             self._options[u, v] = tuple(self._list_options(u, v))
         return self._options[u, v]
+
+    def list_more_options(self, u: int, v: int) -> tuple[Move, ...]:
+        """Those with the ends of lines cut back for them, where all others are dear."""
+        if (u, v) not in self._more_options:
+            least_s = min((one.cost_s for one in self.list_options(u, v)), default=math.inf)
+            is_dear = self.gate not in (u, v) and least_s > self.guess_plain_s(u, v) + DEAR_S
+            self._more_options[u, v] = tuple(self._list_cut_moves(u, v) if is_dear else ())
+        return self._more_options[u, v]
 
     def search(self, u: int, v: int) -> Move | None:
         """A move by search, if need be between lines cut back by the turning radius."""
@@ -99,14 +108,12 @@ class SiteMoves:
         return (math.dist(a[:2], b[:2]) + turn * self.site.rules.radius_m) / self.site.rules.turn_speed_mps
 
     def _list_options(self, u: int, v: int) -> list[Move]:
-        """Every kind of move between two nodes, the cheapest first."""
+        """Every kind of move between the ends of two nodes, the cheapest first."""
         a, b = self.ends[u], self.begins[v]
         options = self.finder.list_moves(a, b)
         if self.gate not in (u, v):
             p, q = self.lines[u // 2], self.lines[v // 2]
             options += list_work_moves(self.site, self.finder, p, u % 2, q, v % 2)
-            if min((one.cost_s for one in options), default=math.inf) > self.guess_plain_s(u, v) + DEAR_S:
-                options += self._list_cut_moves(u, v)
         return sorted(options, key=attrgetter("cost_s"))
 
     def _list_cut_moves(self, u: int, v: int) -> list[Move]:
