@@ -14,7 +14,7 @@ import numpy.typing as npt
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
 from strategies.programmes.order_tours import POSSIBLE_S
-from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.site_moves import DEAR_S, SiteMoves
 from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
@@ -49,10 +49,7 @@ class MoveTable:
 
     def __post_init__(self) -> None:
         self.cost_s = self._guess_costs()
-        for u in range(self.gate):
-            for v in np.argsort(self.cost_s[u, :-1], kind="stable")[: NEAR_LINES + 2].tolist():
-                if self.cost_s[u, v] < NO_MOVE_S:
-                    self.find(u, v, search=False)
+        self._find_near()
 
     @property
     def site(self) -> Site:
@@ -68,6 +65,26 @@ class MoveTable:
     def gate(self) -> int:
         """The node of the entrance."""
         return self.moves.gate
+
+    def _find_near(self) -> None:
+        """Find the moves between nodes near one another; where all from or to a place are dear also with lines cut."""
+        plain_s, excess_s = self.cost_s - GUESS_S, np.full(self.cost_s.shape, np.inf)
+        for u in range(self.gate):
+            for v in np.argsort(plain_s[u, :-1], kind="stable")[: NEAR_LINES + 2].tolist():
+                if plain_s[u, v] < NO_MOVE_S - GUESS_S:
+                    self.find(u, v, search=False)
+                    excess_s[u, v] = self.cost_s[u, v] - plain_s[u, v]
+        from_s, to_s = excess_s.min(axis=1, keepdims=True), excess_s.min(axis=0, keepdims=True)
+        for u, v in np.argwhere(np.isfinite(excess_s) & (np.maximum(from_s, to_s) > DEAR_S)).tolist():
+            self._find_with_cuts(u, v)
+            self._update_cost(u, v)
+
+    def _find_with_cuts(self, u: int, v: int) -> None:
+        """Find the moves between two nodes with the ends of their lines cut back, where others are dear."""
+        if (u, v) not in self._sought:
+            self._sought.add((u, v))
+            more = self.moves.list_more_options(u, v)
+            self._options[u, v] = sorted([*self._options[u, v], *more], key=attrgetter("cost_s"))
 
     def _guess_costs(self) -> Floats:
         ends, begins, rules = np.array(self.moves.ends), np.array(self.moves.begins), self.site.rules
@@ -146,10 +163,8 @@ class MoveTable:
         """Find the moves between two nodes, by a search where nothing else helps; whether there is one."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
-        if search and (u, v) not in self._sought:
-            self._sought.add((u, v))
-            more = self.moves.list_more_options(u, v)
-            self._options[u, v] = sorted([*self._options[u, v], *more], key=attrgetter("cost_s"))
+        if search:
+            self._find_with_cuts(u, v)
         if not self._options[u, v] and search and self._may_search(u, v):
             self._searched.add((u, v))
             found = self.moves.search(u, v)
