@@ -33,7 +33,6 @@ Floats = npt.NDArray[np.float64]
 ROWS = MAX_PIECES + 2
 LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before the first arc, or back
 LEADS_IN_M = np.array([2.5, 0.0, 5.0, 10.0, -4.0, -8.0])  # straight before the next line, or back into it
-LONG_REVERSE_M, LONG_REVERSE_S_PER_M = 15.0, 3.0  # drivers turn rather than reverse farther: charged so much
 SAME_S = 0.02  # candidates that take as long as this are one path, built twice
 FARTHEST_M = 60.0  # straights of a plain corner are no longer
 KEPT_DEPTH_M = 0.5  # ground of swaths counts as driven on from so far inside
@@ -104,14 +103,27 @@ def _add_primitives(b, lead_out, lead_in, radius, forms, kinds, count) -> int:  
 
 @compile_function
 def compute_awkward_s(rows) -> float:  # type: ignore[no-untyped-def]
-    """Charge (s) of rows (n, 3) for reversing far or on an arc."""
-    back, bends_back = 0.0, 0.0
+    """Charge (s) of rows (n, 3) for reversing on an arc."""
     for k in range(len(rows)):
-        if rows[k, 2] < 0.0:
-            back += rows[k, 0]
-            if rows[k, 0] > 0.0 and rows[k, 1] != 0.0:
-                bends_back = CURVED_REVERSE_S
-    return bends_back + LONG_REVERSE_S_PER_M * max(0.0, back - LONG_REVERSE_M)
+        if rows[k, 2] < 0.0 and rows[k, 0] > 0.0 and rows[k, 1] != 0.0:
+            return CURVED_REVERSE_S
+    return 0.0
+
+
+@compile_function
+def back_up(backed, length, gear) -> float:  # type: ignore[no-untyped-def]
+    """How far (m) a machine has backed up after a segment: driving forwards makes up for it metre by metre."""
+    return backed + length if gear < 0.0 else max(0.0, backed - length)  # type: ignore[no-any-return]
+
+
+@compile_function
+def measure_backing_up(rows, backed) -> float:  # type: ignore[no-untyped-def]
+    """The farthest (m) that rows (n, 3) back up, at the begin of which a machine has backed up `backed` metres."""
+    farthest = backed
+    for k in range(len(rows)):
+        backed = back_up(backed, rows[k, 0], rows[k, 2])
+        farthest = max(farthest, backed)
+    return farthest  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -130,11 +142,12 @@ def estimate_settling_s(rows, settling) -> float:  # type: ignore[no-untyped-def
 
 
 @compile_function
-def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_kinds, most):  # type: ignore[no-untyped-def]
+def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_kinds, backed, max_reverse, most):  # type: ignore[no-untyped-def]
     """The quickest closed forms (k <= most, ROWS, 3) from the origin to pose b (3,), quickest first, and their seconds.
 
     `radii` (r,) are tried in turn; `allowed_kinds` (4,) says which kinds of primitives may be driven; kinds (k,) come
-    third. `settling` as of estimate_settling_s.
+    third. `settling` as of estimate_settling_s. None backs up farther than `max_reverse` metres, of which `backed` lead
+    to the origin.
     """
     size = len(radii) * (2 + 2 * MAX_PRIMITIVES * len(leads_out) * len(leads_in))
     forms, kinds, seconds = np.empty((size, ROWS, 3)), np.zeros(size, np.int64), np.empty(size)
@@ -146,7 +159,7 @@ def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_ki
                 count = _add_primitives(b, leads_out[i], leads_in[j], radii[r], forms, kinds, count)
     for k in range(count):
         seconds[k] = np.inf
-        if allowed_kinds[kinds[k]]:
+        if allowed_kinds[kinds[k]] and measure_backing_up(forms[k], backed) <= max_reverse:
             seconds[k] = compute_drive_time_s(forms[k], costs) + compute_awkward_s(forms[k])
             seconds[k] += estimate_settling_s(forms[k], settling)
     order = np.argsort(seconds[:count])

@@ -83,14 +83,18 @@ class MoveFinder:
         ]
 
     def search(self, a: Pose, b: Pose) -> Move | None:
-        """A move by search, where no closed form has room."""
+        """A move by search, where no closed form has room; one that reverses far only where no other leads on."""
+        limits_m = [self.site.rules.max_reverse_m] + [math.inf] * bool(self.site.allowed_kinds[3])
+        return next((move for limit_m in limits_m if (move := self._search_within(a, b, limit_m)) is not None), None)
+
+    def _search_within(self, a: Pose, b: Pose, max_reverse_m: float) -> Move | None:
         site, kept, remaining_m = self.site, self.site.kept, self._get_remaining_m(b)
-        start, goal, radii, kinds = np.array(a), np.array(b), self.radii[:1], site.allowed_kinds
-        rows, seconds = search_move(start, goal, remaining_m, radii, *self._costs, kinds, MOST_POSES, *self._body)
+        start, goal, only = np.array(a), np.array(b), np.zeros(1, np.int64)
+        how = self.radii[:1], *self._costs, site.allowed_kinds, max_reverse_m
+        rows, seconds = search_move(start, goal, remaining_m, *how, MOST_POSES, *self._body)
         if seconds == np.inf:
             return None
-        rows = shorten_rows(start, rows, radii, *self._costs, kinds, *self._body)
-        only = np.zeros(1, np.int64)
+        rows = shorten_rows(start, rows, *how, *self._body)
         weights = weigh_forms(start, rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
         return Move(a, rows, "route", *weights[0].tolist())
 
@@ -121,6 +125,8 @@ class MoveFinder:
             none, site = np.zeros(1), self.site
             outs, ins = (LEADS_OUT_M[:leads], LEADS_IN_M[:leads]) if leads > 1 else (none, none)
             goal, kinds = np.array(place), site.allowed_kinds
-            forms, _, form_kinds = list_closed_forms(goal, self.radii, *self._costs, outs, ins, kinds, MOST_FORMS)
+            forms, _, form_kinds = list_closed_forms(
+                goal, self.radii, *self._costs, outs, ins, kinds, 0.0, site.rules.max_reverse_m, MOST_FORMS
+            )
             self._forms[key] = forms, form_kinds
         return self._forms[key]

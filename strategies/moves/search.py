@@ -16,7 +16,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from strategies.moves.closed_forms import list_closed_forms, pick_with_room
+from strategies.moves.closed_forms import back_up, list_closed_forms, measure_backing_up, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
 from strategies.site.ground import AMPLE_M, has_room_on_path, measure_path_room
 from vehicle.copying import copy_table
@@ -78,11 +78,20 @@ def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untype
 
 
 @compile_function
-def _find_shot(pose, b, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def _find_cell(x, y, heading, way):  # type: ignore[no-untyped-def]
+    """The cell, sector of headings and gear by which poses of a search are told apart."""
+    column, row = math.floor(x / SEARCH_CELL_M), math.floor(y / SEARCH_CELL_M)
+    return np.int64(column), np.int64(row), np.int64(math.floor((heading % TAU) / TAU * SECTORS)), np.int64(way)
+
+
+@compile_function
+def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """The quickest closed form (ROWS, 3) from a pose to pose b with room, and its seconds; infinite for none."""
     dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
     goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
-    forms, seconds, _ = list_closed_forms(goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, SHOT_FORMS)
+    forms, seconds, _ = list_closed_forms(
+        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, max_reverse, SHOT_FORMS
+    )
     numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:
         return np.empty((0, 3)), np.inf
@@ -90,17 +99,20 @@ def _find_shot(pose, b, radii, costs, settling, kinds, guide, points, reach, gri
 
 
 @compile_function
-def search_move(a, b, remaining, radii, costs, settling, kinds, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def search_move(  # type: ignore[no-untyped-def]
+    a, b, remaining, radii, costs, settling, kinds, max_reverse, most, guide, points, reach, grid, frame, margin
+):
     """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
 
-    `remaining` is the way that remains (measure_remaining_m), `most` the number of poses that may be expanded.
+    `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m),
+    `most` the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     forward, back = costs[0], costs[1]
     slow = min(forward, math.sqrt(costs[4] * radius))
-    size = 6 * most + 8
+    size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
     poses, spent_s, came = np.empty((size, 3)), np.empty(size), np.empty(size, np.int64)
-    bends, ways = np.zeros(size), np.ones(size)
+    bends, ways, backed = np.zeros(size), np.ones(size), np.zeros(size)
     poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
     spent_s[0], came[0] = 0.0, -1
     count, expanded = 1, 0
@@ -112,13 +124,14 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, most, guide, poi
         expanded += 1
         near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
-            link, link_s = _find_shot(
-                poses[node], b, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin
-            )
+            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
             if link_s < np.inf:
                 return _trace_rows(node, came, bends, ways, link), spent_s[node] + link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
+            behind = back_up(backed[node], STEP_M, gear)
+            if behind > max_reverse:
+                continue
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = STEP_M, bend, gear
@@ -137,17 +150,13 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, most, guide, poi
                     seconds += costs[2] + costs[3] * abs(bend - bends[node])
                 elif bend != bends[node]:
                     seconds += BEND_S
-                key = (
-                    np.int64(math.floor(u / SEARCH_CELL_M)),
-                    np.int64(math.floor(v / SEARCH_CELL_M)),
-                    np.int64(math.floor((after % TAU) / TAU * SECTORS)),
-                    np.int64(way),
-                )
+                key = _find_cell(u, v, after, way)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
                 best_s[key] = seconds
                 poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
-                spent_s[count], came[count], bends[count], ways[count] = seconds, node, bend, gear
+                spent_s[count], came[count] = seconds, node
+                bends[count], ways[count], backed[count] = bend, gear, behind
                 off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
                 heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / forward, count))
                 count += 1
@@ -158,7 +167,7 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, most, guide, poi
 def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """Whether at least `most` places are reached from pose a by arcs and straights in the gears given."""
     size = 6 * most + 8
-    poses, seen = np.empty((size, 3)), {(np.int64(0), np.int64(0), np.int64(-1))}
+    poses, seen = np.empty((size, 3)), {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0))}
     poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
     count, at, step = 1, 0, np.empty((1, 3))
     while at < count and count <= most:
@@ -168,11 +177,7 @@ def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin
                 if not has_room_on_path(poses[at], step, guide, points, len(points), reach, grid, frame, margin):
                     continue
                 u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], STEP_M, side / radius, gear)
-                key = (
-                    np.int64(math.floor(u / SEARCH_CELL_M)),
-                    np.int64(math.floor(v / SEARCH_CELL_M)),
-                    np.int64(math.floor((after % TAU) / TAU * SECTORS)),
-                )
+                key = _find_cell(u, v, after, 0)
                 if key not in seen:
                     seen.add(key)
                     poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
@@ -212,15 +217,15 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def shorten_rows(a, rows, radii, costs, settling, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that take less time, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
-    the margin asks for.
+    the margin asks for, and with it the path backs up no farther than `max_reverse` metres.
     """
     rows = _merge_rows(rows)
-    margin = margin + AMPLE_M
+    body = guide, points, reach, grid, frame, margin + AMPLE_M
     ends = np.empty((len(rows) + 1, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]
     for k in range(len(rows)):
@@ -233,12 +238,12 @@ def shorten_rows(a, rows, radii, costs, settling, kinds, guide, points, reach, g
             first = eighth * last // 8
             if first >= last - 1:
                 break
-            link, link_s = _find_shot(
-                ends[first], ends[last], radii, costs, settling, kinds, guide, points, reach, grid, frame, margin
-            )
+            link, link_s = _find_shot(ends[first], ends[last], radii, costs, settling, kinds, 0.0, max_reverse, *body)
             if link_s < np.inf and link_s <= _measure_seconds(rows[first:last], costs):
-                out, taken = np.concatenate((link, out)), first
-                break
+                whole = np.concatenate((rows[:first], link, out))
+                if measure_backing_up(whole, 0.0) <= max_reverse:
+                    out, taken = whole[first:], first
+                    break
         if taken == last - 1:
             out = np.concatenate((rows[last - 1 : last], out))
         last = taken

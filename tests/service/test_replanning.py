@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -46,8 +47,33 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
 
 @pytest.fixture(scope="module")
 def plan_without_entrance(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
-    """At 0.35 of it, tractor 1 must wait for tractor 2 if the third has failed."""
     return plan_three(tmp_path_factory, None)
+
+
+@dataclass(frozen=True)
+class ForcedWait:
+    """How far a plan has been driven when one tractor fails, and another must wait on its leg in the new plan."""
+
+    share: float
+    failed: int
+    waiting: int
+
+
+@pytest.fixture(scope="module")
+def forced_wait(plan_without_entrance: FleetPlan) -> ForcedWait:
+    """The first that is found from the middle of the plan on: where it is depends on the order of its work."""
+    told = re.compile(r"Tractor (\d) would have to wait on legs already being driven: pause tractor \1 and replan")
+    for percent in sorted(range(5, 95, 3), key=lambda percent: abs(percent - 41)):
+        for failed in range(plan_without_entrance.tractor_count):
+            manager = at(plan_without_entrance, 0.01 * percent)
+            manager.mark_failed("anna", failed, 1.0)
+            try:
+                replan_remaining_work(extract_remaining_work(manager, [], 100.0))
+            except FleetManagerError as refusal:
+                found = told.match(str(refusal))
+                if found is not None:
+                    return ForcedWait(0.01 * percent, failed, int(found[1]) - 1)
+    pytest.fail("Nowhere on this plan must a tractor wait on its leg.")
 
 
 def plan_three(tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None) -> FleetPlan:
@@ -200,55 +226,55 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
 
 
 @pytest.mark.slow
-def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(plan_without_entrance: FleetPlan) -> None:
-    manager = at(plan_without_entrance, 0.35)
-    manager.mark_failed("anna", 2, 1.0)
-    with pytest.raises(
-        FleetManagerError, match="have to wait on legs already being driven: pause tractor 1 and replan"
-    ):
-        replan_remaining_work(extract_remaining_work(manager, [], 100.0))
+def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
+    plan_without_entrance: FleetPlan, forced_wait: ForcedWait
+) -> None:
+    failed, waiting = forced_wait.failed, forced_wait.waiting
+    manager = at(plan_without_entrance, forced_wait.share)
+    manager.mark_failed("anna", failed, 1.0)
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
-    state = manager.states[0]
-    (gate,) = made.timed_missions[0].legs[state.leg].gates
-    assert gate.tractor == 1 and state.leg < state.base_end
-    assert not any(gate.tractor == 2 for course in made.timed_missions for leg in course.legs for gate in leg.gates)
+    state, (awaited,) = manager.states[waiting], {0, 1, 2} - {failed, waiting}
+    (gate,) = made.timed_missions[waiting].legs[state.leg].gates
+    assert gate.tractor == awaited and state.leg < state.base_end
+    gates = [gate for course in made.timed_missions for leg in course.legs for gate in leg.gates]
+    assert not any(gate.tractor == failed for gate in gates)
     check_proposal_still_fits(rest, manager, made)
     manager.adopt_plan("anna", made, 101.0, rest.excluded)
     manager.resume_tractors("anna", None, 103.0)
     manager.take_outputs()
     manager.update_fleet(103.2)
-    assert state.holds == {WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[1].holds
-    assert manager.find_awaited_legs(0) == [(gate.tractor, gate.leg)]
-    assert 0.0 < manager.finish_in_s[1] < manager.finish_in_s[0] < math.inf
+    assert state.holds == {WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[awaited].holds
+    assert manager.find_awaited_legs(waiting) == [(gate.tractor, gate.leg)]
+    assert all(0.0 < manager.finish_in_s[number] < math.inf for number in (waiting, awaited))
     kept = FleetManager(manager.plan, FleetRules())
     restore_progress(kept, json.loads(json.dumps(capture_progress(manager, 103.2, 0.0))), 0.0, 0.0)
     kept.update_fleet(0.2)
-    assert kept.states[0].holds == {WAITS_FOR_PLAN, SERVICE_RESTARTED}
+    assert kept.states[waiting].holds == {WAITS_FOR_PLAN, SERVICE_RESTARTED}
     kept.resume_tractors("anna", None, 1.0)
     kept.update_fleet(1.2)
-    assert kept.states[0].holds == {WAITS_FOR_PLAN}, "a restart does not let it go"
-    manager.states[1].leg, manager.states[1].leg_m = gate.leg, gate.after_m + 0.1
+    assert kept.states[waiting].holds == {WAITS_FOR_PLAN}, "a restart does not let it go"
+    manager.states[awaited].leg, manager.states[awaited].leg_m = gate.leg, gate.after_m + 0.1
     manager.update_fleet(103.4)
-    assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(0) == []
+    assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(waiting) == []
 
 
 @pytest.mark.slow
 def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(
-    plan_without_entrance: FleetPlan,
+    plan_without_entrance: FleetPlan, forced_wait: ForcedWait
 ) -> None:
-    manager = at(plan_without_entrance, 0.35)
-    manager.mark_failed("anna", 2, 1.0)
+    manager, waiting = at(plan_without_entrance, forced_wait.share), forced_wait.waiting
+    manager.mark_failed("anna", forced_wait.failed, 1.0)
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
-    moving = replace(manager.states[0].report, speed_mps=1.0)  # type: ignore[type-var]
-    manager.states[0].report = moving
-    with pytest.raises(FleetManagerError, match="Tractor 1 already drives where the new plan makes it wait"):
+    moving, name = replace(manager.states[waiting].report, speed_mps=1.0), f"Tractor {waiting + 1}"  # type: ignore[type-var]
+    manager.states[waiting].report = moving
+    with pytest.raises(FleetManagerError, match=f"{name} already drives where the new plan makes it wait"):
         manager.adopt_plan("anna", made, 101.0, rest.excluded)
-    manager.states[0].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
-    with pytest.raises(FleetManagerError, match=r"Tractor 1 was to wait where it stood and has moved 3\.0 m"):
+    manager.states[waiting].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
+    with pytest.raises(FleetManagerError, match=rf"{name} was to wait where it stood and has moved 3\.0 m"):
         check_proposal_still_fits(rest, manager, made)
 
 

@@ -15,6 +15,7 @@ from strategies.moves.closed_forms import (
     compute_awkward_s,
     estimate_settling_s,
     list_closed_forms,
+    measure_backing_up,
     pick_with_room,
 )
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
@@ -26,6 +27,7 @@ from strategies.site.ground import build_body_outline, build_ground, has_room_on
 RADIUS_M, MARGIN_M = 5.0, 0.1
 RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
 SETTLING = np.array([[0.0, 5.0, 20.0], [4.0, 2.0, 0.0]])
+LEADS = LEADS_OUT_M, LEADS_IN_M
 ALL_KINDS = np.array([True, True, True, True])
 BODY = build_body_outline(MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0))
 
@@ -40,7 +42,7 @@ def drive(pose: tuple[float, float, float], rows: np.ndarray) -> tuple[float, fl
 @given(x=st.floats(-40, 40), y=st.floats(-40, 40), heading=st.floats(-3.14, 3.14))
 def test_every_form_ends_at_its_goal(x: float, y: float, heading: float) -> None:
     goal = np.array([x, y, heading])
-    forms, seconds, kinds = list_closed_forms(goal, RADII, COSTS, SETTLING, LEADS_OUT_M, LEADS_IN_M, ALL_KINDS, 40)
+    forms, seconds, kinds = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 40)
     assert len(forms) == len(seconds) == len(kinds) > 0
     assert (np.diff(seconds) >= 0.0).all()
     for rows in forms:
@@ -52,9 +54,19 @@ def test_every_form_ends_at_its_goal(x: float, y: float, heading: float) -> None
 
 def test_kinds_that_may_not_be_driven_are_left_out() -> None:
     goal, forward = np.array([0.0, 6.0, math.pi]), np.array([True, True, True, False])
-    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, LEADS_OUT_M, LEADS_IN_M, forward, 40)
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, forward, 0.0, math.inf, 40)
     assert len(forms)
     assert (forms[:, :, 2][forms[:, :, 0] > 0.0] > 0.0).all()
+
+
+def test_no_form_reverses_farther_than_allowed() -> None:
+    goal = np.array([-30.0, 0.0, 0.0])
+    longest_m = []
+    for backed_m, limit_m in ((0.0, math.inf), (0.0, 10.0), (6.0, 10.0)):
+        forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, backed_m, limit_m, 60)
+        longest_m.append(max(measure_backing_up(rows, 0.0) for rows in forms))
+        assert all(measure_backing_up(rows, backed_m) <= limit_m for rows in forms)
+    assert longest_m[0] >= 30.0
 
 
 @pytest.mark.parametrize(
@@ -62,7 +74,6 @@ def test_kinds_that_may_not_be_driven_are_left_out() -> None:
     [
         ([[5.0, 0.2, 1.0], [3.0, 0.0, 1.0]], 0.0),
         ([[5.0, 0.2, -1.0], [3.0, 0.0, 1.0]], CURVED_REVERSE_S),
-        ([[20.0, 0.0, -1.0]], 15.0),  # five metres too far in reverse, three seconds each
     ],
 )
 def test_what_drivers_avoid_is_charged(rows: list[list[float]], charge_s: float) -> None:
@@ -86,7 +97,7 @@ def test_a_line_begun_soon_after_an_arc_is_charged(rows: list[list[float]], char
 def test_forms_without_room_are_passed_over() -> None:
     wide, narrow = (build_ground(shapely.box(-20.0, -30.0, 40.0, top), 6.0) for top in (60.0, 12.0))
     start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 8.0, math.pi])
-    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, LEADS_OUT_M, LEADS_IN_M, ALL_KINDS, 60)
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 60)
     tables = BODY.guide_m, BODY.points, BODY.reach_m
     free, tight = (
         pick_with_room(start, forms, 60, *tables, ground.grid, ground.frame, MARGIN_M) for ground in (wide, narrow)
@@ -100,14 +111,31 @@ def test_a_search_leads_round_a_wall() -> None:
     start, goal = np.array([15.0, 15.0, 0.0]), np.array([65.0, 15.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
     remaining = measure_remaining_m(65.0, 15.0, 1.1, ground.grid, ground.frame)
-    rows, seconds = search_move(start, goal, remaining, RADII[:1], COSTS, SETTLING, ALL_KINDS, 4000, *body)
+    rows, seconds = search_move(start, goal, remaining, RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0, 4000, *body)
     assert math.isfinite(seconds)
-    shorter = shorten_rows(start, rows, RADII[:1], COSTS, SETTLING, ALL_KINDS, *body)
+    shorter = shorten_rows(start, rows, RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0, *body)
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
         assert has_room_on_path(start, path, *body[:2], len(BODY.points), *body[2:5], MARGIN_M - 1e-9)
     assert shorter[:, 0].sum() <= rows[:, 0].sum() + 1e-9
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
+
+
+@pytest.mark.parametrize("width_m", [60.0, 6.0])
+def test_a_search_reverses_no_farther_than_allowed(width_m: float) -> None:
+    """To a place straight behind: there is another way on wide ground, none in a lane."""
+    ground = build_ground(shapely.box(0.0, -0.5 * width_m, 70.0, 0.5 * width_m), 6.0)
+    start, goal = np.array([50.0, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
+    body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
+    remaining = measure_remaining_m(20.0, 0.0, 1.1, ground.grid, ground.frame)
+    longest_m = []
+    for limit_m in (math.inf, 10.0):
+        rows, seconds = search_move(start, goal, remaining, RADII[:1], COSTS, SETTLING, ALL_KINDS, limit_m, 4000, *body)
+        if seconds < math.inf:
+            rows = shorten_rows(start, rows, RADII[:1], COSTS, SETTLING, ALL_KINDS, limit_m, *body)
+            longest_m.append(measure_backing_up(rows, 0.0))
+    assert longest_m[0] == pytest.approx(30.0)
+    assert longest_m[1:] == ([pytest.approx(0.0, abs=10.0)] if width_m > 6.0 else [])
 
 
 def test_a_pocket_has_no_way_on() -> None:

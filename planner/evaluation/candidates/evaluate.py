@@ -83,18 +83,19 @@ def _run_unless_pruned(
 ) -> CandidateRun | PrunedCandidate:
     """The run of the programme that finishes the field first; of those that cannot be driven the first if none can.
 
-    Another order of headland and swaths is driven only where it would be quicker than what was driven before.
+    Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
+    nobody waited.
     """
     composed = compose_plans(context, get_strategy(candidate.strategy), candidate.tractors)
-    pruned = prune_composed(context, [one.tractor_s for one in composed], incumbent)
+    driver = ProgrammeDriver(context)
+    pruned = prune_composed(context, map(driver.measure_alone_s, composed), incumbent)
     if pruned is not None:
         return pruned
-    driver = ProgrammeDriver(context)
     best: CandidateRun | None = None
     best_s = math.inf
     for one in composed:
-        if one.cost_s >= best_s:
-            break
+        if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
+            continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if best is None or seconds < best_s:

@@ -15,7 +15,7 @@ from planner.evaluation.candidates.fleet_drive import (
     build_simulate,
     build_standing_check,
 )
-from planner.evaluation.candidates.solo_runs import SoloRuns
+from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves
@@ -34,6 +34,7 @@ from strategies.programmes.waiting_places import StandsInWay
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.strategy_record import ComposePlan, Strategy
 from vehicle.missions.plan import REFILL, Plan
+from vehicle.missions.run import DONE
 
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
@@ -148,7 +149,15 @@ class ProgrammeDriver:
         """For the machines and ground of a context."""
         self._context, rehearsal = context, build_rehearsal(context)
         self._simulate = build_simulate(context, rehearsal)
-        self._schedule = build_scheduler(context, SoloRuns(context, rehearsal))
+        self._alone = SoloRuns(context, rehearsal)
+        self._schedule = build_scheduler(context, self._alone)
+
+    def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
+        """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
+        self._context.time_share.check()
+        self._alone.expect_plan(composed.plan)
+        runs = map(self._alone, remove_gates(composed.plan).missions)
+        return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
 
     def drive(self, composed: ComposedPlan) -> CandidateRun:
         """The run of a composed plan, with what is known of it without measuring."""

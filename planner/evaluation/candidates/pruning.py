@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from planner.evaluation.context import PlanningContext
@@ -31,12 +31,17 @@ class PrunedCandidate:
 
 
 def prune_composed(
-    context: PlanningContext, plans_tractor_s: Sequence[Sequence[float]], incumbent: Incumbent | None
+    context: PlanningContext, plans_tractor_s: Iterable[Sequence[float]], incumbent: Incumbent | None
 ) -> PrunedCandidate | None:
     """Plans as pruned by the incumbent, given the seconds of their tractors without waiting; None if one might win."""
-    if incumbent is None or any(_may_win(context, tractor_s, incumbent) for tractor_s in plans_tractor_s):
+    if incumbent is None:
         return None
-    return PrunedCandidate(min(map(max, plans_tractor_s)), incumbent)
+    bounds_s = list[float]()
+    for tractor_s in plans_tractor_s:
+        if _may_win(context, tractor_s, incumbent):
+            return None
+        bounds_s.append(max(tractor_s))
+    return PrunedCandidate(min(bounds_s), incumbent)
 
 
 def _may_win(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:
