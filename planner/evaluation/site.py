@@ -70,8 +70,10 @@ def get_site_moves(context: PlanningContext) -> SiteMoves:
     return found
 
 
-def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: float) -> shapely.Geometry:
-    """What bodies may touch: up to the overhang beyond edges, but `spare_m` off obstacles and fences.
+def _compute_allowed(context: PlanningContext, tolerance_m: float, fence_m: float) -> shapely.Geometry:
+    """What bodies may touch: up to the overhang beyond edges, but `fence_m` off fences, and off obstacles as asked.
+
+    From obstacles a drive keeps the whole margin, measured to the tolerance of proofs.
 
     However large that overhang, the guided point stays on the field: the ground ends where it would leave by too much.
     """
@@ -85,8 +87,9 @@ def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: floa
     near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
     edges = shapely.intersection(field.compute_overhang_region(overhang_m), near)
     outside = shapely.union(edges, _build_lane_ground(context)).buffer(tolerance_m, join_style="mitre")
-    blocked = [one.buffer(max(spare_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
-    return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(spare_m)]))
+    obstacle_m = context.request.margin_m + tolerance_m
+    blocked = [one.buffer(max(obstacle_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
+    return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(fence_m)]))
 
 
 def _measure_beside_guide_m(context: PlanningContext) -> float:
