@@ -50,4 +50,8 @@ def search_driven_tours(
         settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
-    return best if best and can_be_driven(best) else Tours()
+    while best and not can_be_driven(best):
+        proven = pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+        tours = search_programmes(proven, KICKS, seed, best)
+        best = Tours() if tours == best else tours
+    return best

@@ -45,10 +45,12 @@ class MoveTable:
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
+    _failures: Floats = field(init=False)
     _searched_in_vain: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.cost_s = self._guess_costs()
+        self._failures = np.zeros((2, len(self.cost_s)))
         self._find_near()
 
     @property
@@ -115,8 +117,12 @@ class MoveTable:
         return mask
 
     def estimate_costs(self) -> Floats:
-        """Costs (n + 1, n + 1) with what moves not yet driven are likely to take more, by those that were."""
-        more_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
+        """Costs (n + 1, n + 1) with what moves not yet driven are likely to take more, by those that were.
+
+        From and to places where moves failed others are likely to fail as well.
+        """
+        usual_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
+        more_s = usual_s + GUESS_S * np.add.outer(self._failures[0], self._failures[1])
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
@@ -135,6 +141,8 @@ class MoveTable:
             undriven = [pair for pair in undriven if not self._is_settled(pair)]
         for pair, before_s in todo.items():
             self._update_cost(*pair)
+            if pair not in self._proven:
+                self._failures[[0, 1], pair] += 1
             self.excesses_s.append(min(self.cost_s[pair], self._guess_detour_s(*pair)) - min(before_s, NO_MOVE_S))
         return all(pair in self._proven for pair in pairs)
 
