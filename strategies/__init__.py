@@ -2,6 +2,6 @@
 
 To add one, write strategies/<name>.py (underscores for the dashes of the name) with a record STRATEGY
 (strategy_record) and add the name to STRATEGY_NAMES in names.py. Its `deal` says which work lines each tractor
-may have; one whose tractors keep beside one another has a `compose` instead (row_by_row is an example). Strategies of
+may have; one whose tractors keep beside one another has a `formation` instead (row_by_row is an example). Strategies of
 other packages: planner/guide/strategies.md.
 """

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from strategies.formations.compose import FormationRule, compose_formation
+from strategies.formations.compose import FormationRule
 from strategies.formations.queue_rules import queue_by_columns
 from strategies.strategy_record import Strategy
 
@@ -13,5 +11,5 @@ NAME = "col-by-col"
 STRATEGY = Strategy(
     NAME,
     "drive in a triangle; the leader turns first, then one side, then the other",
-    compose=partial(compose_formation, rule=FormationRule(NAME, queue_by_columns)),
+    formation=FormationRule(queue_by_columns),
 )

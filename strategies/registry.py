@@ -22,7 +22,7 @@ from strategies.program.dealing import DealtLine, LineDeal
 from strategies.program.field_job import DrivingRules
 from strategies.programmes.programme import Programme
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import Plan
+from vehicle.missions.plan import LegGate, Plan
 
 STRATEGIES: dict[str, Strategy] = {
     name: import_module(f"strategies.{name.replace('-', '_')}").STRATEGY for name in STRATEGY_NAMES
@@ -74,10 +74,12 @@ def _load_strategy(entry: EntryPoint) -> Strategy:
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise StrategyError(f"{label} cannot be loaded ({reason}); repair or uninstall that package.") from error
+    rule = record.formation
     return replace(
         record,
         deal=record.deal and _convert_faults(record.deal, label, _check_deal),
         compose=record.compose and _convert_faults(record.compose, label, _check_composed),
+        formation=rule and replace(rule, queue_rule=_convert_faults(rule.queue_rule, label, _check_gates)),
     )
 
 
@@ -103,6 +105,11 @@ def _check_deal(deal: Any, lines: Sequence[DealtLine], rules: DrivingRules, trac
         raise TypeError(f"it gives a {type(deal).__name__} in place of a LineDeal")
     if deal.allowed.shape != (tractors, len(lines)):
         raise ValueError(f"allowed has the shape {deal.allowed.shape} in place of {(tractors, len(lines))}")
+
+
+def _check_gates(gates: Any, *_: Any) -> None:
+    if not isinstance(gates, list) or not all(isinstance(gate, LegGate) for gate in gates):
+        raise TypeError("its queue rule gives something else than gates")
 
 
 def _check_composed(composed: Any, *_: Any) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from strategies.formations.compose import FormationRule, compose_formation
+from strategies.formations.compose import FormationRule
 from strategies.formations.queue_rules import queue_by_rows
 from strategies.strategy_record import Strategy
 
@@ -13,5 +11,5 @@ NAME = "row-by-row"
 STRATEGY = Strategy(
     NAME,
     "drive in a triangle on neighbouring swaths; at the headland each row waits until the row before it is in place",
-    compose=partial(compose_formation, rule=FormationRule(NAME, queue_by_rows, in_rows=True)),
+    formation=FormationRule(queue_by_rows, in_rows=True),
 )

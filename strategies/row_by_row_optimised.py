@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from strategies.formations.compose import FormationRule, compose_formation
+from strategies.formations.compose import FormationRule
 from strategies.formations.queue_rules import leave_when_clear
 from strategies.strategy_record import Strategy
 
@@ -13,5 +11,5 @@ NAME = "row-by-row-optimised"
 STRATEGY = Strategy(
     NAME,
     "the same, but each tractor leaves as soon as its way is clear of the others",
-    compose=partial(compose_formation, rule=FormationRule(NAME, leave_when_clear, move_up=False)),
+    formation=FormationRule(leave_when_clear, move_up=False),
 )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 import shapely
 
@@ -29,6 +31,7 @@ LEAST_SEEN_M = 0.6  # half the size of an obstacle that no cell of the grid miss
 LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
 CORNER_FACTORS = {SQUARE_CORNERS: math.inf, ROUND_CORNERS: 0.0}  # as asked; else ground is weighed against time
+T = TypeVar("T")
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
@@ -63,11 +66,21 @@ def build_site(context: PlanningContext) -> Site:
 
 def get_site_moves(context: PlanningContext) -> SiteMoves:
     """The work lines of a context and what is known of the moves between them, shared by its candidates."""
-    if not context.site_cache:
+
+    def find_moves() -> SiteMoves:
         site = build_site(context)
-        context.site_cache.append(SiteMoves(site, lay_lines(site)))
-    found: SiteMoves = context.site_cache[0]
-    return found
+        return SiteMoves(site, lay_lines(site))
+
+    return recall(context, SiteMoves, find_moves)
+
+
+def recall(context: PlanningContext, kind: type[T], find: Callable[[], T]) -> T:
+    """What the candidates of a context share of a kind, found when the first of them asks."""
+    known = next((one for one in context.site_cache if isinstance(one, kind)), None)
+    if known is None:
+        known = find()
+        context.site_cache.append(known)
+    return known
 
 
 def _compute_allowed(context: PlanningContext, tolerance_m: float, fence_m: float) -> shapely.Geometry:

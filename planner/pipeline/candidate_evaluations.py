@@ -35,10 +35,16 @@ class CandidateEvaluations:
 
     def evaluate_wave(self, wave: Sequence[int]) -> None:
         """Evaluate candidates against the best plans of earlier waves."""
-        incumbents = find_incumbents(self.results)
-        todo = [self.candidates[index] for index in wave]
-        tasks = [(self.packed_context, one, self.with_pictures, incumbents.get(one.tractors)) for one in todo]
-        outcomes = iter_outcomes(self.executor, tasks, self.progress, len(self.results), len(self.candidates))
+        outcomes = iter_outcomes(
+            self.executor,
+            self.packed_context,
+            [self.candidates[index] for index in wave],
+            self.progress,
+            incumbents=find_incumbents(self.results),
+            with_pictures=self.with_pictures,
+            done_before=len(self.results),
+            total=len(self.candidates),
+        )
         for position, outcome in outcomes:
             self._keep_outcome(wave[position], outcome)
 

@@ -36,6 +36,7 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.notebook import build_answer_view
 from reports.plan.ranking_export import format_ranking_csv
 from reports.plan.ranking_page import render_plan_page
+from strategies.names import STRATEGY_NAMES
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
@@ -48,7 +49,6 @@ StageReport = Callable[[str, int, int], None]
 LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
 STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
 """The stages of `plan`, with about the seconds of each for a field of some hectares."""
-SINGLE_STRATEGY = "row-by-row"
 _WITHOUT_RISK: dict[str, Any] = dict.fromkeys(("deadline_s", "rain", "objective", "budget", "samples"))
 
 
@@ -208,6 +208,8 @@ def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluat
         for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
             evaluations.evaluate_wave(wave)
     except TimeSpentError:
+        pass
+    if len(evaluations.results) < len(candidates):
         context.time_share.lift()
         evaluations.refuse_rest()
 
@@ -225,7 +227,7 @@ def _iter_part_plans(
         alike = replace(
             request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_WITHOUT_RISK
         )
-        single = replace(alike, strategies=(SINGLE_STRATEGY,), tractors=(1,))
+        single = replace(alike, strategies=STRATEGY_NAMES, tractors=(1,))
         own_plan, reason = None, None
         for part_request in (alike, single):
             try:
@@ -301,4 +303,4 @@ def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) 
     best_candidate = next(
         each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
     )
-    return evaluate_task(evaluations.packed_context, best_candidate)
+    return evaluate_task(evaluations.packed_context, [best_candidate])[0]

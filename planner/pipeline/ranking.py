@@ -39,7 +39,7 @@ from reports.common.plan_results import (
     get_stated_end_s,
 )
 from reports.common.wording import round_up_to_minute
-from strategies.registry import get_strategy
+from strategies.names import STRATEGY_NAMES
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
@@ -130,14 +130,17 @@ MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leave
 
 
 def list_candidates(request: PlanRequest) -> list[Candidate]:
-    """Every combination worth simulating; for one tractor all formations are the same plan, tried once."""
-    candidates = []
-    for tractors in request.tractors:
-        names = list(request.strategies)
-        if tractors == 1:
-            names = [name for name in names if get_strategy(name).compose is None] or names[:1]
-        candidates += [Candidate(name, tractors) for name in names]
-    return candidates
+    """Every combination worth simulating.
+
+    One tractor alone does the same by all strategies of Headland, so the first of them is tried.
+    """
+    foreign = [name for name in request.strategies if name not in STRATEGY_NAMES]
+    own = [name for name in STRATEGY_NAMES if name in request.strategies]
+    return [
+        Candidate(name, tractors)
+        for tractors in request.tractors
+        for name in (request.strategies if tractors > 1 else [*own[:1], *foreign])
+    ]
 
 
 def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanRanking:

@@ -77,9 +77,8 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
             return study(executor=executor, progress=progress)
     request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
     context = prepare_context(replace(request, strategies=(ROW_BY_ROW,)))
-    packed_context = pack_context(context)
-    task_arguments = [(packed_context, candidate, False) for candidate in candidates]
-    results = {candidates[index]: one.result for index, one in iter_outcomes(executor, task_arguments, progress)}
+    outcomes = iter_outcomes(executor, pack_context(context), candidates, progress)
+    results = {candidates[index]: one.result for index, one in outcomes}
     tables: dict[str, list[ThesisTableRow]] = {"6.1": [], "6.2": [], "6.3": []}
     for row in list_thesis_times():
         tables[row.table].append(_build_row(row, results[row.candidate]))

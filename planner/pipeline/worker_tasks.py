@@ -1,4 +1,4 @@
-"""One candidate as a task for an executor, with inputs and results that can be sent to another process.
+"""Candidates as tasks for an executor, with inputs and results that can be sent to another process.
 
 `warm_up_simulation` loads every compiled function by a small simulation and a small schedule.
 """
@@ -6,18 +6,19 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from threading import current_thread
-from typing import Any
 
 import numpy as np
 
 from planner.errors import WorkerError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.incumbents import group_candidates
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
 from planner.traffic.precedence import TrafficRules, schedule_plan
@@ -56,10 +57,28 @@ def pack_context(context: PlanningContext) -> bytes:
 
 
 def evaluate_task(
-    packed_context: bytes, candidate: Candidate, with_pictures: bool = False, incumbent: Incumbent | None = None
+    packed_context: bytes,
+    candidates: Sequence[Candidate],
+    with_pictures: bool = False,
+    incumbents: Mapping[int, Incumbent] | None = None,
+) -> list[TaskOutcome]:
+    """Evaluate candidates in turn in a packed context, save those that cannot beat the incumbent of their count.
+
+    Where time does not suffice for all, those that it sufficed for; raises TimeSpentError without any.
+    """
+    context, outcomes = _unpack_context(packed_context), list[TaskOutcome]()
+    try:
+        for one in candidates:
+            outcomes.append(_evaluate(context, one, with_pictures, (incumbents or {}).get(one.tractors)))
+    except TimeSpentError:
+        if not outcomes:
+            raise
+    return outcomes
+
+
+def _evaluate(
+    context: PlanningContext, candidate: Candidate, with_pictures: bool, incumbent: Incumbent | None
 ) -> TaskOutcome:
-    """Evaluate a candidate in a packed context, unless it cannot beat the incumbent."""
-    context = _unpack_context(packed_context)
     evaluation = simulate_candidate(context, candidate, incumbent)
     result, run = evaluation.result, evaluation.run
     if run is None or run.outcome != DONE:
@@ -87,22 +106,28 @@ def _cache_context(packed_context: bytes, context: PlanningContext) -> PlanningC
 
 def iter_outcomes(
     executor: Executor,
-    task_arguments: Sequence[tuple[Any, ...]],
-    progress: Progress | None,
+    packed_context: bytes,
+    candidates: Sequence[Candidate],
+    progress: Progress | None = None,
+    *,
+    incumbents: Mapping[int, Incumbent] | None = None,
+    with_pictures: bool = False,
     done_before: int = 0,
     total: int = 0,
 ) -> Iterator[tuple[int, TaskOutcome]]:
-    """Yield (index, outcome) as tasks finish; each has the arguments of `evaluate_task`.
+    """Yield (index, outcome) of candidates as tasks finish.
 
-    `progress` is called with (done, total); `done_before` tasks of the `total` were finished earlier.
+    `progress` is called with (done, total); `done_before` candidates of the `total` were evaluated earlier.
     """
+    groups, done = group_candidates(candidates), done_before
+    tasks = [(packed_context, [candidates[number] for number in group], with_pictures, incumbents) for group in groups]
     try:
-        for done_count, indexed_outcome in enumerate(
-            iter_completed(executor, evaluate_task, list(task_arguments)), start=done_before + 1
-        ):
-            if progress:
-                progress(done_count, total or len(task_arguments))
-            yield indexed_outcome
+        for task, outcomes in iter_completed(executor, evaluate_task, tasks):
+            for index, outcome in zip(groups[task], outcomes, strict=False):
+                done += 1
+                if progress:
+                    progress(done, total or len(candidates))
+                yield index, outcome
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
 

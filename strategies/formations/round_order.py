@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from strategies.formations.passing import Floats
 from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
+from strategies.moves.move import Move
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
@@ -30,12 +31,14 @@ class DirectedRound:
     Attributes:
         way: direction of its columns.
         places: where its tractors stand.
+        moves: by which they come from the round before; none to the first.
         is_afar: whether its tractors come from elsewhere, one after another.
     """
 
     one: ColumnRound
     way: int
     places: tuple[RoundPlace, ...] = ()
+    moves: tuple[Move, ...] = ()
     is_afar: bool = False
 
     def list_nodes(self, tractor: int) -> tuple[int, ...]:
@@ -61,8 +64,17 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
             joined.append([])
         joined[-1].append(node)
     longest = max(joined, key=lambda part: round(sum(rounds[node // 2].length_m for node in part), 3))
-    order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
-    return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
+    return join_rounds(table, [DirectedRound(rounds[node // 2], node % 2) for node in longest])
+
+
+def join_rounds(table: MoveTable, order: Sequence[DirectedRound]) -> list[DirectedRound]:
+    """Rounds with the moves from one to the next, which were all driven well."""
+    joined = [*order[:1]]
+    for before, after in pairwise(order):
+        pairs = zip(before.one.list_last_nodes(before.way), after.one.list_first_nodes(after.way), strict=True)
+        moves = [move for u, v in pairs if (move := table.get_move(u, v)) is not None]
+        joined.append(replace(after, moves=tuple(moves), is_afar=before.one.run != after.one.run))
+    return joined
 
 
 def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:

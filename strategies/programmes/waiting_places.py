@@ -7,7 +7,7 @@ pass on its first or last part never get on, so one of them is barred from such 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from strategies.lines.work_line import cut_line, locate_at, measure_along
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from vehicle.missions.plan import HEADLAND_PASS
+from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
 
 Floats = npt.NDArray[np.float64]
 StandsInWay = Callable[[Floats, Floats], bool]
@@ -24,6 +25,37 @@ StandsInWay = Callable[[Floats, Floats], bool]
 
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
+
+
+@dataclass(frozen=True, eq=False)
+class StandingCheck:
+    """Whether tractors stand in the way of others, as the scheduler sees it.
+
+    Attributes:
+        models: (1,) their MODEL record.
+        clearance_m, beside_clearance_m: how near they may come, and how near beside each other.
+    """
+
+    models: npt.NDArray[np.void]
+    clearance_m: float
+    beside_clearance_m: float
+
+    def __call__(self, standing: Floats, driving: Floats) -> bool:
+        """Whether one that stands at a pose (3,) is in the way of one at poses (n, 3)."""
+        return bool(self.find_blocked(standing[None], [PosePath(build_poses(driving))])[0])
+
+    @property
+    def reach_m(self) -> float:
+        """How far apart two are never in each other's way (m)."""
+        return float(2.0 * self.models["reach"][0] + max(self.clearance_m, self.beside_clearance_m))
+
+    def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
+        """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
+        path, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
+        for other in driving:
+            rows = find_conflicting_poses(path, other, self.models, self.clearance_m, self.beside_clearance_m)
+            blocked[rows[:, 0]] = True
+        return blocked
 
 
 def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:

@@ -245,9 +245,9 @@ import sys
 import planner.pipeline.candidate_evaluations as candidate_evaluations
 from planner.cli.main import main
 iter_outcomes = candidate_evaluations.iter_outcomes
-def told(*arguments):
+def told(*arguments, **options):
     print("simulating", file=sys.stderr, flush=True)
-    return iter_outcomes(*arguments)
+    return iter_outcomes(*arguments, **options)
 candidate_evaluations.iter_outcomes = told
 main()
 """

@@ -232,9 +232,7 @@ def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.Monke
     monkeypatch.setattr(planner.pipeline.worker_tasks, "evaluate_task", lose_the_process)
     words = r"ended or could not be started.* fewer .processes."
     with pytest.raises(HeadlandError, match=words) as refusal, LocalPool(1) as executor:
-        list(
-            planner.pipeline.worker_tasks.iter_outcomes(executor, [(b"", Candidate("split-field", 1), False)] * 9, None)
-        )
+        list(planner.pipeline.worker_tasks.iter_outcomes(executor, b"", [Candidate("split-field", 1)] * 9))
     assert refusal.value.parameter == "processes" and refusal.value.status == 1
 
 

@@ -15,6 +15,7 @@ from planner.pipeline.planning import plan
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
+from strategies.names import STRATEGY_NAMES
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(60))
@@ -187,10 +188,17 @@ class TestCandidates:
             Candidate(name, count) for count in (2, 5) for name in ("row-by-row", "split-field")
         ]
 
-    def test_one_tractor_needs_no_formation(self) -> None:
-        assert [c.strategy for c in list_candidates(PlanRequest("f", tractors=(1,)))] == ["split-field", "interleaved"]
-        alone = PlanRequest("f", tractors=(1,), strategies=("col-by-col", "row-by-row"))
-        assert list_candidates(alone) == [Candidate("col-by-col", 1)]
+    @pytest.mark.parametrize(
+        ("asked", "tried"),
+        [
+            (STRATEGY_NAMES, "row-by-row"),
+            (("interleaved", "split-field"), "split-field"),
+            (("col-by-col", "row-by-row"), "row-by-row"),
+            (("interleaved",), "interleaved"),
+        ],
+    )
+    def test_one_tractor_is_tried_once(self, asked: tuple[str, ...], tried: str) -> None:
+        assert list_candidates(PlanRequest("f", tractors=(1,), strategies=asked)) == [Candidate(tried, 1)]
 
 
 class TestMoney:

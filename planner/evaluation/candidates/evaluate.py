@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
-from planner.evaluation.candidates.fleet_drive import (
-    compute_machine_gap_m,
-)
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans
+from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, bound_plans_s, compose_plans
 from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_composed
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
@@ -86,8 +84,11 @@ def _run_unless_pruned(
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
     nobody waited.
     """
-    composed = compose_plans(context, get_strategy(candidate.strategy), candidate.tractors)
-    driver = ProgrammeDriver(context)
+    planned = context, get_strategy(candidate.strategy), candidate.tractors
+    pruned = prune_composed(context, bound_plans_s(*planned), incumbent)
+    if pruned is not None:
+        return pruned
+    composed, driver = compose_plans(*planned), ProgrammeDriver(context)
     pruned = prune_composed(context, map(driver.measure_alone_s, composed), incumbent)
     if pruned is not None:
         return pruned

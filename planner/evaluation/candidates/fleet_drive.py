@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
@@ -12,14 +11,11 @@ from planner.request.plan_request import MIN_CLEARANCE_M
 from planner.traffic.conflict_repair import Scheduler, Simulate
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from strategies.programmes.waiting_places import StandsInWay
+from strategies.programmes.waiting_places import StandingCheck
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
-from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
-
-Floats = npt.NDArray[np.float64]
 
 
 def build_rehearsal(context: PlanningContext) -> IncrementalSimulator:
@@ -65,16 +61,11 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
     return schedule
 
 
-def build_standing_check(context: PlanningContext) -> StandsInWay:
+def build_standing_check(context: PlanningContext) -> StandingCheck:
     """Whether a tractor stands in the way of another, as the scheduler sees it."""
     models = np.array([build_model_record(context.tractor, context.implement)])
-    limits_m = context.request.clearance_m + EXTRA_CLEARANCE_M, compute_parallel_clearance_m(context)
-
-    def stands_in_way(standing: Floats, driving: Floats) -> bool:
-        paths = PosePath(build_poses(standing[None])), PosePath(build_poses(driving))
-        return len(find_conflicting_poses(*paths, models, *limits_m)) > 0
-
-    return stands_in_way
+    clearance_m = context.request.clearance_m + EXTRA_CLEARANCE_M
+    return StandingCheck(models, clearance_m, compute_parallel_clearance_m(context))
 
 
 def compute_parallel_clearance_m(context: PlanningContext) -> float:

@@ -21,7 +21,7 @@ MIN_TOTAL_WORK_S = 1800.0  # or of work on swaths and headland passes
 
 
 def order_candidates(context: PlanningContext, todo: Sequence[Candidate]) -> list[list[int]]:
-    """Numbers of the candidates in the order they are simulated: one strategy before the others.
+    """Numbers of the candidates in the order they are simulated: one strategy, and one tractor, before the others.
 
     It is the first requested strategy of the registry whose tractors have swaths of their own. There is only one wave
     on small fields, and if the surest plan or that of least fuel is requested: a slower plan may be that.
@@ -31,8 +31,19 @@ def order_candidates(context: PlanningContext, todo: Sequence[Candidate]) -> lis
         return [list(range(len(todo)))]
     strategies = {one.strategy for one in todo}
     first = next((name for name in STRATEGIES if name in strategies and STRATEGIES[name].deal is not None), None)
-    parts = [[n for n, one in enumerate(todo) if (one.strategy == first) is early] for early in (True, False)]
+    comes_first = [one.strategy == first or one.tractors == 1 for one in todo]
+    parts = [[number for number, is_early in enumerate(comes_first) if is_early is early] for early in (True, False)]
     return [part for part in parts if part]
+
+
+def group_candidates(candidates: Sequence[Candidate]) -> list[list[int]]:
+    """Numbers of the candidates of each task: formations of as many tractors, which share most work, or one other."""
+    groups: dict[tuple[str, int], list[int]] = {}
+    for number, one in enumerate(candidates):
+        strategy = STRATEGIES.get(one.strategy)
+        forms = strategy is not None and strategy.formation is not None and one.tractors > 1
+        groups.setdefault(("", one.tractors) if forms else (one.strategy, number), []).append(number)
+    return list(groups.values())
 
 
 def is_worth_pruning(context: PlanningContext) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,24 +20,26 @@ from planner.evaluation.candidates.fleet_drive import (
 from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
-from planner.evaluation.site import get_site_moves
+from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
-from strategies.formations.compose import describe_formation_share
+from strategies.formations.compose import bound_formation_s, compose_formation, describe_formation_share
+from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.supply import Supply
+from strategies.program.dealing import LineDeal
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
-from strategies.programmes.waiting_places import StandsInWay
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
-from strategies.strategy_record import ComposePlan, Strategy
+from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
+ComposeOrder = Callable[[str], tuple[Programme, Plan]]
+"""Composes a plan with the headland first or last, "" for any."""
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
@@ -71,25 +75,17 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
 
     Raises StrategyError where the lines do not suffice for that many tractors.
     """
-    moves = get_site_moves(context)
-    if not moves.lines:
-        raise StrategyError(
-            "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
-            "smaller margin."
-        )
-    if strategy.compose is not None and context.supply is not None:
-        _check_supply_lasts(moves, context.supply, tractors)
-    compose = strategy.compose or _deal_lines(strategy, moves, tractors, context.supply)
-    composed, refusals, stands_in_way = list[ComposedPlan](), list[StrategyError](), build_standing_check(context)
-    for order in context.request.headland_orders or ("",):
+    compose, composed, refusals = _choose_composer(context, strategy, tractors), list[ComposedPlan](), []
+    for order in _list_orders(context):
         context.time_share.check()
         try:
-            programme, plan = compose(MoveTable(moves), tractors, order, stands_in_way)
+            programme, plan = compose(order)
         except StrategyError as refusal:
             refusals.append(refusal)
             continue
         if programme.tours and all(programme.tours):
-            composed.append(ComposedPlan(order, programme, _add_stages(context, plan, order)))
+            notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None, **plan.notes}
+            composed.append(ComposedPlan(order, programme, _add_stages(context, replace(plan, notes=notes), order)))
     if refusals and not composed:
         raise refusals[0]
     if not composed:
@@ -100,10 +96,66 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     return sorted(composed, key=lambda one: round(one.cost_s, 3))
 
 
-def _check_supply_lasts(moves: SiteMoves, supply: Supply, tractors: int) -> None:
+def bound_plans_s(context: PlanningContext, strategy: Strategy, tractors: int) -> list[list[float]]:
+    """Seconds that the tractors take at least, for every order that is asked for, as far as can be told before.
+
+    Raises StrategyError where there is no such plan.
+    """
+    rule = strategy.formation
+    if rule is None or tractors == 1:
+        return []
+    _check_supply_lasts(context, tractors)
+    bounds, refusals = list[list[float]](), list[StrategyError]()
+    for order in _list_orders(context):
+        context.time_share.check()
+        try:
+            bounds.append(bound_formation_s(get_formation_site(context), tractors, order, rule))
+        except StrategyError as refusal:
+            refusals.append(refusal)
+    if not bounds:
+        raise refusals[0]
+    return bounds
+
+
+def _list_orders(context: PlanningContext) -> Sequence[str]:
+    """Orders of headland and swaths that are asked for; "" for any."""
+    return context.request.headland_orders or ("",)
+
+
+def _choose_composer(context: PlanningContext, strategy: Strategy, tractors: int) -> ComposeOrder:
+    """What composes the plan of a strategy with the headland in a given order."""
+    moves, compose, rule = _require_lines(context), strategy.compose, strategy.formation
+    if strategy.deal is not None or (rule is not None and tractors == 1):
+        return _deal_lines(context, strategy, tractors)
+    _check_supply_lasts(context, tractors)
+    if rule is not None:
+        return partial(compose_formation, get_formation_site(context), tractors, rule=rule)
+    assert compose is not None  # a strategy has one of the three
+    check = build_standing_check(context)
+    return lambda order: compose(MoveTable(moves), tractors, order, check)
+
+
+def _require_lines(context: PlanningContext) -> SiteMoves:
+    """The moves of a site with work lines."""
+    moves = get_site_moves(context)
+    if not moves.lines:
+        raise StrategyError(
+            "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
+            "smaller margin."
+        )
+    return moves
+
+
+def get_formation_site(context: PlanningContext) -> FormationSite:
+    """What the formations of a context have in common."""
+    return recall(context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context)))
+
+
+def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
     """Refuse a formation whose loads do not last for all lines: nobody in it can be served alone."""
-    legs = [moves.build_work_leg(2 * number, 0.0) for number in range(len(moves.lines))]
-    if supply.compute_legs_need(legs, moves.site.width_m) > tractors * supply.capacity:
+    moves, supply = _require_lines(context), context.supply
+    legs = [] if supply is None else [moves.build_work_leg(2 * number, 0.0) for number in range(len(moves.lines))]
+    if supply is not None and supply.compute_legs_need(legs, moves.site.width_m) > tractors * supply.capacity:
         hectares = supply.capacity / supply.rate_per_m2 / 1e4
         raise StrategyError(
             f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} lasts for "
@@ -112,23 +164,29 @@ def _check_supply_lasts(moves: SiteMoves, supply: Supply, tractors: int) -> None
         )
 
 
-def _deal_lines(strategy: Strategy, moves: SiteMoves, tractors: int, supply: Supply | None) -> ComposePlan:
-    """Composes the plan of a strategy that only says which lines each tractor may have; all are served in time."""
-    assert strategy.deal is not None  # asked only of strategies that deal lines or compose
-    deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> ComposeOrder:
+    """Composes the plan of a strategy that only says which lines each tractor may have; all are served in time.
 
-    def compose(table: MoveTable, tractors: int, order: str, stands_in_way: StandsInWay) -> tuple[Programme, Plan]:
+    One tractor of a formation may have all.
+    """
+    moves, supply, stands_in_way = _require_lines(context), context.supply, build_standing_check(context)
+    if strategy.deal is None:
+        deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
+    else:
+        deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+
+    def compose(order: str) -> tuple[Programme, Plan]:
+        table = MoveTable(moves)
         stages = list_stages(table.lines, order)
-        notes = {"strategy": strategy.name, "headland": order or None}
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         programme = make_programme(
             table, tractors, stages, deal.allowed, stands_in_way=stands_in_way, served_s=served_s
         )
         if supply is None or not all(programme.tours):
-            plan = build_plan(programme, **notes)
+            plan = build_plan(programme)
         else:
-            plan = stop_programme(programme, supply, stop_moves, stages).build_plan(**notes)
+            plan = stop_programme(programme, supply, stop_moves, stages).build_plan()
         return programme, stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
     return compose

@@ -33,7 +33,10 @@ class PrunedCandidate:
 def prune_composed(
     context: PlanningContext, plans_tractor_s: Iterable[Sequence[float]], incumbent: Incumbent | None
 ) -> PrunedCandidate | None:
-    """Plans as pruned by the incumbent, given the seconds of their tractors without waiting; None if one might win."""
+    """Plans as pruned by the incumbent, given the least seconds of their tractors; None if one might win.
+
+    Of plans of which nothing is known any might.
+    """
     if incumbent is None:
         return None
     bounds_s = list[float]()
@@ -41,7 +44,7 @@ def prune_composed(
         if _may_win(context, tractor_s, incumbent):
             return None
         bounds_s.append(max(tractor_s))
-    return PrunedCandidate(min(bounds_s), incumbent)
+    return PrunedCandidate(min(bounds_s), incumbent) if bounds_s else None
 
 
 def _may_win(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:

@@ -1,0 +1,161 @@
+"""What the formations of a site have in common, whatever their rule: found for the first that asks, then remembered.
+
+Rounds are put in order, those without room for their tractors are dropped, and the other lines are shared out. Whatever
+is dropped, the search begins anew with a fresh table of moves, so that nothing depends on what was asked before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+from strategies.formations.columns import find_runs, list_columns
+from strategies.formations.passing import PassageTracer
+from strategies.formations.placement import find_cramped_round, place_rounds
+from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds
+from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
+from strategies.formations.tours import FormationTour, share_lines
+from strategies.path_planning.errors import StrategyError, build_too_many_error
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.waiting_places import StandingCheck
+from vehicle.missions.plan import SWATH
+
+ADVICE = "use fewer tractors, or split-field or interleaved"
+T = TypeVar("T")
+Dropped = frozenset[ColumnRound]
+
+
+@dataclass(frozen=True, eq=False)
+class OrderedRounds:
+    """Rounds in order by moves of a table, and the tours that they are part of, none before lines are shared out."""
+
+    table: MoveTable
+    rounds: tuple[DirectedRound, ...]
+    tours: tuple[FormationTour, ...] = ()
+
+
+@dataclass(frozen=True)
+class FleetOrder:
+    """How many tractors work in formation, with the headland first or last ("" for any), and whether `in_rows`."""
+
+    tractors: int
+    headland: str
+    in_rows: bool
+
+    @property
+    def ends(self) -> tuple[bool, bool]:
+        """Whether the formation comes from the entrance, and goes home from its last round."""
+        return self.headland != HEADLAND_FIRST, self.headland in ("", HEADLAND_FIRST)
+
+
+@dataclass(frozen=True, eq=False)
+class FormationSite:
+    """The formations of a site; all that raise StrategyError do so where there is none.
+
+    Attributes:
+        moves: between the lines of the site.
+        check: tells who stands in whose way.
+    """
+
+    moves: SiteMoves
+    check: StandingCheck
+    _known: dict[Hashable, Any] = field(default_factory=dict)
+
+    def place(self, fleet: FleetOrder) -> OrderedRounds:
+        """The rounds that have room in the order in which they are driven, before other lines are shared out."""
+        return self._recall((fleet, "placed"), lambda: self._find_room(fleet, frozenset())[0])
+
+    def share(self, fleet: FleetOrder) -> OrderedRounds:
+        """The rounds that have room and the tours that they are part of."""
+        return self._recall((fleet, "shared"), lambda: self._share_with_room(fleet))
+
+    def _recall(self, key: Hashable, find: Callable[[], T]) -> T:
+        """What was found for a key, or refused."""
+        if key not in self._known:
+            try:
+                self._known[key] = find()
+            except StrategyError as refusal:
+                self._known[key] = refusal
+        found: T | StrategyError = self._known[key]
+        if isinstance(found, StrategyError):
+            raise found
+        return found
+
+    @cached_property
+    def _tracer(self) -> PassageTracer:
+        return PassageTracer(self.moves.site, self.check)
+
+    def _share_with_room(self, fleet: FleetOrder) -> OrderedRounds:
+        dropped: Dropped = frozenset()
+        while True:
+            _, dropped = self._find_room(fleet, dropped)
+            placed, cramped = self._place(self._share(fleet, dropped), fleet.in_rows)
+            if cramped is None:
+                return placed
+            dropped |= {cramped}
+
+    def _find_room(self, fleet: FleetOrder, dropped: Dropped) -> tuple[OrderedRounds, Dropped]:
+        """The rounds in order, their places as far as these depend on rounds, and those dropped for want of room."""
+        while True:
+            placed, cramped = self._place(self._order(fleet, dropped), fleet.in_rows)
+            if cramped is None:
+                return placed, dropped
+            dropped |= {cramped}
+
+    def _place(self, ordered: OrderedRounds, in_rows: bool) -> tuple[OrderedRounds, ColumnRound | None]:
+        """Rounds with their places, and the one that lacks most room, if any does."""
+        placed = place_rounds(ordered.table, ordered.rounds, ordered.tours, self._tracer, in_rows=in_rows)
+        return replace(ordered, rounds=tuple(placed)), find_cramped_round(placed)
+
+    def _order(self, fleet: FleetOrder, dropped: Dropped) -> OrderedRounds:
+        """All rounds but those dropped in their best order."""
+        key = fleet.tractors, fleet.headland, dropped, "ordered"
+        return self._recall(key, lambda: self._order_on(MoveTable(self.moves), fleet, dropped))
+
+    def _order_on(self, table: MoveTable, fleet: FleetOrder, dropped: Dropped) -> OrderedRounds:
+        remaining = [one for one in self._list_rounds(fleet.tractors) if one not in dropped]
+        directed = order_rounds(table, remaining, fleet.ends) if remaining else []
+        if not directed:
+            raise StrategyError(
+                f"No round of {fleet.tractors} tractors has room clear of those that pass it; {ADVICE}."
+            )
+        return OrderedRounds(table, tuple(directed))
+
+    def _share(self, fleet: FleetOrder, dropped: Dropped) -> OrderedRounds:
+        """All rounds but those dropped in order, and the tours that they are part of."""
+
+        def share() -> OrderedRounds:
+            ordered = self._order(fleet, dropped)
+            table = ordered.table
+            while True:
+                tours = share_lines(table, ordered.rounds, fleet.tractors, fleet.headland, self.check)
+                if tours:
+                    return OrderedRounds(table, tuple(join_rounds(table, ordered.rounds)), tuple(tours))
+                ordered = self._order_on(table, fleet, dropped)  # what a whole drive has struck is no move any more
+
+        return self._recall((fleet.tractors, fleet.headland, dropped, "shared"), share)
+
+    def _list_rounds(self, tractors: int) -> list[ColumnRound]:
+        return self._recall(tractors, lambda: self._divide(tractors))
+
+    def _divide(self, tractors: int) -> list[ColumnRound]:
+        """The rounds of a number of tractors."""
+        lines, rules = self.moves.lines, self.moves.site.rules
+        swaths = {line.task.number for line in lines if line.task.kind == SWATH}
+        if len(swaths) < tractors:
+            raise build_too_many_error(tractors, len(swaths))
+        columns = self._recall("columns", lambda: list_columns(MoveTable(self.moves)))
+        if not columns:
+            raise StrategyError(f"A formation needs straight tracks side by side, and those here are curved; {ADVICE}.")
+        rounds = divide_runs(find_runs(columns, self.moves.site.width_m), tractors, rules)
+        if not rounds:
+            rows = max(get_row(tractor, tractors) for tractor in range(tractors))
+            raise StrategyError(
+                f"A formation of {tractors} tractors needs {tractors} tracks of at least "
+                f"{compute_needed_length_m(rules, rows):.1f} m side by side, and the field has none; {ADVICE}."
+            )
+        return rounds
