@@ -11,5 +11,5 @@ NAME = "col-by-col"
 STRATEGY = Strategy(
     NAME,
     "drive in a triangle; the leader turns first, then one side, then the other",
-    formation=FormationRule(queue_by_columns),
+    formation=FormationRule(queue_by_columns, in_file=True),
 )

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from strategies.formations.formation_plan import QueueRule, write_formation
 from strategies.formations.formation_site import FleetOrder, FormationSite, OrderedRounds
-from strategies.formations.round_order import DirectedRound
+from strategies.formations.timing import list_passes_s, measure_rounds_s
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from vehicle.missions.plan import GATE_MARGIN_M, SWATH, Plan
+from vehicle.missions.plan import SWATH, Plan
 
 
 @dataclass(frozen=True)
@@ -21,36 +23,68 @@ class FormationRule:
         queue_rule: gives what a tractor waits for.
         move_up: whether those behind move up in the queue.
         in_rows: whether whole rows leave one after another.
+        in_file: whether tractors leave one after another, each when the one before it has turned.
     """
 
     queue_rule: QueueRule
     move_up: bool = True
     in_rows: bool = False
+    in_file: bool = False
 
 
-def compose_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> tuple[Programme, Plan]:
-    """The tours of a formation and its plan, with the headland first or last; raises StrategyError without a round."""
-    found = site.share(FleetOrder(tractors, headland, rule.in_rows))
-    plan = write_formation(found.table, found.rounds, found.tours, rule.queue_rule, move_up=rule.move_up)
-    worked = {node // 2 for tour in found.tours for node in tour.nodes}
-    left = tuple(number for number in range(len(found.table.lines)) if number not in worked)
-    programme = Programme(found.table, tuple(tour.nodes for tour in found.tours), left)
-    return programme, replace(plan, notes=_describe_share(found))
+@dataclass(frozen=True, eq=False)
+class Formation:
+    """Rounds and tours of a formation, and the rule by which its tractors turn."""
+
+    found: OrderedRounds
+    rule: FormationRule
+
+    @property
+    def programme(self) -> Programme:
+        """Its tours, and the lines in none of them."""
+        table, tours = self.found.table, [tour.nodes for tour in self.found.tours]
+        worked = {node // 2 for nodes in tours for node in nodes}
+        return Programme(table, tuple(tours), tuple(k for k in range(len(table.lines)) if k not in worked))
+
+    def build_plan(self) -> Plan:
+        """Its plan, with what is worked side by side in the notes."""
+        found, rule = self.found, self.rule
+        plan = write_formation(found.table, found.rounds, found.tours, rule.queue_rule, move_up=rule.move_up)
+        return replace(plan, notes=_describe_share(found))
+
+    def compute_tractor_s(self) -> list[float]:
+        """Seconds of every tractor; all begin a round together, when the last is in its place."""
+        table, rounds = self.found.table, self.found.rounds
+        speed, gate = table.site.rules.work_speed_mps, [] if table.site.lane is None else [table.gate]
+        pairs = list(zip(self.found.tours, rounds[0].places, list_passes_s(rounds[-1], speed), strict=True))
+        begun_s = max(
+            _measure_way_s(table, [*gate, *tour.before, tour.rounds[0]], tour.before) + place.place_m / speed
+            for tour, place, _ in pairs
+        )
+        begun_s += (
+            measure_rounds_s(rounds, speed, in_rows=self.rule.in_rows, in_file=self.rule.in_file) + table.moves.rest_s
+        )
+        return [
+            begun_s + pass_s + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
+            for tour, _, pass_s in pairs
+        ]
+
+
+def compose_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
+    """A formation with the headland first or last ("" for any); raises StrategyError without a round."""
+    return Formation(site.share(FleetOrder(tractors, headland, rule.in_rows)), rule)
 
 
 def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> list[float]:
     """Seconds that the tractors of a formation take at least, however the lines that are in no round are shared out.
 
-    All begin a round together, when the slowest is in its place. Raises StrategyError without a round.
+    Raises StrategyError without a round.
     """
     found = site.place(FleetOrder(tractors, headland, rule.in_rows))
     table, rounds, speed = found.table, found.rounds, found.table.site.rules.work_speed_mps
     begun_s = max(place.place_m for place in rounds[0].places) / speed
-    for before, after in pairwise(rounds):
-        pairs = zip(after.moves, after.places, strict=True)
-        ways_s = [move.drive_s + place.place_m / speed for move, place in pairs]
-        begun_s += max(map(sum, zip(_list_passes_s(before, speed), ways_s, strict=True))) - GATE_MARGIN_M / speed
-    ends_s = [begun_s + pass_s for pass_s in _list_passes_s(rounds[-1], speed)]
+    begun_s += measure_rounds_s(rounds, speed, in_rows=rule.in_rows, in_file=rule.in_file)
+    ends_s = [begun_s + pass_s for pass_s in list_passes_s(rounds[-1], speed)]
     worked = {node // 2 for each in rounds for column in each.one.columns for node in column.nodes}
     rest_m2 = math.fsum(line.own_m2 for number, line in enumerate(table.lines) if number not in worked)
     total_s = math.fsum(ends_s) + rest_m2 * table.site.work_s_per_m2
@@ -58,10 +92,11 @@ def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: F
     return [last_s, *[(total_s - last_s) / (tractors - 1)] * (tractors - 1)]
 
 
-def _list_passes_s(each: DirectedRound, speed_mps: float) -> list[float]:
-    """Per tractor the seconds from its place to the end of its column."""
-    pairs = zip(each.one.columns, each.places, strict=True)
-    return [(column.length_m - place.place_m) / speed_mps for column, place in pairs]
+def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:
+    """Seconds of the moves between nodes, and of the lines of those that are worked."""
+    moves = [table.get_move(u, v) for u, v in pairwise(nodes)]
+    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in worked)
+    return work_m / table.site.rules.work_speed_mps + math.fsum(move.drive_s for move in moves if move is not None)
 
 
 def _describe_share(found: OrderedRounds) -> dict[str, object]:

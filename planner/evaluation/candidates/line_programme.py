@@ -6,7 +6,8 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,12 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
-from strategies.formations.compose import bound_formation_s, compose_formation, describe_formation_share
+from strategies.formations.compose import (
+    FormationRule,
+    bound_formation_s,
+    compose_formation,
+    describe_formation_share,
+)
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -38,23 +44,27 @@ from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
-ComposeOrder = Callable[[str], tuple[Programme, Plan]]
-"""Composes a plan with the headland first or last, "" for any."""
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
 @dataclass(frozen=True, eq=False)
 class ComposedPlan:
-    """A programme with the headland in an order ("" for any), as a plan in which nobody gives way yet."""
+    """A programme with the headland in an order ("" for any), and its plan, in which nobody gives way yet.
+
+    Attributes:
+        build: builds the plan.
+        tractor_s: seconds of every tractor if it gives way to nobody.
+    """
 
     order: str
     programme: Programme
-    plan: Plan
+    build: Callable[[], Plan]
+    tractor_s: list[float]
 
-    @property
-    def tractor_s(self) -> list[float]:
-        """Seconds of every tractor if it waits for nobody."""
-        return self.programme.compute_tractor_s()
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan, built when it is asked for: most are never driven."""
+        return self.build()
 
     @property
     def left_factor(self) -> float:
@@ -70,6 +80,10 @@ class ComposedPlan:
         return max(self.tractor_s) * self.left_factor
 
 
+ComposeOrder = Callable[[str], ComposedPlan]
+"""Composes a plan with the headland first or last, "" for any."""
+
+
 def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -> list[ComposedPlan]:
     """A plan for every order of headland and swaths that is asked for, the cheapest first.
 
@@ -79,13 +93,13 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     for order in _list_orders(context):
         context.time_share.check()
         try:
-            programme, plan = compose(order)
+            one = compose(order)
         except StrategyError as refusal:
             refusals.append(refusal)
             continue
-        if programme.tours and all(programme.tours):
-            notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None, **plan.notes}
-            composed.append(ComposedPlan(order, programme, _add_stages(context, replace(plan, notes=notes), order)))
+        if one.programme.tours and all(one.programme.tours):
+            notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None}
+            composed.append(replace(one, build=partial(_finish_plan, context, one, notes)))
     if refusals and not composed:
         raise refusals[0]
     if not composed:
@@ -129,10 +143,21 @@ def _choose_composer(context: PlanningContext, strategy: Strategy, tractors: int
         return _deal_lines(context, strategy, tractors)
     _check_supply_lasts(context, tractors)
     if rule is not None:
-        return partial(compose_formation, get_formation_site(context), tractors, rule=rule)
+        return partial(_form_up, context, tractors, rule)
     assert compose is not None  # a strategy has one of the three
     check = build_standing_check(context)
-    return lambda order: compose(MoveTable(moves), tractors, order, check)
+
+    def compose_own(order: str) -> ComposedPlan:
+        programme, plan = compose(MoveTable(moves), tractors, order, check)
+        return ComposedPlan(order, programme, lambda: plan, programme.compute_tractor_s())
+
+    return compose_own
+
+
+def _form_up(context: PlanningContext, tractors: int, rule: FormationRule, order: str) -> ComposedPlan:
+    """The plan of a formation."""
+    formation = compose_formation(get_formation_site(context), tractors, order, rule)
+    return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
 
 def _require_lines(context: PlanningContext) -> SiteMoves:
@@ -175,7 +200,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
 
-    def compose(order: str) -> tuple[Programme, Plan]:
+    def compose(order: str) -> ComposedPlan:
         table = MoveTable(moves)
         stages = list_stages(table.lines, order)
         stop_moves = None if supply is None else build_stop_moves(table, supply)
@@ -183,20 +208,23 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         programme = make_programme(
             table, tractors, stages, deal.allowed, stands_in_way=stands_in_way, served_s=served_s
         )
-        if supply is None or not all(programme.tours):
-            plan = build_plan(programme)
-        else:
-            plan = stop_programme(programme, supply, stop_moves, stages).build_plan()
-        return programme, stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
+        stops = supply and all(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
+
+        def build() -> Plan:
+            plan = stops.build_plan() if stops else build_plan(programme)
+            return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
+
+        return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
     return compose
 
 
-def _add_stages(context: PlanningContext, plan: Plan, order: str) -> Plan:
-    """A plan in which tractors wait for one another between headland and swaths, where its operation asks for it."""
-    operation = context.request.operation
-    if operation in (STANDING_CROP_OPERATIONS if order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
-        return add_stage_gates(plan, order)
+def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
+    """A plan with its notes; tractors wait for one another between headland and swaths where its operation asks."""
+    plan, operation = composed.plan, context.request.operation
+    plan = replace(plan, notes={**notes, **plan.notes})
+    if operation in (STANDING_CROP_OPERATIONS if composed.order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
+        return add_stage_gates(plan, composed.order)
     return plan
 
 
