@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from strategies.formations.formation_plan import QueueRule, write_formation
 from strategies.formations.formation_site import FleetOrder, FormationSite, OrderedRounds
-from strategies.formations.timing import list_passes_s, measure_rounds_s
+from strategies.formations.queue_rules import list_passes_s, measure_rounds_s
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
 from vehicle.missions.plan import SWATH, Plan
@@ -62,7 +62,8 @@ class Formation:
             for tour, place, _ in pairs
         )
         begun_s += (
-            measure_rounds_s(rounds, speed, in_rows=self.rule.in_rows, in_file=self.rule.in_file) + table.moves.rest_s
+            measure_rounds_s(rounds, speed, in_rows=self.rule.in_rows, in_file=self.rule.in_file)
+            + table.moves.drives.rest_s
         )
         return [
             begun_s + pass_s + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)

@@ -89,13 +89,14 @@ def _run_unless_pruned(
     if pruned is not None:
         return pruned
     composed, driver = compose_plans(*planned), ProgrammeDriver(context)
-    pruned = prune_composed(context, map(driver.measure_alone_s, composed), incumbent)
+    pruned = prune_composed(context, [one.least_s for one in composed], incumbent)
+    pruned = pruned or prune_composed(context, map(driver.measure_alone_s, composed), incumbent)
     if pruned is not None:
         return pruned
     best: CandidateRun | None = None
     best_s = math.inf
     for one in composed:
-        if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
+        if best is not None and any(max(least_s) * one.left_factor >= best_s for least_s in driver.iter_least_s(one)):
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -44,6 +44,7 @@ from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
+SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
@@ -53,7 +54,7 @@ class ComposedPlan:
 
     Attributes:
         build: builds the plan.
-        tractor_s: seconds of every tractor if it gives way to nobody.
+        tractor_s: seconds of every tractor, by lines and moves, if it gives way to nobody.
     """
 
     order: str
@@ -65,6 +66,11 @@ class ComposedPlan:
     def plan(self) -> Plan:
         """The plan, built when it is asked for: most are never driven."""
         return self.build()
+
+    @property
+    def least_s(self) -> list[float]:
+        """Seconds of every tractor at least."""
+        return [SURE_SHARE * seconds for seconds in self.tractor_s]
 
     @property
     def left_factor(self) -> float:
@@ -123,7 +129,8 @@ def bound_plans_s(context: PlanningContext, strategy: Strategy, tractors: int) -
     for order in _list_orders(context):
         context.time_share.check()
         try:
-            bounds.append(bound_formation_s(get_formation_site(context), tractors, order, rule))
+            least_s = bound_formation_s(get_formation_site(context), tractors, order, rule)
+            bounds.append([SURE_SHARE * seconds for seconds in least_s])
         except StrategyError as refusal:
             refusals.append(refusal)
     if not bounds:
@@ -244,6 +251,11 @@ class ProgrammeDriver:
         self._alone.expect_plan(composed.plan)
         runs = map(self._alone, remove_gates(composed.plan).missions)
         return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
+
+    def iter_least_s(self, composed: ComposedPlan) -> Iterator[list[float]]:
+        """Seconds of every tractor at least, by what is quickly told first."""
+        yield composed.least_s
+        yield self.measure_alone_s(composed)
 
     def drive(self, composed: ComposedPlan) -> CandidateRun:
         """The run of a composed plan, with what is known of it without measuring."""
