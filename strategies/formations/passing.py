@@ -60,7 +60,7 @@ def trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Passage:
+class PassingWay:
     """A tractor on its way to a round or from it: poses (n, 3), and what its move cuts from either column (m)."""
 
     poses: Floats
@@ -92,32 +92,32 @@ class PassageTracer:
 
     site: Site
     check: StandingCheck
-    _moves: dict[Move, Passage] = field(default_factory=dict)
+    _moves: dict[Move, PassingWay] = field(default_factory=dict)
 
-    def trace_move(self, move: Move) -> Passage:
+    def trace_move(self, move: Move) -> PassingWay:
         """The way of a move."""
         if move not in self._moves:
-            self._moves[move] = Passage(trace_body(self.site, move.path), move.leave_m, move.join_m)
+            self._moves[move] = PassingWay(trace_body(self.site, move.path), move.leave_m, move.join_m)
         return self._moves[move]
 
-    def trace_arrival(self, table: MoveTable, before: Sequence[int], first: int) -> Passage:
+    def trace_arrival(self, table: MoveTable, before: Sequence[int], first: int) -> PassingWay:
         """On the last part of the line before the rounds, where a tractor may wait, and from there on."""
         nodes = [*self._list_gate(table), *before]
         if not nodes:
-            return Passage(np.empty((0, 3)))
+            return PassingWay(np.empty((0, 3)))
         return self._trace_way(table, (nodes[-1], first), nodes[-1], at_end=True)
 
-    def trace_departure(self, table: MoveTable, last: int, after: Sequence[int]) -> Passage:
+    def trace_departure(self, table: MoveTable, last: int, after: Sequence[int]) -> PassingWay:
         """To the line after the rounds, and on its first part."""
         nodes = [*after, *self._list_gate(table)]
         if not nodes:
-            return Passage(np.empty((0, 3)))
+            return PassingWay(np.empty((0, 3)))
         return self._trace_way(table, (last, nodes[0]), nodes[0], at_end=False)
 
     def _list_gate(self, table: MoveTable) -> list[int]:
         return [] if self.site.lane is None else [table.gate]
 
-    def _trace_way(self, table: MoveTable, pair: tuple[int, int], node: int, *, at_end: bool) -> Passage:
+    def _trace_way(self, table: MoveTable, pair: tuple[int, int], node: int, *, at_end: bool) -> PassingWay:
         """A move, with part of the line of one of its nodes unless that is the entrance."""
         move = table.get_move(*pair)
         assert move is not None  # tours use moves that exist
@@ -127,7 +127,7 @@ class PassageTracer:
         parts = [trace_line(self.site, table.lines[node // 2].paths[node % 2], at_end=at_end), way.poses]
         return replace(way, poses=np.concatenate(parts if at_end else parts[::-1]))
 
-    def find_clear_place(self, begin: Pose, passages: Sequence[Passage], place_m: float, step_m: float) -> float:
+    def find_clear_place(self, begin: Pose, passages: Sequence[PassingWay], place_m: float, step_m: float) -> float:
         """The first place on a column from its begin, a distance on and then in steps, that is in nobody's way (m).
 
         With a step to spare, as nobody stops and drives quite as planned; infinite where there is none.
@@ -142,7 +142,7 @@ class PassageTracer:
                 return float(along_m[1 + clear[0]])
         return math.copysign(math.inf, step_m)
 
-    def _find_blocked(self, begin: Pose, along_m: Floats, passages: Sequence[Passage]) -> npt.NDArray[np.bool_]:
+    def _find_blocked(self, begin: Pose, along_m: Floats, passages: Sequence[PassingWay]) -> npt.NDArray[np.bool_]:
         """At which distances along a column from its begin one stands in the way of any passage."""
         x, y, heading = begin
         ahead_m = along_m - (self.site.body.guide_m - self.site.axle_m)

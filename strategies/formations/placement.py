@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from strategies.formations.passing import Passage, PassageTracer
+from strategies.formations.passing import PassageTracer, PassingWay
 from strategies.formations.round_order import DirectedRound
 from strategies.formations.rounds import ColumnRound, ColumnTraffic, get_row, place_tractors
 from strategies.formations.tours import FormationTour
@@ -33,7 +33,7 @@ def place_rounds(
 
     Tractors come and leave `in_rows`, or in any order.
     """
-    nowhere = [Passage(np.empty((0, 3)))] * len(order[0].one.columns)
+    nowhere = [PassingWay(np.empty((0, 3)))] * len(order[0].one.columns)
     between = [list(map(tracer.trace_move, after.moves)) for after in order[1:]]
     arrivals = [tracer.trace_arrival(table, tour.before, tour.rounds[0]) for tour in tours]
     departures = [tracer.trace_departure(table, tour.rounds[-1], tour.after) for tour in tours]
@@ -56,8 +56,8 @@ def find_cramped_round(placed: Sequence[DirectedRound]) -> ColumnRound | None:
 def _list_traffic(
     each: DirectedRound,
     tracer: PassageTracer,
-    coming: tuple[Sequence[Passage], bool],
-    leaving: tuple[Sequence[Passage], bool],
+    coming: tuple[Sequence[PassingWay], bool],
+    leaving: tuple[Sequence[PassingWay], bool],
 ) -> list[ColumnTraffic]:
     """Who passes every tractor in its place and in its queue; the flags say whether others do so in any order."""
     (comers, in_any_order), (leavers, out_in_any_order) = coming, leaving

@@ -8,11 +8,13 @@ from shapely import Polygon, affinity, box
 
 from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.line_programme import compose_plans
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from reports.plan.ranking_export import format_ranking_json
+from strategies.registry import STRATEGIES
 from vehicle.missions.run import DONE, SimulationRun
 
 pytestmark = pytest.mark.slow
@@ -82,6 +84,15 @@ def test_optimised_releases_are_never_slower(sites: Any) -> None:
     for name in ("L", "slanted"):
         plain, timed = (drive(sites[name], each, 3)[1] for each in FORMATIONS[:2])
         assert timed.duration_s <= plain.duration_s
+
+
+def test_what_formations_share_does_not_depend_on_who_asks_first() -> None:
+    found = []
+    for names in (FORMATIONS, FORMATIONS[::-1]):
+        site = site_of("comb", SHAPES["comb"])
+        found.append({name: compose_plans(site, STRATEGIES[name], 2)[0].programme.tours for name in names})
+    assert found[0] == found[1]
+    assert found[0]["col-by-col"] == found[0]["row-by-row-optimised"]
 
 
 def test_the_share_is_a_figure_of_formations_only(sites: Any) -> None:

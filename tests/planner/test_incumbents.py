@@ -13,14 +13,17 @@ from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluatio
 from planner.evaluation.candidates.incumbents import (
     MIN_SWATH_WORK_S,
     find_incumbents,
+    group_candidates,
     is_worth_pruning,
     order_candidates,
 )
+from planner.evaluation.candidates.line_programme import bound_plans_s, compose_plans
 from planner.evaluation.candidates.pruning import Incumbent, prune_composed
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, get_finished_field_s
+from strategies.registry import STRATEGIES
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +80,22 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
     )
     near = simulate_candidate(round_site, Candidate(strategy, 2), Incumbent("split-field", 1.01 * driven_s))
     assert near.result == driven.result
+
+
+@pytest.mark.parametrize("strategy", ["row-by-row", "row-by-row-optimised", "col-by-col"])
+def test_no_bound_of_a_formation_exceeds_its_drive(
+    round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
+) -> None:
+    run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
+    assert run is not None
+    bounds_s = dict(zip(round_site.request.headland_orders or ("",), bound_plans_s(*planned), strict=True))
+    composed = next(one for one in compose_plans(*planned) if one.order == (run.plan.notes["headland"] or ""))
+    assert 0.7 * run.duration_s < max(bounds_s[composed.order]) <= max(composed.least_s) <= run.duration_s
+
+
+def test_formations_of_a_count_are_one_task() -> None:
+    todo = [Candidate(name, count) for count in (1, 2, 3) for name in ("row-by-row", "split-field", "col-by-col")]
+    assert group_candidates(todo) == [[0], [1], [2], [3, 5], [4], [6, 8], [7]]
 
 
 def test_where_money_decides_all_tractors_together_must_take_longer(round_site: PlanningContext) -> None:
