@@ -24,8 +24,9 @@ from fields.geometry.field import Field
 from fields.layout.swaths import Layout
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.layout_choice import estimate_single_tractor_s
+from planner.evaluation.preparation import prepare_context
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import get_finished_field_s

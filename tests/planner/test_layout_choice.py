@@ -8,13 +8,14 @@ import shapely
 
 from fields import Field, lay_swaths
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, run_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.layout_choice import (
     MIN_GAIN,
     build_effort_rates,
     estimate_single_tractor_s,
     list_layouts,
 )
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from strategies.program.field_job import DrivingRules
 from vehicle.missions.plan import SWATH
