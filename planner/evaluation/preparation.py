@@ -42,7 +42,7 @@ from planner.evaluation.headland_depth import add_headland_remark, choose_headla
 from planner.evaluation.layout_choice import (
     Report,
     build_effort_rates,
-    choose_quickest_job_index,
+    choose_quickest_index,
     lay_contours,
     list_layouts,
 )
@@ -149,7 +149,11 @@ def prepare_context(
     check_capacity(supply, context.layout)
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
     battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
-    return context if battery is None else replace(context, supply=battery)
+    if battery is None:
+        return context
+    supplied = replace(context, supply=battery)
+    supplied.site_cache.extend(context.site_cache)
+    return supplied
 
 
 def _lay_out_field(
@@ -191,7 +195,7 @@ def _lay_out_field(
                 refusals.append(refusal)
         if not contexts:
             raise refusals[0]
-        context = contexts[choose_quickest_job_index([one.build_job(1) for one in contexts], report_layouts, weigh)]
+        context = contexts[choose_quickest_index(contexts, report_layouts, weigh)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context
