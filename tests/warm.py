@@ -30,7 +30,7 @@ import sys
 from fields.geometry.field import Field
 from planner.cli.main import main
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest

@@ -49,7 +49,7 @@ def field(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import create_progress_callback, print_remarks, warm_up
     from planner.errors import RequestError
-    from planner.evaluation.context import prepare_context
+    from planner.evaluation.preparation import prepare_context
     from planner.pipeline.outputs.pictures import describe_field
 
     choice = FarmChoice(**convert_options_to_parameters(FarmChoice, options))

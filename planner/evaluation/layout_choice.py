@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import accumulate, pairwise
+from itertools import accumulate
 
-import numpy as np
 import shapely
 
 from fields.geometry.field import Field
@@ -20,27 +19,27 @@ from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.errors import FieldError, RequestError, mark_parameter
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
-from strategies.headland.pass_legs import build_headland_legs
-from strategies.headland.pass_shares import list_segments
-from strategies.program.field_job import DrivingRules, FieldJob
-from strategies.sequencing.swath_order import estimate_layout_s
-from vehicle.control.speed_profile import estimate_drive_s
+from strategies.lines.work_line import WorkLine
+from strategies.program.field_job import DrivingRules
+from strategies.programmes.cost_estimate import estimate_cost_s
+from strategies.programmes.site_moves import SiteMoves
+from strategies.site.site import Site
 from vehicle.model.terrain import Terrain
 
 MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a search
 MAX_COMPARED_SWATHS = 300  # in all layouts compared together: the last layouts are dropped
-MAX_TIMED_LINES = 4  # turns over more lines are estimated for the comparison
-PROMISING, PROMISING_SWATHS = (3, 6), 120  # layouts inside one number of passes: more if they have few swaths
-DEEPER, DEEPER_SWATHS = (2, 4), 60  # inside more passes than turns need
+PROMISING, DEEPER = 3, 1  # layouts compared inside as many headland passes as turns need, and inside more
 DEEPER_FROM_ONE_PASS = 2  # more passes tried where turns need one only, else one more
 MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
 """Layouts whose estimated effort is a share above the least are not compared; the fewer swaths, the more it errs."""
-MIN_GAIN = 0.002  # of the time: a smaller gain is not worth another bearing or headland pass
-EXTRA_PASS_CHARGE = 0.01  # of the time, for one more headland pass: corners take longer than the comparison knows
+MIN_GAIN = 0.005  # of the time: a smaller gain may be one of the search, and is not worth another bearing or pass
 GRID_M = 1e-6
 Report = Callable[[int, int], None]
+Weigh = Callable[[Site, float], float]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 
 
@@ -65,7 +64,7 @@ def list_layouts(
     if request.no_headland:
         return [lay_swaths(field, width, headland_m, bearing)]
     plain = _build_plain_layout(request, field, headland_m, spacing_m, rates)
-    layouts = _list_promising_layouts(request, plain, rates, PROMISING, PROMISING_SWATHS)
+    layouts = _list_promising_layouts(request, plain, rates, PROMISING)
     if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
         return layouts[:1]
     if request.requested_headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
@@ -147,7 +146,7 @@ def _build_deeper_layouts(
         plain = _lay_plain(request, field, headland_passes, headland_passes * request.width_m, spacing_m, rates)
     except FieldError:
         return []
-    return _list_promising_layouts(request, plain, rates, DEEPER, DEEPER_SWATHS)
+    return _list_promising_layouts(request, plain, rates, DEEPER)
 
 
 def _compute_limit_m(layout: Layout, least_m: float) -> float:
@@ -155,9 +154,7 @@ def _compute_limit_m(layout: Layout, least_m: float) -> float:
     return (1.0 + max(MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS / len(layout.swaths))) * least_m
 
 
-def _list_promising_layouts(
-    request: PlanRequest, plain: Layout, rates: EffortRates, counts: tuple[int, int], swaths: int
-) -> list[Layout]:
+def _list_promising_layouts(request: PlanRequest, plain: Layout, rates: EffortRates, count: int) -> list[Layout]:
     """A plain layout and its alternatives, the most promising first; only itself if its bearing is given.
 
     There are no cells when sowing, as turns of one cell would cross the next.
@@ -166,73 +163,55 @@ def _list_promising_layouts(
         return [plain]
     layouts = [one for one in list_layout_alternatives(plain, rates) if request.operation != SOW or len(one.cells) == 1]
     least_m = _estimate_effort_m(layouts[0], rates)
-    count = min(max(counts[0], swaths // len(layouts[0].swaths)), counts[1])
     return [one for one in layouts[:count] if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
 
 
-def choose_quickest_job_index(
-    jobs: Sequence[FieldJob], report: Report | None = None, weigh: Callable[[FieldJob, float], float] | None = None
+def choose_quickest_index(
+    contexts: Sequence[PlanningContext],
+    report: Report | None = None,
+    weigh: Callable[[Site, float], float] | None = None,
 ) -> int:
-    """Index of the job that one tractor finishes soonest; the first one if others gain little.
+    """Index of the context whose field one tractor finishes soonest; the first one if others gain little.
 
-    With `weigh` the cost of a job is what that makes of its seconds on level ground. The headland passes are timed once
-    for each number of them; where time is spent, those timed decide. `report` is called with (jobs timed, all jobs).
+    With `weigh` the cost of a layout is what that makes of its seconds on level ground. Where time is spent, those
+    timed decide. `report` is called with (layouts timed, all of them).
     """
-    if len(jobs) == 1:
+    if len(contexts) == 1:
         return 0
-    headlands: dict[int, tuple[float, float]] = {}
+    headland_lines: dict[int, list[WorkLine]] = {}
     costs: list[float] = []
-    for number, job in enumerate(jobs):
+    for number, context in enumerate(contexts):
         if report:
-            report(number, len(jobs))
-        passes = job.layout.headland_passes
+            report(number, len(contexts))
         try:
-            if passes not in headlands:
-                headlands[passes] = _estimate_headland_s(job)
-            level_s = _estimate_time_s(job, *headlands[passes])
+            moves = get_site_moves(context, headland_lines)
+            level_s = estimate_finish_s(context)
         except TimeSpentError:
             break
-        extra_passes = max(0, passes - jobs[0].layout.headland_passes)
-        cost = level_s if weigh is None else weigh(job, level_s)
-        costs.append(cost * (1.0 + EXTRA_PASS_CHARGE * extra_passes))
+        costs.append(level_s if weigh is None else weigh(moves.site, level_s))
     if not costs:
         return 0
     best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
     return best if costs[best] < (1.0 - MIN_GAIN) * costs[0] else 0
 
 
-def estimate_single_tractor_s(job: FieldJob) -> float:
-    """Seconds one tractor needs for the field: best order, headland passes, and missed ground at the same rate."""
-    return _estimate_time_s(job, *_estimate_headland_s(job))
+def estimate_finish_s(context: PlanningContext) -> float:
+    """Seconds in which one tractor finishes the field by the programme composed for it, before anything is driven.
+
+    Ground that no line covers is finished at the same rate; infinite where there is no line.
+    """
+    moves = get_site_moves(context)
+    if not moves.lines:
+        return math.inf
+    cost_s = estimate_cost_s(moves, context.request.headland_orders or ("",))
+    return cost_s / _compute_covered_share(moves)
 
 
-def _estimate_time_s(job: FieldJob, headland_s: float, unreached_m: float) -> float:
-    """As `estimate_single_tractor_s`, with the seconds of the headland and the metres of it that are not reached."""
-    worked_m2 = _compute_worked_m2(job) - unreached_m * job.layout.width_m
-    return (estimate_layout_s(job, MAX_TIMED_LINES) + headland_s) * job.layout.field.area_m2 / worked_m2
-
-
-def _estimate_headland_s(job: FieldJob) -> tuple[float, float]:
-    """Seconds of the headland passes driven by one tractor with all corners, and the metres that cannot be reached."""
-    shift = build_headland_legs(job, list_segments(job))
-    if shift is None:
-        return 0.0, math.fsum(headland_pass.length_m for headland_pass in job.headland_passes)
-    limits = job.connector.costs.limits
-    driven_s = math.fsum(estimate_drive_s(leg.points, leg.speed_mps, limits) for leg in shift.legs)
-    gear_changes = sum(a.gear != b.gear for a, b in pairwise(shift.legs))
-    return driven_s + gear_changes * job.connector.costs.cusp_s, shift.unworked_m
-
-
-def _compute_worked_m2(job: FieldJob) -> float:
-    """Ground (m2) that the implement works if everything is driven as planned, with square corners."""
-    layout, half_width_m = job.layout, 0.5 * job.layout.width_m
-    lines = [
-        shapely.LinearRing(headland_pass.line) if headland_pass.is_closed else headland_pass.line
-        for headland_pass in job.headland_passes
-    ]
-    headland_strips = shapely.buffer(lines, half_width_m, cap_style="flat", join_style="mitre")
-    swath_strips = shapely.buffer(
-        [shapely.LineString(swath.points_m) for swath in layout.swaths], half_width_m, cap_style="flat"
-    )
-    worked = shapely.union_all(np.concatenate([headland_strips, swath_strips]), grid_size=GRID_M)
-    return float(shapely.intersection(worked, layout.field.boundary, grid_size=GRID_M).area)
+def _compute_covered_share(moves: SiteMoves) -> float:
+    """Share of the ground that the lines cover; all of it where the headland is room for turning."""
+    site = moves.site
+    if not site.headland_passes:
+        return 1.0
+    strips = shapely.union_all([line.build_strip(site.width_m) for line in moves.lines], grid_size=GRID_M)
+    covered = shapely.intersection(strips, site.work_ground, grid_size=GRID_M)
+    return float(covered.area / site.work_ground.area)

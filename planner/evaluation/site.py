@@ -13,7 +13,8 @@ from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
-from strategies.lines.lay_lines import lay_lines
+from strategies.lines.lay_lines import lay_headland_lines, lay_lines
+from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
@@ -64,12 +65,18 @@ def build_site(context: PlanningContext) -> Site:
     )
 
 
-def get_site_moves(context: PlanningContext) -> SiteMoves:
-    """The work lines of a context and what is known of the moves between them, shared by its candidates."""
+def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[WorkLine]] | None = None) -> SiteMoves:
+    """The work lines of a context and what is known of the moves between them, shared by its candidates.
+
+    `headland_lines`, by the number of headland passes, are shared by the layouts of a field.
+    """
 
     def find_moves() -> SiteMoves:
-        site = build_site(context)
-        return SiteMoves(site, lay_lines(site))
+        site, laid = build_site(context), {} if headland_lines is None else headland_lines
+        passes = context.layout.headland_passes
+        if passes not in laid:
+            laid[passes] = lay_headland_lines(site)
+        return SiteMoves(site, lay_lines(site, laid[passes]))
 
     return recall(context, SiteMoves, find_moves)
 

@@ -16,7 +16,7 @@ from fields.layout.swaths import Layout
 from fields.terrain.slopes import cut_into_steps
 from planner.evaluation.field_physics import FieldPhysics
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
-from strategies.program.field_job import FieldJob
+from strategies.site.site import Site
 from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_consumption, compute_motion_work
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -41,10 +41,10 @@ class SlopeCosts:
     rolling_share: float
     counts_fuel: bool
 
-    def weigh(self, job: FieldJob, level_s: float) -> float:
-        """The cost of a job that takes `level_s` on level ground."""
-        rules = job.driving_rules
-        metres, slopes = self._measure_swaths(job.layout)
+    def weigh(self, site: Site, level_s: float) -> float:
+        """The cost of a site that takes `level_s` on level ground."""
+        rules = site.rules
+        metres, slopes = self._measure_swaths(site.layout)
         directions = [(slopes, self.limit_speeds(slopes, rules.work_speed_mps)) for slopes in (slopes, -slopes)]
         if not self.counts_fuel:
             slowed_s = [float((metres / speeds).sum()) for _, speeds in directions]
@@ -96,7 +96,7 @@ class SlopeCosts:
 
 def build_slope_weigher(
     request: PlanRequest, physics: FieldPhysics, tractor: Tractor, ground: str
-) -> Callable[[FieldJob, float], float] | None:
+) -> Callable[[Site, float], float] | None:
     """How layouts are weighed on terrain by the objective of a request; None where slopes change nothing."""
     load = physics.driven_load
     if physics.terrain is None or load is None:

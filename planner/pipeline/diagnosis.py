@@ -193,7 +193,7 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
         )
     # Planning is only loaded here, once the logs have been diagnosed.
     from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-    from planner.evaluation.context import prepare_context
+    from planner.evaluation.preparation import prepare_context
     from planner.request.plan_request import PlanRequest
     from vehicle.missions.run import DONE
     from vehicle.sim.world import World

@@ -14,8 +14,9 @@ import shapely
 from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import order_candidates
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import FieldChoice
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.candidate_evaluations import CandidateEvaluations

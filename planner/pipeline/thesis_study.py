@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import RADIUS_FACTOR
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
@@ -41,6 +42,7 @@ MIN_LEFT_HALF_M = 0.5  # half of the least width of such ground
 MIN_LEFT_AREA_WIDTHS = 0.5  # its least area, in widths squared
 LAST_WIDTH_SHARE = 0.25  # a piece this much wider than its lines gets no further one
 MIN_OWN_SHARE = 0.12  # of its strip: a line that alone covers less is not driven
+SLIVER_M2 = 1e-6  # strips beside one another share no more
 Span = tuple[float, float]
 
 
@@ -54,13 +56,19 @@ class LineDraft:
     points: Floats
 
 
-def lay_lines(site: Site) -> list[WorkLine]:
+def lay_headland_lines(site: Site) -> list[WorkLine]:
+    """The lines of the headland sides: the same for all layouts inside the same headland passes."""
+    return _settle_all(site, _list_headland_sides(site))
+
+
+def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> list[WorkLine]:
     """The lines worth driving, each with the ground that it alone covers.
 
-    Headland sides come first; swaths go on beyond their ends as long as they cover what no side does, and lines of
-    their own follow the ground that is still left. A headland that is only room for turning counts as covered.
+    Headland sides come first, as they were laid if they are given; swaths go on beyond their ends as long as they cover
+    what no side does, and lines of their own follow the ground that is still left. A headland that is only room for
+    turning counts as covered.
     """
-    lines = _settle_all(site, _list_headland_sides(site))
+    lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
     lines += _settle_all(site, _list_swaths(site, shapely.difference(due, _unite_strips(site, lines))))
     lines += _settle_all(site, _list_leftover(site, shapely.difference(due, _unite_strips(site, lines)), lines))
@@ -249,13 +257,12 @@ def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:
     if not lines:
         return []
     strips = shapely.intersection([line.build_strip(site.width_m) for line in lines], site.work_ground)
-    tree, is_kept = shapely.STRtree(strips), np.ones(len(lines), bool)
-    near = [[int(k) for k in tree.query(strip) if k != number] for number, strip in enumerate(strips)]
+    areas_m2, overlaps, is_kept = shapely.area(strips), _list_overlaps(strips), np.ones(len(lines), bool)
     full_m2 = np.array([site.width_m * line.length_m for line in lines])
 
     def measure_own_m2(number: int) -> float:
-        others = shapely.union_all([strips[k] for k in near[number] if is_kept[k]])
-        return float(shapely.difference(strips[number], others).area)
+        shared = shapely.union_all([overlap for k, overlap in overlaps[number].items() if is_kept[k]])
+        return float(areas_m2[number] - shared.area)
 
     own_m2 = np.array([measure_own_m2(number) for number in range(len(lines))])
     while True:
@@ -264,6 +271,18 @@ def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:
         if shares[least] > MIN_OWN_SHARE:
             break
         is_kept[least] = False
-        for k in near[least]:
+        for k in overlaps[least]:
             own_m2[k] = measure_own_m2(k)
     return [replace(line, own_m2=float(own_m2[k])) for k, line in enumerate(lines) if is_kept[k]]
+
+
+def _list_overlaps(strips: npt.NDArray[np.object_]) -> list[dict[int, shapely.Geometry]]:
+    """For every strip the ground that it shares with each of the others, where that is more than a sliver."""
+    first, second = shapely.STRtree(strips).query(strips, predicate="intersects")
+    first, second = first[first < second], second[first < second]
+    shared = shapely.intersection(strips[first], strips[second])
+    overlaps: list[dict[int, shapely.Geometry]] = [{} for _ in strips]
+    for a, b, ground in zip(first.tolist(), second.tolist(), shared.tolist(), strict=True):
+        if ground.area > SLIVER_M2:
+            overlaps[a][b] = overlaps[b][a] = ground
+    return overlaps

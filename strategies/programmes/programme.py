@@ -12,6 +12,7 @@ import numpy.typing as npt
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_tour_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.site.site import MISSED_FACTOR
@@ -52,7 +53,7 @@ def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
     return work_m / table.site.rules.work_speed_mps + driven_s + table.moves.drives.rest_s
 
 
-def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
+def list_pairs(table: MoveTable | SiteMoves, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
     """Neighbouring nodes of all tours, with the entrance before and after each if there is one."""
     gate = [] if table.site.lane is None else [table.gate]
     return [pair for tour in tours if tour for pair in pairwise([*gate, *tour, *gate])]
@@ -85,7 +86,7 @@ def make_programme(
 
     best = search_driven_tours(
         table,
-        lambda costs: _pose_problem(table, costs, stage, may, extra_s, tractors, barred),
+        lambda costs: pose_problem(table.moves, costs, stage, may, extra_s, barred),
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
@@ -113,25 +114,27 @@ def prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
     return not lost
 
 
-def _pose_problem(
-    table: MoveTable,
+def pose_problem(
+    moves: SiteMoves,
     costs: Floats,
     stage: npt.NDArray[np.int64],
     may: npt.NDArray[np.bool_],
     extra_s: Floats,
-    tractors: int,
-    barred: BarredPlaces | None,
+    barred: BarredPlaces | None = None,
 ) -> OrderProblem:
-    speed = table.site.rules.work_speed_mps
-    lengths_m = np.array([line.length_m for line in table.lines])
-    own_s = np.array([line.own_m2 for line in table.lines]) * table.site.work_s_per_m2
-    has_lane = table.site.lane is not None
-    ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
+    """The search for the tours of tractors that may work lines (tractors, n), with costs (n + 1, n + 1) of moves.
+
+    `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it.
+    """
+    site, lines = moves.site, moves.lines
+    own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
+    has_lane = site.lane is not None
+    ends_s = [np.repeat(row[None, :-1] * has_lane, len(may), axis=0) for row in (costs[-1], costs[:, -1])]
     if barred is not None:
         ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
-        work_s=lengths_m / speed + extra_s,
+        work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
         value_s=MISSED_FACTOR * own_s,
         begin_s=ends_s[0],
         end_s=ends_s[1],

@@ -24,8 +24,9 @@ from fields.geometry.field import Field
 from fields.layout.swaths import Layout
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
-from planner.evaluation.layout_choice import estimate_single_tractor_s
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.layout_choice import estimate_finish_s
+from planner.evaluation.preparation import prepare_context
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import get_finished_field_s
@@ -78,7 +79,7 @@ def lay_out(request: PlanRequest, field: Field, bearing_deg: float | None) -> La
     except (FieldError, RequestError, StrategyError):
         return None
     took = time.process_time() - begun
-    return LaidOut(bearing_deg, context, estimate_single_tractor_s(context.build_job(1)), took)
+    return LaidOut(bearing_deg, context, estimate_finish_s(context), took)
 
 
 def describe(layout: Layout) -> str:

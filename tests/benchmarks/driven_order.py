@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from fields.geometry.field import Field
 from fields.layout.swaths import Swath
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST

@@ -20,7 +20,7 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.farm.inventory import FarmFile, load_farm, parse_farm
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest

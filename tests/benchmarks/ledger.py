@@ -13,7 +13,7 @@ from typing import Any
 
 PARTS = ("layout", "order", "paths", "traffic", "simulation", "measuring", "other")
 PLACES = {
-    "layout": ("planner.evaluation.context.prepare_context",),
+    "layout": ("planner.evaluation.preparation.prepare_context",),
     "order": (
         "planner.evaluation.candidates.evaluate._run_job",
         "strategies.sequencing.turn_table.TurnTable.__init__",

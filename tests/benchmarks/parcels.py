@@ -23,7 +23,7 @@ from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import list_candidates
 from planner.request.option_texts import parse_counts
 from planner.request.plan_request import PlanRequest

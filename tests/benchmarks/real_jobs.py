@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.leg_graph import LegGraph, build_leg_graph

@@ -17,7 +17,8 @@ import shapely
 
 from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 

@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.field import Field
 from fields.layout.swaths import Swath
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from tests.benchmarks.driven_order import Worked, bearing_deg, driven_order, taken, worked
 from tests.benchmarks.real_jobs import EARTH_M, factor, measured_job, report, spread, stops_s

@@ -14,7 +14,7 @@ import math
 import numpy as np
 import shapely
 
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turns import build_fishtail, build_omega_turn, build_switch_back, build_u_turn

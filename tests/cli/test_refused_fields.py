@@ -12,7 +12,7 @@ import shapely
 from fields import Field
 from fields.geometry.obstacles import Obstacle
 from planner.errors import RequestError
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import check_margin
 from planner.request.plan_request import PlanRequest
 from tests.cli.refusals import SQUARE, assert_refused, feature, ring

@@ -16,7 +16,7 @@ from planner.cli.common.progress import StageBar
 from planner.day.field_times import FieldTimeCache, FieldTimeTask, compute_field_time, compute_field_times
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.pipeline.executors import LocalPool, SerialExecutor, iter_completed
 from planner.request.plan_request import PlanRequest

@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 

@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
 from planner.errors import HeadlandError
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import L_SHAPE, SHAPES
 

@@ -10,7 +10,7 @@ import shapely
 from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.farm.settings import FarmPrices
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan

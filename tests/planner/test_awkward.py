@@ -9,8 +9,9 @@ import pytest
 
 from planner import farm as farm_room
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
+from planner.evaluation.preparation import prepare_context
 from planner.farm.inventory import load_farm
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest

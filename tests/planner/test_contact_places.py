@@ -6,8 +6,9 @@ import shapely
 
 from fields import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import find_contact_places
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE, OUTLINE
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan

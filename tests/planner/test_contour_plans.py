@@ -15,9 +15,10 @@ from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import CandidateRun
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.ground.coverage import compute_guided_path
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.bearing_comparison import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
 from reports.plan.bearing_report import BearingComparison, BearingRow, describe_bearings

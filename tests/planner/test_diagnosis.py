@@ -7,7 +7,7 @@ import pytest
 
 from planner import HeadlandError, diagnose, replay
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.diagnosis import (
     MIN_TRACTOR_LENGTH_M,
     PLAN_FIELD,

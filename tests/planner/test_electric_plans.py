@@ -19,8 +19,9 @@ from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.service_conflicts import find_service_stops
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground_sentences import describe_ground
+from planner.evaluation.preparation import prepare_context
 from planner.farm.machines import FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.pipeline.outputs.driving_steps import list_steps

@@ -13,8 +13,9 @@ import shapely
 
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg

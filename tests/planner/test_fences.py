@@ -14,13 +14,14 @@ from shapely import affinity
 
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, _find_fault, compute_candidate_figures, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_checks import (
     ObstacleIntrusionCheck,
 )
 from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.machine_outlines import build_body
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import FENCE, OBSTACLE
 from strategies.path_planning.collision_check import CHECK_STEP_M, FenceChecker, MachineBody

@@ -5,7 +5,8 @@ import shapely
 
 from fields import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.planning import plan

@@ -9,7 +9,8 @@ from shapely import Polygon, affinity, box
 from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.candidates.line_programme import compose_plans
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult

@@ -20,10 +20,11 @@ import pytest
 import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import build_worked_ground, find_unworked_areas
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import SHAPES
 

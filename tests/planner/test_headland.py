@@ -15,8 +15,9 @@ from shapely.ops import substring
 from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest

@@ -6,7 +6,7 @@ import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.line_programme import compose_plans
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from planner.traffic.conflict_repair import _build_passage_gate, _build_turn_end_gate, find_waiting_leg
 from strategies.registry import STRATEGIES

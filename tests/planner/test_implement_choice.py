@@ -10,8 +10,8 @@ import shapely
 
 from fields import Field
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.context import prepare_context
 from planner.evaluation.field_physics import build_field_physics
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.inventory import parse_farm
 from planner.guide.guide_pages import IMPLEMENTS_TOPIC, read_page

@@ -19,7 +19,8 @@ from planner.evaluation.candidates.incumbents import (
 )
 from planner.evaluation.candidates.line_programme import bound_plans_s, compose_plans
 from planner.evaluation.candidates.pruning import Incumbent, prune_composed
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, get_finished_field_s

@@ -9,7 +9,7 @@ from shapely import Polygon, affinity
 
 from fields import Field, read_field
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 
 MOST_PCT = 4.0  # the search may end in another order on a moved field: 0.8 % was seen, and 3.4 % in test_whole_field

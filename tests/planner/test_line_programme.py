@@ -14,8 +14,9 @@ from planner.evaluation.candidates.evaluate import Candidate, _check_run, simula
 from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans, describe_left
 from planner.evaluation.candidates.pruning import Incumbent
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE

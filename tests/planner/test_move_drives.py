@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from fields.geometry.field import Field
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import LEADS_M, MoveDrives, Passage, measure_settling

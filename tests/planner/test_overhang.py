@@ -13,9 +13,10 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overhang import measure_overhang
 from planner.evaluation.machine_outlines import build_body
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from strategies.headland.pass_legs import build_headland_legs

@@ -6,7 +6,8 @@ import shapely
 from fields import Field
 from fields.geometry.obstacles import Obstacle
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.outputs.pictures import build_outline_picture, exclude_cut_off_piece
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import UnworkedPiece

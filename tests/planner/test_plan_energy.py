@@ -14,7 +14,8 @@ from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateRun, run_candidate
 from planner.evaluation.candidates.figures import measure_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.farm.machines import FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.request.plan_request import LEAST_FUEL, PlanRequest

@@ -20,9 +20,10 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_simulate
 from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
 from planner.evaluation.ground_sentences import describe_ground
+from planner.evaluation.preparation import prepare_context
 from planner.farm.machines import FarmTractor
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_physics import export_physics, read_physics

@@ -12,7 +12,8 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
 from planner.request.plan_request import PlanRequest
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms

@@ -17,8 +17,9 @@ from planner.evaluation.candidates.evaluate import (
     run_candidate,
     simulate_candidate,
 )
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from strategies.registry import STRATEGIES

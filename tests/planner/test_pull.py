@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.machines import FarmTractor
 from planner.pipeline.ranking import list_assumptions

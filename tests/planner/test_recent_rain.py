@@ -10,9 +10,9 @@ import shapely
 
 from fields import Field
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.context import prepare_context
 from planner.evaluation.field_physics import build_field_physics, estimate_requested_moisture, find_requested_soil
 from planner.evaluation.ground_sentences import describe_ground
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import export_request
 from planner.request.plan_request import PlanRequest
 from planner.request.recent_rain import DEFAULT_ET0_MM, parse_recent_rain

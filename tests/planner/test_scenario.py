@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from planner import HeadlandError, diagnose, replay
 from planner.cli.common.options import get_option_name
 from planner.errors import RequestError, mark_parameter, suggest_name
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.option_texts import format_clock, parse_clock, parse_counts, parse_strategies
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples

@@ -15,7 +15,8 @@ from fields import Field, read_field, write_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.ranking import rank_plans

@@ -9,8 +9,9 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import mark_worked_shares, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult

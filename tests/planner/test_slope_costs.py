@@ -27,9 +27,9 @@ def build_costs(power_w: float, *, counts_fuel: bool = False) -> SlopeCosts:
     return SlopeCosts(Terrain(-40.0, -40.0, 4.0, heights), load, load_tractor("eg105"), ROLLING, counts_fuel)
 
 
-def build_job(bearing_deg: float) -> Any:
+def build_site(bearing_deg: float) -> Any:
     rules = SimpleNamespace(work_speed_mps=SPEED_MPS, turn_speed_mps=SPEED_MPS)
-    return SimpleNamespace(layout=lay_swaths(FIELD, 3.0, 6.0, bearing_deg), driving_rules=rules)
+    return SimpleNamespace(layout=lay_swaths(FIELD, 3.0, 6.0, bearing_deg), rules=rules)
 
 
 def test_power_gives_the_speed_on_a_grade() -> None:
@@ -42,15 +42,15 @@ def test_power_gives_the_speed_on_a_grade() -> None:
 
 def test_only_climbs_slow_a_tractor() -> None:
     costs = build_costs(20_000.0)
-    assert costs.weigh(build_job(90.0), 1000.0) == pytest.approx(1000.0)
-    job = build_job(0.0)
+    assert costs.weigh(build_site(90.0), 1000.0) == pytest.approx(1000.0)
+    site = build_site(0.0)
     (uphill,) = costs.limit_speeds(np.array([SLOPE]), SPEED_MPS)
     (downhill,) = costs.limit_speeds(np.array([-SLOPE]), SPEED_MPS)
-    slower_s = 0.5 * job.layout.total_length_m * (1.0 / uphill + 1.0 / downhill - 2.0 / SPEED_MPS)
-    assert uphill < SPEED_MPS and costs.weigh(job, 1000.0) == pytest.approx(1000.0 + slower_s, rel=1e-6)
+    slower_s = 0.5 * site.layout.total_length_m * (1.0 / uphill + 1.0 / downhill - 2.0 / SPEED_MPS)
+    assert uphill < SPEED_MPS and costs.weigh(site, 1000.0) == pytest.approx(1000.0 + slower_s, rel=1e-6)
 
 
 def test_fuel_up_and_down_is_no_less_than_across() -> None:
     costs = build_costs(80_000.0, counts_fuel=True)
-    across, along = (costs.weigh(build_job(bearing), 1000.0) for bearing in (90.0, 0.0))
+    across, along = (costs.weigh(build_site(bearing), 1000.0) for bearing in (90.0, 0.0))
     assert 0.0 < across <= along * (1.0 + 1e-9)

@@ -13,8 +13,9 @@ from fields.geometry.obstacles import Obstacle
 from planner import plan
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.context import prepare_context
 from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.soil_rows import SoilLine, build_soil_row, format_soil_table, parse_soil_line
 from planner.request.plan_request import PlanRequest
 from tests.reports.test_diagnosis import diagnosis, in_model

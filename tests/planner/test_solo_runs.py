@@ -8,7 +8,8 @@ import shapely
 
 from fields import Field
 from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.sim.incremental import IncrementalSimulator

@@ -109,7 +109,7 @@ class TestGivingWay:
 
 
 def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
-    from planner.evaluation.context import prepare_context
+    from planner.evaluation.preparation import prepare_context
     from planner.request.plan_request import PlanRequest
 
     site = prepare_context(PlanRequest(field="netherlands", no_headland=True))

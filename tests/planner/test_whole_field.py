@@ -25,9 +25,10 @@ from planner.evaluation.candidates.evaluate import (
     simulate_candidate,
 )
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.preparation import prepare_context
 from planner.pipeline.outputs.saved_plans import read_request, rerun_plan
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES

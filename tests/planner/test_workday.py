@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.farm.inventory import FarmFile
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Duty, Workday, build_workday, estimate_field_road

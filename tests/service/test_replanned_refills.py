@@ -15,7 +15,7 @@ import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError

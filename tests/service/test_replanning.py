@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.evaluation.context import prepare_context
+from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
 from strategies.path_planning.paths import Pose

@@ -18,7 +18,8 @@ import shapely.ops
 from fields.errors import HeadlandError
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
-from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.preparation import prepare_context
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions

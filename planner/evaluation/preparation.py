@@ -1,0 +1,266 @@
+"""Makes the planning context of a request: reads its field and machines, and chooses its layout."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import shapely
+
+from fields.geometry.entrances import check_entrance, move_entrance_to_outline
+from fields.geometry.field import Field
+from fields.geometry.field_parts import cut_field_part
+from fields.layout.options import replace_bearings
+from fields.layout.swaths import (
+    Layout,
+    check_width,
+    compute_free_space,
+    compute_free_space_to_rim,
+    compute_unworked_free_space,
+)
+from planner.errors import attach_parameter
+from planner.evaluation.battery_supply import build_battery_supply
+from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
+from planner.evaluation.context_inputs import (
+    FieldChoice,
+    choose_radius_m,
+    complete_cost_terms,
+    fill_in_default_names,
+    load_gnss_errors,
+    read_requested_field,
+    resolve_guidance_line,
+)
+from planner.evaluation.field_physics import (
+    FieldPhysics,
+    adapt_to_ground,
+    build_field_physics,
+    check_fuel_is_known,
+)
+from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m, lay_directed_passes
+from planner.evaluation.layout_choice import (
+    Report,
+    build_effort_rates,
+    choose_quickest_index,
+    lay_contours,
+    list_layouts,
+)
+from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
+from planner.evaluation.slope_costs import build_slope_weigher
+from planner.evaluation.time_share import NO_LIMIT, TimeShare
+from planner.farm.settings import FarmTimes, Yard
+from planner.farm.workday import build_workday
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.plan_request import (
+    MIN_CLEARANCE_M,
+    STRAIGHT,
+    PlanRequest,
+)
+from planner.request.random_inputs import UncertaintySettings
+from planner.request.service_points import check_capacity, locate_service_point
+from planner.risk.assessment import build_decision_criteria
+from planner.risk.costs import CostTerms
+from strategies.path_planning.connector import ConnectorCache
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.obstacle_avoidance import ObstacleBends
+from strategies.path_planning.turns import (
+    TurnReach,
+    compute_available_turn_depth_m,
+    list_allowed_kinds,
+)
+from strategies.program.field_job import DrivingRules
+from strategies.program.supply import Supply
+from strategies.program.turn_timing import TurnTimer
+from vehicle.control.speed_profile import build_driving_limits
+from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+
+CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
+BYPASSED_WIDTHS = 4.0  # working widths across: the headland is not laid round smaller obstacles
+SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
+ROW_OFFSET_M = 3.0  # rows of a formation turning exactly side by side would violate a usual clearance
+RIM_DEPTH_M = 0.3  # in corners of headland passes the guided point stays this far inside the outline
+MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
+
+
+def prepare_context(
+    request: PlanRequest,
+    field: FieldChoice = None,
+    tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None,
+    uncertainty: UncertaintySettings | None = None,
+    cost_terms: CostTerms | None = None,
+    supply: Supply | None = None,
+    times: FarmTimes | None = None,
+    yard: Yard | None = None,
+    report_layouts: Report | None = None,
+    physics: FieldPhysics | None = None,
+    time_share: TimeShare = NO_LIMIT,
+) -> PlanningContext:
+    """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
+
+    `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
+    request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
+    the service point of the supply.
+    `report_layouts` is called with (layouts compared, all of them). `physics` replaces heights and soil of the request.
+    Half of a `time_share` may go into comparing layouts; then those compared so far decide. Raises FieldError,
+    VehicleError, StrategyError or RequestError.
+    """
+    request = fill_in_default_names(request, field, tractor)
+    with attach_parameter("field"):
+        field = read_requested_field(request, field)
+        request = resolve_guidance_line(request, field)
+    with attach_parameter("gnss_table"):
+        position_errors = load_gnss_errors(request)
+    with attach_parameter("tractor"):
+        tractor = resolve_tractor(request.tractor if tractor is None else tractor)
+    with attach_parameter("refill"):
+        supply = locate_service_point(request, field, supply, is_electric=tractor.battery is not None)
+    with attach_parameter("farm"):
+        workday = None if times is None else build_workday(field, request.start_s, times, yard or Yard())
+    cost_terms = complete_cost_terms(cost_terms, workday, tractor)
+    with attach_parameter("rain"):
+        criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
+    farm_tractor = None if cost_terms is None else cost_terms.tractor
+    physics = physics or build_field_physics(request, field, tractor, farm_tractor)
+    tractor = adapt_to_ground(tractor, physics, field.default_ground)
+    check_fuel_is_known(request, physics, cost_terms is not None)
+    implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
+    radius_m = choose_radius_m(request, tractor, field)
+    reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    if request.part is not None:
+        with attach_parameter("field"):
+            field = cut_field_part(field, request.margin_m, 2.0 * reach.margin_m, request.part)
+    create = partial(
+        PlanningContext,
+        request=request,
+        tractor=tractor,
+        implement=implement,
+        position_errors=position_errors,
+        criteria=criteria,
+        supply=supply,
+        cost_terms=cost_terms,
+        workday=workday,
+        path_finders=ConnectorCache(before_search=time_share.check),
+        physics=physics,
+        time_share=time_share,
+    )
+    context = _lay_out_field(create, field, radius_m, reach, report_layouts)
+    check_capacity(supply, context.layout)
+    lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
+    battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
+    if battery is None:
+        return context
+    supplied = replace(context, supply=battery)
+    supplied.site_cache.extend(context.site_cache)
+    return supplied
+
+
+def _lay_out_field(
+    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, report_layouts: Report | None
+) -> PlanningContext:
+    """The context of the quickest layout."""
+    request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
+    field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
+    check_width(field, request.width_m)
+    rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
+    turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
+    create = partial(create, costs=turn_clock.measure_reversal_costs())
+    free_space = compute_free_space(field, reach.margin_m)
+
+    def build_context(base_layout: Layout) -> PlanningContext:
+        layout, obstacle_bends = bend_around_obstacles(base_layout, tractor, implement, radius_m, reach)
+        return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
+
+    passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
+    turn_times = turn_clock.measure_best_times(
+        request.width_m, compute_available_turn_depth_m(headland_m, reach), list_allowed_kinds(request.turn)
+    )
+    rates = build_effort_rates(rules, turn_times)
+    contexts: list[PlanningContext] = []
+    refusals: list[StrategyError] = []
+    layouts = (
+        list_layouts(request, field, headland_m, passing_m, rates)
+        if request.swaths == STRAIGHT
+        else [lay_contours(request, field, headland_m, passing_m, create.keywords["physics"].terrain, radius_m)]
+    )
+    weigh = build_slope_weigher(request, create.keywords["physics"], tractor, field.default_ground)
+    with create.keywords["time_share"].save_half() as time_share:
+        for layout in layouts:
+            if contexts and time_share.is_spent():
+                break
+            try:
+                contexts.append(build_context(layout))
+            except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
+                refusals.append(refusal)
+        if not contexts:
+            raise refusals[0]
+        context = contexts[choose_quickest_index(contexts, report_layouts, weigh)]
+    if request.cell_bearings:
+        context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
+    return context
+
+
+def _prepare_ground(
+    request: PlanRequest, field: Field, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
+) -> tuple[Field, float]:
+    """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
+    headland_m = choose_headland_m(request, radius_m, reach)
+    field = add_headland_remark(field, request, radius_m, reach)
+    with attach_parameter("entrance"):
+        check_entrance(field, headland_m)
+    if not request.no_headland:
+        field = move_entrance_to_outline(field)
+    with attach_parameter("field"):
+        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
+        bypassed_m = BYPASSED_WIDTHS * request.width_m
+        field = field.compute_ground_with_margin(request.margin_m, bypassed_m, max(0.0, swing_m))
+    return field, headland_m
+
+
+def _build_base_rules(
+    request: PlanRequest, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach, ground: str
+) -> DrivingRules:
+    """The driving rules without the times of turns."""
+    return DrivingRules(
+        work_speed_mps=request.speed_mps,
+        turn_speed_mps=request.effective_turn_speed_mps,
+        reverse_speed_mps=min(request.effective_turn_speed_mps, MAX_REVERSE_SPEED_MPS),
+        radius_m=radius_m,
+        tool_m=reach.tool_m,
+        boxes=build_outline_boxes(tractor, implement),
+        ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
+        limits=build_driving_limits(tractor, ground),
+    ).scale_spacing()
+
+
+def _complete_context(
+    create: partial[PlanningContext],
+    request: PlanRequest,
+    field: Field,
+    layout: Layout,
+    obstacle_bends: ObstacleBends,
+    turn_clock: TurnTimer,
+    free_space: shapely.Geometry,
+    reach: TurnReach,
+) -> PlanningContext:
+    """The context of one layout: its turns timed and its headland passes laid."""
+    turn_kinds = list_allowed_kinds(request.turn)
+    turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
+    turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
+    turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
+    bend_m = CORNER_BEND_RAD * turn_clock.driving_rules.radius_m
+    headland_passes = lay_directed_passes(field, request.width_m, layout.headland_passes, bend_m)
+    return create(
+        layout=layout,
+        driving_rules=replace(turn_clock.driving_rules, turn_s=turn_s),
+        free_space=free_space,
+        beside_swaths=compute_unworked_free_space(layout, free_space),
+        turn_kinds=turn_kinds,
+        fitting_turns=tuple(seconds is not None for seconds in turn_times),
+        headland_passes=headland_passes,
+        rim_area=compute_free_space_to_rim(field, reach.margin_m, RIM_DEPTH_M)
+        if headland_passes
+        else shapely.Polygon(),
+        obstacle_bends=obstacle_bends,
+    )

@@ -1,0 +1,63 @@
+"""What the quickest moves between many poses cost, in closed form with the body, compiled as one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from strategies.moves.closed_forms import list_closed_forms, pick_with_room, weigh_forms
+from vehicle.jit import compile_function
+
+MOST_FORMS = 24  # closed forms tried for a pair
+
+
+@compile_function
+def _place_in_frame(a, goal, leave, join, pose, place) -> None:  # type: ignore[no-untyped-def]
+    """Write pose a taken back by `leave` (m), and as seen from there the goal taken on by `join`."""
+    cosine, sine = math.cos(a[2]), math.sin(a[2])
+    pose[0], pose[1], pose[2] = a[0] - leave * cosine, a[1] - leave * sine, a[2]
+    dx = goal[0] + join * math.cos(goal[2]) - pose[0]
+    dy = goal[1] + join * math.sin(goal[2]) - pose[1]
+    place[0], place[1] = dx * cosine + dy * sine, dy * cosine - dx * sine
+    place[2] = (goal[2] - a[2] + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@compile_function
+def _find_cost(a, forms, speeds, settling, body, kept) -> float:  # type: ignore[no-untyped-def]
+    """Seconds and charges of the first of the forms (n, m, 3) from pose a on which the body has room."""
+    guide, points, reach, grid, frame, margin = body
+    numbers = pick_with_room(a, forms, 1, guide, points, reach, grid, frame, margin)
+    if len(numbers) == 0:
+        return np.inf
+    kept_grid, kept_frame, wheels_s_per_m = kept
+    return weigh_forms(a, forms, numbers, speeds, settling, kept_grid, kept_frame, wheels_s_per_m).sum()  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_move_costs(a_poses, b_poses, dear_s, most_cuts, cuts, cut_s_per_m, driving, body, kept):  # type: ignore[no-untyped-def]
+    """Seconds with charges (k,) of the quickest closed form with room between pairs of poses (k, 3).
+
+    Infinite where nothing has room. Where a move takes more than `dear_s` (k,), it is also sought with the ends of
+    lines cut back by pairs of `cuts` (m) below `most_cuts` (k, 2), which is charged by the metre. `driving` are radii,
+    leads out and in, speeds, settling, allowed kinds and the limit of reversing as list_closed_forms takes them, `body` is what pick_with_room takes,
+    `kept` the ground of swaths (grid, frame) and what wheels there are charged (s/m).
+    """
+    radii, outs, ins, speeds, settling, kinds, max_reverse = driving
+    costs, pose, place = np.empty(len(a_poses)), np.empty(3), np.empty(3)
+    for k in range(len(a_poses)):
+        _place_in_frame(a_poses[k], b_poses[k], 0.0, 0.0, pose, place)
+        forms, _, _ = list_closed_forms(place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS)
+        costs[k] = _find_cost(pose, forms, speeds, settling, body, kept)
+        if costs[k] < dear_s[k]:
+            continue
+        for number in range(len(cuts)):
+            leave, join = cuts[number, 0], cuts[number, 1]
+            charge = cut_s_per_m * (leave + join)
+            if charge < costs[k] and leave < most_cuts[k, 0] and join < most_cuts[k, 1]:
+                _place_in_frame(a_poses[k], b_poses[k], leave, join, pose, place)
+                forms, _, _ = list_closed_forms(
+                    place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS
+                )
+                costs[k] = min(costs[k], charge + _find_cost(pose, forms, speeds, settling, body, kept))
+    return costs
