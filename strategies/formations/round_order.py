@@ -78,12 +78,10 @@ def join_rounds(table: MoveTable, order: Sequence[DirectedRound]) -> list[Direct
 
 
 def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:
-    """Find the moves from every round to those nearest: a wide turn over a round between may be the quickest."""
-    move_s = _pose_problem(table, rounds, ends, table.cost_s).move_s
-    for a, costs in enumerate(move_s):
-        for b in np.argsort(costs, kind="stable")[:NEAR_ROUNDS].tolist():
-            for u, v in _list_moves(rounds, a, b) if a // 2 != b // 2 else ():
-                table.find(u, v, search=False)
+    """Estimate the moves from every round to those nearest: a wide turn over a round between may be the quickest."""
+    nearest = np.argsort(_pose_problem(table, rounds, ends, table.cost_s).move_s, axis=1, kind="stable")
+    near = [(a, b) for a, row in enumerate(nearest[:, :NEAR_ROUNDS].tolist()) for b in row if a // 2 != b // 2]
+    table.estimate([pair for a, b in near for pair in _list_moves(rounds, a, b)])
 
 
 def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:

@@ -18,7 +18,8 @@ from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.driven_search import search_driven_tours
-from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.programme import list_pairs, prove_mission
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay

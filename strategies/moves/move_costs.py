@@ -40,8 +40,8 @@ def compute_move_costs(a_poses, b_poses, dear_s, most_cuts, cuts, cut_s_per_m, d
 
     Infinite where nothing has room. Where a move takes more than `dear_s` (k,), it is also sought with the ends of
     lines cut back by pairs of `cuts` (m) below `most_cuts` (k, 2), which is charged by the metre. `driving` are radii,
-    leads out and in, speeds, settling, allowed kinds and the limit of reversing as list_closed_forms takes them, `body` is what pick_with_room takes,
-    `kept` the ground of swaths (grid, frame) and what wheels there are charged (s/m).
+    leads out and in, speeds, settling, allowed kinds and the limit of reversing as list_closed_forms takes them, `body`
+    is what pick_with_room takes, `kept` the ground of swaths (grid, frame) and what wheels there are charged (s/m).
     """
     radii, outs, ins, speeds, settling, kinds, max_reverse = driving
     costs, pose, place = np.empty(len(a_poses)), np.empty(3), np.empty(3)

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 
 Floats = npt.NDArray[np.float64]

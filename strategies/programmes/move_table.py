@@ -13,16 +13,13 @@ import numpy.typing as npt
 
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
-from strategies.programmes.order_tours import POSSIBLE_S
-from strategies.programmes.site_moves import DEAR_S, SiteMoves
+from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
 
-NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
-NEAR_LINES = 14  # lines whose moves from an end are found at once; those farther off when a programme uses them
-GUESS_S = 20.0  # of a move not yet found, beyond the way at turning speed
-DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
+FAILED_S = 20.0  # by which moves are taken to be dearer for each that failed from or to the same place
 MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up
 
 
@@ -32,16 +29,17 @@ class MoveTable:
 
     Attributes:
         moves: what is known of the site, shared by all searches.
-        cost_s: (n + 1, n + 1) seconds from the end of a node to the begin of another, with charges; guesses where
-            not yet found, NO_MOVE_S where there is none.
+        cost_s: (n + 1, n + 1) seconds from the end of a node to the begin of another, with charges; NO_MOVE_S where
+            there is none.
+        is_estimated: (n + 1, n + 1) which costs are more than guesses.
         excesses_s: by how much moves were dearer than expected, of all that were driven.
     """
 
     moves: SiteMoves
     cost_s: Floats = field(init=False)
+    is_estimated: npt.NDArray[np.bool_] = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
-    _sought: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
@@ -49,9 +47,9 @@ class MoveTable:
     _searched_in_vain: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.cost_s = self._guess_costs()
-        self._failures = np.zeros((2, len(self.cost_s)))
-        self._find_near()
+        costs, is_estimated = self.moves.estimates.near
+        self.cost_s, self.is_estimated = costs.copy(), is_estimated.copy()
+        self._failures = np.zeros((2, len(costs)))
 
     @property
     def site(self) -> Site:
@@ -68,38 +66,13 @@ class MoveTable:
         """The node of the entrance."""
         return self.moves.gate
 
-    def _find_near(self) -> None:
-        """Find the moves between nodes near one another; where all from or to a place are dear also with lines cut."""
-        plain_s, excess_s = self.cost_s - GUESS_S, np.full(self.cost_s.shape, np.inf)
-        for u in range(self.gate):
-            for v in np.argsort(plain_s[u, :-1], kind="stable")[: NEAR_LINES + 2].tolist():
-                if plain_s[u, v] < NO_MOVE_S - GUESS_S:
-                    self.find(u, v, search=False)
-                    excess_s[u, v] = self.cost_s[u, v] - plain_s[u, v]
-        from_s, to_s = excess_s.min(axis=1, keepdims=True), excess_s.min(axis=0, keepdims=True)
-        for u, v in np.argwhere(np.isfinite(excess_s) & (np.maximum(from_s, to_s) > DEAR_S)).tolist():
-            self._find_with_cuts(u, v)
-            self._update_cost(u, v)
-
-    def _find_with_cuts(self, u: int, v: int) -> None:
-        """Find the moves between two nodes with the ends of their lines cut back, where others are dear."""
-        if (u, v) not in self._sought:
-            self._sought.add((u, v))
-            more = self.moves.list_more_options(u, v)
-            self._options[u, v] = sorted([*self._options[u, v], *more], key=attrgetter("cost_s"))
-
-    def _guess_costs(self) -> Floats:
-        ends, begins, rules = np.array(self.moves.ends), np.array(self.moves.begins), self.site.rules
-        gaps_m = np.hypot(*(ends[:, None, :2] - begins[None, :, :2]).transpose(2, 0, 1))
-        turns = np.abs((begins[None, :, 2] - ends[:, None, 2] + np.pi) % (2.0 * np.pi) - np.pi)
-        costs: Floats = (gaps_m + turns * rules.radius_m) / rules.turn_speed_mps + GUESS_S
-        for number, line in enumerate(self.lines):
-            own = slice(2 * number, 2 * number + 2)
-            costs[own, own] = NO_MOVE_S
-            if not line.both_ways:
-                costs[2 * number + 1], costs[:, 2 * number + 1] = NO_MOVE_S, NO_MOVE_S
-        costs[-1, -1] = NO_MOVE_S
-        return costs
+    def estimate(self, pairs: Sequence[tuple[int, int]]) -> bool:
+        """Estimate what moves between pairs of nodes cost; whether any was only guessed."""
+        new = [pair for pair in pairs if not self.is_estimated[pair] and self.cost_s[pair] < NO_MOVE_S]
+        if new:
+            places = tuple(np.array(new, np.int64).T)
+            self.cost_s[places], self.is_estimated[places] = self.moves.estimates.estimate_s(new), True
+        return bool(new)
 
     def get_move(self, u: int, v: int) -> Move | None:
         """The best move between two nodes that no drive has refused; None if none is known."""
@@ -122,7 +95,7 @@ class MoveTable:
         From and to places where moves failed others are likely to fail as well.
         """
         usual_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
-        more_s = usual_s + GUESS_S * np.add.outer(self._failures[0], self._failures[1])
+        more_s = usual_s + FAILED_S * np.add.outer(self._failures[0], self._failures[1])
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
@@ -133,7 +106,7 @@ class MoveTable:
         it is charged.
         """
         todo = {pair: float(self.cost_s[pair]) for pair in pairs if pair not in self._proven}
-        undriven = [pair for pair in todo if self.find(*pair, search=True) and not self._is_settled(pair)]
+        undriven = [pair for pair in todo if self.find(*pair) and not self._is_settled(pair)]
         while undriven:
             self.moves.drive([(*pair, self._options[pair][0]) for pair in undriven])
             for pair in undriven:
@@ -143,7 +116,9 @@ class MoveTable:
             self._update_cost(*pair)
             if pair not in self._proven:
                 self._failures[[0, 1], pair] += 1
-            self.excesses_s.append(min(self.cost_s[pair], self._guess_detour_s(*pair)) - min(before_s, NO_MOVE_S))
+            self.excesses_s.append(
+                min(self.cost_s[pair], self.moves.estimates.guess_detour_s(*pair)) - min(before_s, NO_MOVE_S)
+            )
         return all(pair in self._proven for pair in pairs)
 
     def _take_drive(self, pair: tuple[int, int]) -> None:
@@ -167,13 +142,12 @@ class MoveTable:
         self._proven.discard((u, v))
         self._update_cost(u, v)
 
-    def find(self, u: int, v: int, *, search: bool) -> bool:
+    def find(self, u: int, v: int) -> bool:
         """Find the moves between two nodes, by a search where nothing else helps; whether there is one."""
         if (u, v) not in self._options:
-            self._options[u, v] = list(self.moves.list_options(u, v))
-        if search:
-            self._find_with_cuts(u, v)
-        if not self._options[u, v] and search and self._may_search(u, v):
+            moves = [*self.moves.list_options(u, v), *self.moves.list_more_options(u, v)]
+            self._options[u, v] = sorted(moves, key=attrgetter("cost_s"))
+        if not self._options[u, v] and self._may_search(u, v):
             self._searched.add((u, v))
             found = self.moves.search(u, v)
             self._options[u, v] = [] if found is None else [found]
@@ -189,10 +163,7 @@ class MoveTable:
         if options:
             self.cost_s[u, v] = max(0.0, options[0].cost_s)
         else:
-            self.cost_s[u, v] = self._guess_detour_s(u, v) if self._may_search(u, v) else NO_MOVE_S
-
-    def _guess_detour_s(self, u: int, v: int) -> float:
-        return DETOUR_FACTOR * self.moves.guess_plain_s(u, v) + DETOUR_S
+            self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if self._may_search(u, v) else NO_MOVE_S
 
     def _may_search(self, u: int, v: int) -> bool:
         """Whether a search may still find a move: not where others to or from the same place were in vain."""

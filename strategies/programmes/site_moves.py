@@ -21,6 +21,7 @@ from strategies.moves.drives import BRAKE_M, SETTLE_M, MoveDrives, Passage, buil
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
+from strategies.programmes.move_estimates import CUTS_M, DEAR_S, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -28,9 +29,6 @@ from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
 
-DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
-CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
-MOST_CUT_SHARE = 0.4
 MISSION_TOLERANCE_M = 0.1  # of a whole mission, whose lines begin less exactly than those driven alone
 
 
@@ -45,6 +43,7 @@ class SiteMoves:
     site: Site
     lines: Sequence[WorkLine]
     finder: MoveFinder = field(init=False)
+    estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _more_options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
@@ -59,6 +58,7 @@ class SiteMoves:
         self.begins: list[Pose] = [self.lines[k // 2].get_begin(k % 2) for k in nodes]
         self.ends.append((0.0, 0.0, 0.0) if lane is None else lane.inner_pose)
         self.begins.append((0.0, 0.0, 0.0) if lane is None else lane.build_path_out().start)
+        self.estimates = MoveEstimates(self.site, self.lines, self.finder, self.ends, self.begins)
 
     @property
     def gate(self) -> int:
@@ -75,7 +75,7 @@ class SiteMoves:
         """Those with the ends of lines cut back for them, where all others are dear."""
         if (u, v) not in self._more_options:
             least_s = min((one.cost_s for one in self.list_options(u, v)), default=math.inf)
-            is_dear = self.gate not in (u, v) and least_s > self.guess_plain_s(u, v) + DEAR_S
+            is_dear = self.gate not in (u, v) and least_s > self.estimates.plain_s[u, v] + DEAR_S
             self._more_options[u, v] = tuple(self._list_cut_moves(u, v) if is_dear else ())
         return self._more_options[u, v]
 
@@ -100,12 +100,6 @@ class SiteMoves:
         """Whether more than a pocket of ground is reached from where u ends, and leads to where v begins."""
         finder = self.finder
         return finder.has_way_on(self.ends[u], backwards=False) and finder.has_way_on(self.begins[v], backwards=True)
-
-    def guess_plain_s(self, u: int, v: int) -> float:
-        """Seconds of the straight way at turning speed, with the change of heading on an arc."""
-        a, b = self.ends[u], self.begins[v]
-        turn = abs(math.remainder(b[2] - a[2], 2.0 * math.pi))
-        return (math.dist(a[:2], b[:2]) + turn * self.site.rules.radius_m) / self.site.rules.turn_speed_mps
 
     def _list_options(self, u: int, v: int) -> list[Move]:
         """Every kind of move between the ends of two nodes, the cheapest first."""

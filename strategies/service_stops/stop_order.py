@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.program.supply import Supply
-from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
 from strategies.sequencing.tour_search import UNREACHABLE_S
 from strategies.service_stops.load_search import SEARCH_EFFORT_STEPS, LoadedOrder, LoadOrderingTask, order_in_loads

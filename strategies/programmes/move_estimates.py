@@ -1,0 +1,114 @@
+"""What moves between lines cost as far as closed forms tell: near lines at once, others when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.lines.work_line import WorkLine
+from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M
+from strategies.moves.move_costs import compute_move_costs
+from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
+from strategies.path_planning.paths import Pose
+from strategies.programmes.order_tours import POSSIBLE_S
+from strategies.programmes.work_moves import list_work_moves
+from strategies.site.site import MISSED_FACTOR, Site
+
+Floats = npt.NDArray[np.float64]
+Pair = tuple[int, int]
+
+NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
+NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
+OUTS, INS = 1, 3  # of the leads out and in that are tried
+DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
+CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
+MOST_CUT_SHARE = 0.4
+DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
+
+
+@dataclass(eq=False)
+class MoveEstimates:
+    """Estimates between nodes, the last of which is the entrance.
+
+    Attributes:
+        ends, begins: poses of the guided point where nodes end and begin.
+    """
+
+    site: Site
+    lines: Sequence[WorkLine]
+    finder: MoveFinder
+    ends: Sequence[Pose]
+    begins: Sequence[Pose]
+    _known: dict[Pair, float] = field(default_factory=dict)
+
+    @cached_property
+    def plain_s(self) -> Floats:
+        """Seconds (n, n) of the straight ways at turning speed, with changes of heading on an arc; NO_MOVE_S where a
+        node leads to its own line, or a line is driven the way that it may not be."""
+        ends, begins, rules = np.array(self.ends), np.array(self.begins), self.site.rules
+        gaps_m = np.hypot(*(ends[:, None, :2] - begins[None, :, :2]).transpose(2, 0, 1))
+        turns = np.abs((begins[None, :, 2] - ends[:, None, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        costs: Floats = (gaps_m + turns * rules.radius_m) / rules.turn_speed_mps
+        numbers = np.append(np.repeat(np.arange(len(self.lines)), 2), -1)
+        costs[numbers[:, None] == numbers[None, :]] = NO_MOVE_S
+        one_way = [2 * number + 1 for number, line in enumerate(self.lines) if not line.both_ways]
+        costs[one_way], costs[:, one_way] = NO_MOVE_S, NO_MOVE_S
+        return costs
+
+    @cached_property
+    def near(self) -> tuple[Floats, npt.NDArray[np.bool_]]:
+        """Costs (n, n) estimated between near nodes and guessed between others, and which are estimated."""
+        nearest = np.argsort(self.plain_s[:-1, :-1], axis=1, kind="stable")[:, :NEAR_NODES]
+        pairs = [(u, v) for u, row in enumerate(nearest.tolist()) for v in row if self.plain_s[u, v] < NO_MOVE_S]
+        costs, is_estimated = self.plain_s.copy(), np.zeros(self.plain_s.shape, bool)
+        if pairs:
+            places = tuple(np.array(pairs, np.int64).T)
+            costs[places], is_estimated[places] = self.estimate_s(pairs), True
+            usual_s = max(0.0, float(np.median((costs - self.plain_s)[places])))
+            costs[~is_estimated & (costs < NO_MOVE_S)] += usual_s
+        return costs, is_estimated
+
+    def estimate_s(self, pairs: Sequence[Pair]) -> Floats:
+        """Seconds (k,) with charges of the best closed forms between pairs of nodes; a guess where none has room."""
+        new = [pair for pair in dict.fromkeys(pairs) if pair not in self._known]
+        if new:
+            up_s, down_s = self._estimate_raised_s(np.array(new, np.int64)), [self._find_work_s(*pair) for pair in new]
+            found_s = np.minimum(up_s, down_s)
+            costs = np.where(np.isfinite(found_s), np.maximum(found_s, 0.0), [self.guess_detour_s(*p) for p in new])
+            self._known.update(zip(new, costs.tolist(), strict=True))
+        return np.array([self._known[pair] for pair in pairs])
+
+    def guess_detour_s(self, u: int, v: int) -> float:
+        """Seconds of a move that only a search may find."""
+        return DETOUR_FACTOR * float(self.plain_s[u, v]) + DETOUR_S
+
+    def _estimate_raised_s(self, pairs: npt.NDArray[np.int64]) -> Floats:
+        """Seconds (k,) of moves with the implement up; infinite where only a search may find one."""
+        finder, site = self.finder, self.site
+        limits = site.allowed_kinds, site.rules.max_reverse_m
+        lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
+        most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
+        body, ground, kept = site.body, site.ground, site.kept
+        found_s: Floats = compute_move_costs(
+            np.array(self.ends)[pairs[:, 0]],
+            np.array(self.begins)[pairs[:, 1]],
+            self.plain_s[tuple(pairs.T)] + DEAR_S,
+            most_cuts_m[pairs],
+            np.array(CUTS_M),
+            (MISSED_FACTOR - 1.0) / site.rules.work_speed_mps,
+            (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
+            (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
+            (kept.grid, kept.frame, site.wheels_s_per_m),
+        )
+        return found_s
+
+    def _find_work_s(self, u: int, v: int) -> float:
+        """Seconds of the best move with the implement down; infinite without one."""
+        if len(self.ends) - 1 in (u, v):
+            return np.inf
+        found = list_work_moves(self.site, self.finder, self.lines[u // 2], u % 2, self.lines[v // 2], v % 2)
+        return min((one.cost_s for one in found), default=np.inf)
