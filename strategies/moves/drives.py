@@ -112,7 +112,7 @@ class MoveDrives:
     def _describe(self, passage: Passage) -> Alike:
         """What a drive depends on: on ground that is the same everywhere only the shapes."""
         move = passage.move
-        before, after = _place_stretches(passage)
+        before, after = _see_lines(passage)
         frame = START if self.is_level else move.start
         return frame, move.rows.tobytes(), move.is_work, before.tobytes(), after.tobytes()
 
@@ -135,7 +135,7 @@ class MoveDrives:
     def _build_legs(self, passage: Passage) -> list[Leg]:
         """The legs of a passage, in its place or at the origin."""
         path = replace(passage.move.path, start=START) if self.is_level else passage.move.path
-        before, after = _place_stretches(passage)
+        before, after = _see_lines(passage)
         legs = build_path_legs(self.site, path, LegTask(TURN), is_work=passage.move.is_work)
         if len(before):
             legs.insert(0, build_work_leg(self.site, _place_at(path.start, before), LegTask(SWATH)))
@@ -180,7 +180,7 @@ class MoveDrives:
         return replace(move, drive_s=drive.drive_s - cut_s, settling_s=compute_missed_s(self.site, drive.missed_m2))
 
 
-def _place_stretches(passage: Passage) -> tuple[Floats, Floats]:
+def _see_lines(passage: Passage) -> tuple[Floats, Floats]:
     """The stretches as seen from where the move begins and from where it ends."""
     path, nothing = passage.move.path, np.empty((0, 2))
     before = nothing if passage.before is None else _see_from(path.start, passage.before)

@@ -15,7 +15,7 @@ from strategies.programmes.order_search import OrderProblem, compute_cost_s, sea
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
 
-KICKS = 100  # of a search once all moves of the last tours were driven; none where some were refused
+KICKS = 40  # of a search once all moves of the last tours were driven; none where some were refused
 MOST_ROUNDS = 80  # of searching and driving
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 

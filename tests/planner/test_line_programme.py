@@ -189,5 +189,5 @@ def test_what_starting_and_stopping_take_does_not_depend_on_where_heights_are_kn
         field=Field("far", far),
         physics=replace(LEVEL_GROUND, terrain=build_terrain(grid)),
     )
-    level, high = (SiteMoves(build_site(one), []).rest_s for one in (context, found))
+    level, high = (SiteMoves(build_site(one), []).drives.rest_s for one in (context, found))
     assert high == pytest.approx(level, abs=0.2)
