@@ -60,7 +60,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-NEIGHBOURS = 12  # nodes that may follow or precede a node by a move that is considered
+NEIGHBOURS = 8  # nodes that may follow or precede a node by a move that is considered
 STAGE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
 DRAWS = 5  # random numbers of a perturbation
