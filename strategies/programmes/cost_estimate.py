@@ -81,8 +81,8 @@ class MoveCosts:
 
     def _estimate(self) -> Floats:
         """Costs, where not asked for with what others usually take beyond their guesses."""
-        asked = self.is_known & (self.cost_s < NO_MOVE_S)
-        more_s = float(median((self.cost_s - self._guesses_s)[asked])) if asked.any() else 0.0
+        found = self.is_known & (self.cost_s < NO_MOVE_S)
+        more_s = float(median((self.cost_s - self._guesses_s)[found])) if found.any() else 0.0
         is_guess = ~self.is_known & (self.cost_s < NO_MOVE_S)
         return np.where(is_guess, np.maximum(self.cost_s + more_s, 0.0), self.cost_s)
 
