@@ -37,18 +37,15 @@ from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import measure_settling
 from strategies.moves.move_finder import MoveFinder
 from strategies.programmes.order_search import OrderProblem, search_programmes
-from strategies.sequencing.directed_bounds import bound_by_pass_prices
 from vehicle.missions.plan import Leg, Mission
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.trials.sheets.catalogue import run_experiments
 from vehicle.twin.robot_tractor import RobotTractor
-routes.compute_direct_costs(np.array([begin]), np.array([end]), np.array([[0, 0]]))
 warm_up_simulation()
 mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))
 RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
 run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
-bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
 search_programmes(OrderProblem.from_moves(seconds, seconds[0, :6], seconds[0, :6]), 1, 1)
 context = prepare_context(PlanRequest(width_m=6.0, tractors=(1,)), field=Field("yard", shapely.box(0, 0, 90, 60)))
 simulate_candidate(context, Candidate("split-field", 2))

@@ -9,9 +9,8 @@ import numpy as np
 
 from fields.geometry.field import Field
 from fields.layout.bearings import find_handedness
-from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
+from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide, lay_headland_passes
 from planner.request.plan_request import PlanRequest
-from strategies.headland.pass_shares import reverse_pass
 from strategies.path_planning.turns import TurnReach, compute_headland_m
 
 ROUNDING_M = 1e-6
@@ -51,4 +50,14 @@ def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: f
     is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
     return (
         headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
+    )
+
+
+def reverse_pass(headland_pass: HeadlandPass) -> HeadlandPass:
+    """A headland pass driven the other way."""
+    return replace(
+        headland_pass,
+        sides=tuple(
+            HeadlandPassSide(s.points[::-1], -s.end_turn_rad, -s.start_turn_rad) for s in headland_pass.sides[::-1]
+        ),
     )

@@ -36,13 +36,14 @@ T = TypeVar("T")
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
-def build_site(context: PlanningContext) -> Site:
-    """The site of a context; edges, obstacles and fences as its request asks."""
+def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None) -> Site:
+    """The site of a context; edges, obstacles and fences as its request asks, and no body on `blocked` ground."""
     body = build_body_outline(build_body(context.tractor, context.implement))
     cap_m = body.reach_m + ROOM_BEYOND_M
     margin_m = max(context.request.margin_m, MIN_FENCE_MARGIN_M)
     spare_m = max(GUIDANCE_MARGIN_SHARE * min(margin_m, MAX_GUIDANCE_MARGIN_M), margin_m - MAX_GUIDANCE_MARGIN_M)
     field, operation = context.layout.field, context.request.operation
+    taken = shapely.Polygon() if blocked is None else blocked
     is_kept = operation in KEPT_GROUND_OPERATIONS or operation in STANDING_CROP_OPERATIONS
     return Site(
         layout=context.layout,
@@ -50,8 +51,10 @@ def build_site(context: PlanningContext) -> Site:
         rules=context.driving_rules,
         costs=context.costs,
         body=body,
-        ground=build_ground(_compute_allowed(context, 0.0, spare_m), cap_m),
-        proof_ground=build_ground(_compute_allowed(context, TOLERANCE_M, FENCE_HALF_WIDTH_M), cap_m),
+        ground=build_ground(shapely.difference(_compute_allowed(context, 0.0, spare_m), taken), cap_m),
+        proof_ground=build_ground(
+            shapely.difference(_compute_allowed(context, TOLERANCE_M, FENCE_HALF_WIDTH_M), taken), cap_m
+        ),
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,

@@ -1,11 +1,4 @@
-"""Corners of a headland pass in closed form: how far the implement works into them, and how to turn in them.
-
-A pass of width w turns by the angle d at a corner. So that no ground is missed, the side before it is worked until the
-whole bar is inside what the next side covers, and the next side from where nothing is left behind the bar. Both are
-measured from the corner along the side (positive: past it):
-
-    d <= 90 degrees    before: -w/2 tan(d/2)       after: -w/2 tan(d/2) (1 + 2 cos d)
-    d >= 90 degrees    before: -w/2 cot(d/2)       after: -w/2 tan(d/2)
+"""Corners of a headland pass in closed form: what an arc misses of them, and how to turn in them.
 
 The turn between two straight lines that cross is an arc that touches both: driven forwards on this side of the
 crossing, or in reverse on the far side of it. Straights in either gear lead to it and from it.
@@ -15,20 +8,10 @@ from __future__ import annotations
 
 import math
 
-from strategies.path_planning.paths import DrivePath, PathSegment, Pose, merge_segments, shift_pose_ahead
+from strategies.path_planning.paths import DrivePath, PathSegment, Pose, merge_segments
 
-MAX_HALF_TURN_TANGENT = 3.0  # tangent of half the turn; nobody backs into a sharper corner
 MIN_CROSSING_SINE = 0.05  # lines at a smaller angle have no useful crossing
 SNAP_M = 0.03  # shorter straights are left out
-
-
-def compute_worked_reach_m(turn_rad: float, width_m: float) -> tuple[float, float]:
-    """Where the bar ends before a corner and begins after it, in metres past the corner along either side."""
-    half_turn = min(0.5 * abs(turn_rad), math.atan(MAX_HALF_TURN_TANGENT))
-    tangent, half = math.tan(half_turn), 0.5 * width_m
-    if tangent <= 1.0:
-        return -half * tangent, -half * tangent * (1.0 + 2.0 * math.cos(2.0 * half_turn))
-    return -half / tangent, -half * tangent
 
 
 def compute_missed_m2(turn_rad: float, width_m: float, radius_m: float, *, inside_round: bool = False) -> float:
@@ -69,13 +52,6 @@ def find_corner_paths(a: Pose, b: Pose, radius_m: float) -> list[DrivePath]:
         kind = "switch-back" if any(piece.gear < 0 for piece in pieces) else "route"
         paths.append(merge_segments(a, pieces, kind))
     return paths
-
-
-def build_corner_arc(corner: tuple[float, float], heading: float, turn_rad: float, radius_m: float) -> DrivePath:
-    """The arc alone that cuts a corner reached with a heading."""
-    start = shift_pose_ahead((*corner, heading), -compute_tangent_m(turn_rad, radius_m))
-    hand = math.copysign(1.0, turn_rad)
-    return merge_segments(start, [PathSegment(radius_m * abs(turn_rad), hand / radius_m, 1)], "route")
 
 
 def _make_straight_segment(length_m: float) -> list[PathSegment]:

@@ -225,16 +225,6 @@ class FenceChecker:
         segments, sizes = self._segments[fences_only], (self.body.guide_m, self.body.reach_m, self.spare_m)
         return bool(has_contact(ends, path.to_rows(), boxes, segments, *sizes, CHECK_STEP_M))
 
-    def may_have_contact(self, starts: Points, ends: Points, length_m: Points) -> npt.NDArray[np.bool_]:
-        """Which paths of these lengths (k,) from `starts` to `ends` (k, 2+) come near enough to need a check."""
-        places, which = np.unique(np.concatenate([starts[:, :2], ends[:, :2]]), axis=0, return_inverse=True)
-        distances_m = shapely.distance(self._lines, shapely.points(places))[which]
-        near_m = self.body.reach_m + self.spare_m + SLACK_M
-        is_near: npt.NDArray[np.bool_] = (
-            distances_m[: len(starts)] + distances_m[len(starts) :] - length_m <= 2.0 * near_m
-        )
-        return is_near
-
     def _get_distance_to_lines_m(self, pose: Pose, fences_only: bool) -> float:
         """Distance of the lines from a pose (m); infinite if there are none."""
         key = pose[0], pose[1], fences_only

@@ -35,7 +35,6 @@ from strategies.path_planning.paths import (
 )
 from strategies.path_planning.primitive_search import (
     SEARCH_RULES,
-    compute_best_costs,
     compute_primitive_cost_s,
     compute_shortest_m,
     find_best_primitive,
@@ -212,14 +211,6 @@ class Connector:
         """As `connect`, without the search for routes: None where only a route would do."""
         best = self._find_best_primitive(a, b)
         return None if best is None or self._is_long_detour(best, a, b) else best
-
-    def compute_direct_costs(self, starts: Floats, ends: Floats, pairs: Ints) -> Floats:
-        """Cost (s) and metres (k, 2) of what `connect_directly` finds for many pairs; infinite where it finds nothing.
-
-        `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); pairs with the same start follow one another.
-        """
-        costs: Floats = compute_best_costs(starts, ends, pairs, self._rules, self._edges)
-        return costs
 
     def _is_same_region_part(self, a: Pose, b: Pose) -> bool:
         """Whether both ends lie in the same part of the region."""

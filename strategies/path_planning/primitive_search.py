@@ -15,7 +15,6 @@ from strategies.path_planning.primitives import (
     MAX_PIECES,
     MAX_PRIMITIVES,
     SNAP,
-    TAU,
     add_forward_primitives,
     add_reverse_arc_primitives,
     add_reverse_straight_primitives,
@@ -219,35 +218,6 @@ def compute_shortest_m(a, b, radius) -> float:  # type: ignore[no-untyped-def]
     for piece in range(MAX_PIECES):
         total += out[0, piece, 0]
     return total
-
-
-@compile_function
-def compute_best_costs(starts, ends, pairs, rules, edges):  # type: ignore[no-untyped-def]
-    """Seconds, as of `compute_cost_s`, and metres (k, 2) of the best primitives of many pairs; infinite for none.
-
-    `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); pairs with the same start follow one another. A
-    primitive so much longer than the shortest, or with so much reversing, that a route may beat it counts as none.
-    """
-    out, row, spare_m = np.full((len(pairs), 2), np.inf), np.empty((MAX_PIECES, 3)), 2.0 * TAU * rules.radius
-    ends_held = np.array([is_point_inside(ends[q, 0], ends[q, 1], edges) for q in range(len(ends))])
-    k = 0
-    while k < len(pairs):
-        a, last, far = starts[pairs[k, 0]], k, 0.0
-        while last < len(pairs) and pairs[last, 0] == pairs[k, 0]:
-            b = ends[pairs[last, 1]]
-            far = max(far, math.hypot(b[0] - a[0], b[1] - a[1]))
-            last += 1
-        if is_point_inside(a[0], a[1], edges):
-            edges_in_reach = find_near_edges(a, a, 2.0 * far + REACH_RADII * rules.radius + 2.0 * rules.steps[2], edges)
-            for place in range(k, last):
-                b = ends[pairs[place, 1]]
-                if not ends_held[pairs[place, 1]] or find_best_inside(a, b, rules, edges_in_reach, row) < 0:
-                    continue
-                length, reverse = row[:, 0].sum(), (row[:, 0] * (row[:, 2] < 0.0)).sum()
-                if length <= compute_shortest_m(a, b, rules.radius) + spare_m and reverse <= spare_m:
-                    out[place, 0], out[place, 1] = compute_primitive_cost_s(row, rules), length
-        k = last
-    return out
 
 
 @compile_function

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout, Swath
 from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
-from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose, measure_longest_reverse_m
-from strategies.path_planning.primitive_search import compute_shortest_m
-from strategies.path_planning.turn_kinds import AUTO_CORNERS
+from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, measure_longest_reverse_m
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 
 Floats = npt.NDArray[np.float64]
@@ -85,7 +81,7 @@ class SwathPass:
 
 @dataclass
 class FieldJob:
-    """A field whose layout is timed, or whose remaining work is shared out anew among `tractors`.
+    """A field whose remaining work is shared out anew among `tractors`.
 
     Paths: `connector` finds them anywhere in the field, `headland_connector` only beside the swaths, `rim_connector` in
     the corners of headland passes, where the guided point may be anywhere on the field. With `avoids_swaths` no path
@@ -93,8 +89,7 @@ class FieldJob:
     round small obstacles. No path crosses `fence` (fences and obstacles) as long as one of the `careful_connectors`
     finds another. No part of a machine should reach over an `open_edge`.
 
-    `headland_passes` are the passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or
-    "auto" (each corner as is quicker with the missed ground finished). Tractors enter and leave by the `entrance_lane`;
+    Tractors enter and leave by the `entrance_lane`;
     without one they stand where work begins and stay where it ends. `path_cache` holds paths by pair of poses, for all
     jobs of one field.
     """
@@ -104,9 +99,7 @@ class FieldJob:
     connector: Connector
     tractors: int
     headland_connector: Connector | None = None
-    headland_passes: tuple[HeadlandPass, ...] = ()
     rim_connector: Connector | None = None
-    corners: str = AUTO_CORNERS
     avoids_swaths: bool = False
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
@@ -114,18 +107,6 @@ class FieldJob:
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
-    missed_ground_price: float = 1.0
-
-    @property
-    def finishing_rate_s_per_m2(self) -> float:
-        """Estimated seconds by which a plan is charged for missed ground (s/m2): its own rate on swaths and turns.
-
-        Times `missed_ground_price`, by which corners of headland passes are compared where much would be missed.
-        """
-        rules, swaths = self.driving_rules, self.layout.swaths
-        turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
-        seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
-        return self.missed_ground_price * seconds / (self.layout.total_length_m * self.layout.width_m)
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
@@ -181,33 +162,6 @@ class FieldJob:
             self.connector.compute_cost_s,
         )
 
-    def compute_turn_costs_s(self, starts: Floats, ends: Floats, pairs: Ints) -> Floats:
-        """The connector's cost (k,) of what `find_turn` finds for many pairs; infinite where it finds nothing.
-
-        `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); pairs with the same start follow one another.
-        """
-        headland_costs = np.full((len(pairs), 2), np.inf)
-        if self.headland_connector:
-            headland_costs = self.headland_connector.compute_direct_costs(starts, ends, pairs)
-        best_costs, expensive = headland_costs.copy(), np.flatnonzero(headland_costs[:, 0] > PLAIN_TURN_S)
-        if len(expensive) and not self.avoids_swaths:
-            field_costs = self.connector.compute_direct_costs(starts, ends, pairs[expensive])
-            better = np.isfinite(field_costs[:, 0]) & (
-                headland_costs[expensive, 0] > DETOUR_FACTOR * field_costs[:, 0] + DETOUR_S
-            )
-            best_costs[expensive[better]] = field_costs[better]
-        reachable = np.flatnonzero(np.isfinite(best_costs[:, 0]))
-        if self.fence is not None and len(reachable):
-            is_near_fence = self.fence.may_have_contact(
-                starts[pairs[reachable, 0]], ends[pairs[reachable, 1]], best_costs[reachable, 1]
-            )
-            for k in reachable[is_near_fence].tolist():
-                p, q = pairs[k]
-                path = self.find_turn(make_pose(starts[p]), make_pose(ends[q]))
-                best_costs[k, 0] = math.inf if path is None else self.connector.compute_cost_s(path)
-        seconds: Floats = best_costs[:, 0]
-        return seconds
-
     def _choose_turn(self, a: Pose, b: Pose) -> DrivePath | None:
         cost = self.connector.compute_cost_s
         headland_turn = self.headland_connector.connect_directly(a, b) if self.headland_connector else None
@@ -249,35 +203,3 @@ class FieldJob:
         swath = swath_pass.swath
         bearing = swath.get_headings_rad(self.layout.get_bearing_rad(swath))[at_end == (swath_pass.direction > 0)]
         return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
-
-    def estimate_turn_time_s(self, a: SwathPass, b: SwathPass) -> float:
-        """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
-        return self.build_turn_estimator(a)(b)
-
-    def build_turn_estimator(self, a: SwathPass) -> Callable[[SwathPass], float]:
-        """`estimate_turn_time_s` from one pass, as a function of the next."""
-        cell, heading = a.swath.cell_number, self.compute_heading(a, at_end=True)
-        driving_rules, width_m = self.driving_rules, self.layout.width_m
-        cosine, sine, speed = math.cos(heading), math.sin(heading), driving_rules.turn_speed_mps
-        x, y = a.swath.end_m if a.direction > 0 else a.swath.start_m
-        x, y = x + driving_rules.tool_m * cosine, y + driving_rules.tool_m * sine
-        table, full_circle_m = driving_rules.turn_s, 2.0 * math.pi * driving_rules.radius_m
-
-        def estimate_seconds(b: SwathPass) -> float:
-            if cell != b.swath.cell_number:
-                return (
-                    compute_shortest_m(
-                        np.array((x, y, heading)), np.array(self.get_entry_pose(b)), driving_rules.radius_m
-                    )
-                    / speed
-                )
-            to_x, to_y = b.swath.start_m if b.direction > 0 else b.swath.end_m
-            off_x, off_y = to_x - x, to_y - y
-            along, across = off_x * cosine + off_y * sine, abs(off_y * cosine - off_x * sine)
-            if a.direction == b.direction:
-                return (abs(along) + across + full_circle_m) / speed
-            lines = max(1, round(across / width_m))
-            extra = max(0, lines - len(table) + 1) * width_m
-            return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
-
-        return estimate_seconds

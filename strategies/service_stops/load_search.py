@@ -9,7 +9,7 @@ For a given order, dynamic programming over the places at which a load may begin
 time (the split of Beasley, Omega 11 (1983), and Prins, Computers & Operations Research 31 (2004), with two directions
 at every place).
 
-The search moves are those of tour_search, across the borders of loads: a run of swaths is reversed (2-opt), two
+Moves of the search go across the borders of loads: a run of swaths is reversed (2-opt), two
 neighbouring runs are swapped in either direction (or-opt and longer), and two swaths are swapped. Only the part of the
 split that a move touches is recomputed. When no move helps, two runs are swapped at random, until a number of evaluated
 moves is used up: the result depends on no clock.
@@ -19,17 +19,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.sequencing.tour_search import MIN_GAIN_S, NOWHERE, PLACE_0, UNREACHABLE_S
 from vehicle.jit import compile_function
 from vehicle.model.gnss import draw_uniform
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
+UNREACHABLE_S, MIN_GAIN_S = 1e7, 1e-7
+# NumPy's numbers: for every Python constant passed on, the called function would be compiled once more.
+PLACE_0: Any = np.int64(0)
+NOWHERE: Any = np.int64(-1)
 LOAD_TOLERANCE = 1e-9  # relative rounding of sums
 
 

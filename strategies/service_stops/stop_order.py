@@ -15,8 +15,13 @@ from strategies.program.supply import Supply
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from strategies.sequencing.tour_search import UNREACHABLE_S
-from strategies.service_stops.load_search import SEARCH_EFFORT_STEPS, LoadedOrder, LoadOrderingTask, order_in_loads
+from strategies.service_stops.load_search import (
+    SEARCH_EFFORT_STEPS,
+    UNREACHABLE_S,
+    LoadedOrder,
+    LoadOrderingTask,
+    order_in_loads,
+)
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.tour_parts import TourPart, cut_to_loads
 from strategies.service_stops.tour_stops import TourGaps

@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import Any
 
 from strategies.path_planning.paths import Pose
-from strategies.program.field_job import FieldJob
 from strategies.program.supply import HEADLAND, PLACE, Supply
+from strategies.programmes.ways import Ways
 from strategies.service_stops.stops import (
     SERVICE_CLEAR_M,
     LoadGaps,
@@ -155,7 +155,7 @@ def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
 
 
 def add_stops_for_taken_work(
-    job: FieldJob, supply: Supply, legs: Sequence[Leg], own_legs: int, service_points: tuple[Pose, ...] = ()
+    ways: Ways, supply: Supply, legs: Sequence[Leg], own_legs: int, service_points: tuple[Pose, ...] = ()
 ) -> list[Leg]:
     """Legs of which the first `own_legs` stay as they are, with stops in the others where the load requires it.
 
@@ -164,7 +164,7 @@ def add_stops_for_taken_work(
     """
     last_stop_leg = max((number for number in range(own_legs) if legs[number].stand_s > 0.0), default=0)
     tail, fixed_legs = Mission(tuple(legs[last_stop_leg:])), own_legs - last_stop_leg
-    pieces = split_into_pieces(job, supply, tail)
+    pieces = split_into_pieces(ways, supply, tail)
     begun_pieces = [piece for piece in pieces if piece.first_leg < fixed_legs]
     later_pieces = pieces[len(begun_pieces) :]
     if not later_pieces:
@@ -173,7 +173,7 @@ def add_stops_for_taken_work(
     fixed_legs = max([fixed_legs, *(piece.end_leg for piece in begun_pieces)])
     used_load = math.fsum(piece.need for piece in begun_pieces)
     begun = LoadPiece(0, fixed_legs, min(used_load, supply.capacity))
-    gaps = LoadGaps(job, supply, tail, [begun, *later_pieces], service_points)
+    gaps = LoadGaps(ways, supply, tail, [begun, *later_pieces], service_points)
     return [*legs[:last_stop_leg], *add_stops_in_gaps(gaps).legs]
 
 

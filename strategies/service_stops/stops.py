@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from strategies.headland.raised_paths import find_raised_path
+from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.paths import DrivePath, Pose
-from strategies.program.field_job import FieldJob
-from strategies.program.legs import add_wait_points, build_path_legs
+from strategies.path_planning.paths import Pose
+from strategies.program.legs import add_wait_points
 from strategies.program.supply import PLACE, Supply
+from strategies.programmes.ways import Ways
 from vehicle.missions.plan import DRIVE_IN, HEADLAND_PASS, REFILL, ROUTE, TURN, Leg, LegTask, Mission
 
 LOAD_TOLERANCE = 1e-9  # of a load: rounding of sums
@@ -106,7 +106,7 @@ class MissionWithStops:
     stops: tuple[ServiceStop, ...]
 
 
-def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[LoadPiece]:
+def split_into_pieces(ways: Ways, supply: Supply, mission: Mission) -> list[LoadPiece]:
     """The work of a mission in pieces between which a tractor may stop: swaths, and legs of headland passes."""
     leg_ranges: list[list[int]] = []
     for number, leg in enumerate(mission.legs):
@@ -120,7 +120,7 @@ def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[L
     starts = [0, *(last for _, last in leg_ranges)]  # the legs that lead to a piece count for it
     ends = [*(last for _, last in leg_ranges[:-1]), len(mission.legs)]
     return [
-        LoadPiece(first, last, supply.compute_legs_need(mission.legs[start:end], job.layout.width_m))
+        LoadPiece(first, last, supply.compute_legs_need(mission.legs[start:end], ways.site.width_m))
         for (first, last), start, end in zip(leg_ranges, starts, ends, strict=False)
     ]
 
@@ -129,7 +129,7 @@ def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[L
 class LoadGaps:
     """What a stop costs in the gaps between the pieces of a mission; at a place tractors stand in `service_points`."""
 
-    job: FieldJob
+    ways: Ways
     supply: Supply
     mission: Mission
     pieces: list[LoadPiece]
@@ -155,7 +155,7 @@ class LoadGaps:
         """Seconds from piece to piece without a stop."""
         legs = self.get_legs_between(gap)
         gear_changes = sum(a.gear != b.gear for a, b in pairwise(legs))
-        return sum(leg.length_m / leg.speed_mps for leg in legs) + gear_changes * self.job.connector.costs.cusp_s
+        return sum(leg.length_m / leg.speed_mps for leg in legs) + gear_changes * self.ways.site.costs.cusp_s
 
     def bound_stop_cost_s(self, gap: int) -> float:
         """Lower bound on the extra seconds of a stop in a gap: a straight line to the place and back."""
@@ -163,7 +163,7 @@ class LoadGaps:
             return self.stop_s
         (ax, ay, _), (bx, by, _) = self.get_end_poses(gap)
         flight_m = min(math.dist((ax, ay), spot[:2]) + math.dist(spot[:2], (bx, by)) for spot in self.service_points)
-        return flight_m / self.job.driving_rules.turn_speed_mps + self.stop_s - self._estimate_direct_s(gap)
+        return flight_m / self.ways.site.rules.turn_speed_mps + self.stop_s - self._estimate_direct_s(gap)
 
     def compute_stop_cost_s(self, gap: int) -> float:
         """Extra seconds of a stop in a gap."""
@@ -172,28 +172,20 @@ class LoadGaps:
         paths = self.find_paths(gap)
         if paths is None:
             return NO_PATH_COST_S
-        driven_s = sum(self.job.connector.costs.compute_time_s(path) for path in paths)
+        driven_s = sum(path.drive_s for path in paths)
         return driven_s + self.stop_s - self._estimate_direct_s(gap)
 
-    def find_paths(self, gap: int) -> tuple[DrivePath, DrivePath] | None:
+    def find_paths(self, gap: int) -> tuple[Move, Move] | None:
         """The quickest path to the place and on from there; None if there is none."""
         a, b = self.get_end_poses(gap)
-        path_pairs = [
-            (find_service_path(self.job, a, spot), find_service_path(self.job, spot, b)) for spot in self.service_points
-        ]
+        path_pairs = [(self.ways.find(a, spot), self.ways.find(spot, b)) for spot in self.service_points]
         options = [(path_to, path_on) for path_to, path_on in path_pairs if path_to is not None and path_on is not None]
-        cost = self.job.connector.compute_cost_s
-        return min(options, key=lambda pair: round(cost(pair[0]) + cost(pair[1]), 3), default=None)
-
-
-def find_service_path(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
-    """A path to or from a service point."""
-    return job.find_path(a, b) or find_raised_path(job, a, b, allow_rim=True)
+        return min(options, key=lambda pair: round(pair[0].cost_s + pair[1].cost_s, 3), default=None)
 
 
 def add_stops_in_gaps(gaps: LoadGaps) -> MissionWithStops:
     """The mission with its cheapest stops; raises StrategyError if none are enough or no path leads there."""
-    job, supply, mission, pieces = gaps.job, gaps.supply, gaps.mission, gaps.pieces
+    ways, supply, mission, pieces = gaps.ways, gaps.supply, gaps.mission, gaps.pieces
     needs = [piece.need for piece in pieces]
     if supply.is_enough(sum(needs)):
         return MissionWithStops(mission.legs, ())
@@ -203,7 +195,7 @@ def add_stops_in_gaps(gaps: LoadGaps) -> MissionWithStops:
     stop_gaps = find_cheapest_exact_stops(needs, least_costs_s, gaps.compute_stop_cost_s, supply.capacity)
     if stop_gaps is None or any(gaps.compute_stop_cost_s(gap) >= NO_PATH_COST_S for gap in stop_gaps):
         raise StrategyError(
-            f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads to "
+            f"No path with a turning radius of {ways.site.rules.radius_m:.1f} m leads to "
             f"{_describe_place(supply)[0].lower()}{_describe_place(supply)[1:]} and back before a load is used up; "
             "use another place, or refill on the headland."
         )
@@ -248,15 +240,15 @@ def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
 
 def _build_detour(gaps: LoadGaps, cut: int, stop_s: float) -> tuple[list[Leg], list[Leg]]:
     """The legs to the stop before a piece, and on from there; the first of these stands until the tank is refilled."""
-    job, supply, goal_task = gaps.job, gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
+    ways, supply, goal_task = gaps.ways, gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
     if supply.served_at == PLACE:
         paths = gaps.find_paths(cut)
         assert paths is not None  # its cost was below NO_PATH_COST_S
         task = replace(goal_task, kind=ROUTE if paths[1].kind == "route" else TURN)
-        legs_to, legs_on = build_path_legs(job, paths[0], LegTask(REFILL)), build_path_legs(job, paths[1], task)
+        legs_to, legs_on = ways.build_legs(paths[0].path, LegTask(REFILL)), ways.build_legs(paths[1].path, task)
     else:
         legs_to, legs_on = [], list(gaps.get_legs_between(cut))
-    if job.tractors > 1 and supply.served_at == PLACE:
+    if ways.tractors > 1 and supply.served_at == PLACE:
         legs_to, legs_on = add_wait_points(legs_to, WAIT_POINT_STEP_M), add_wait_points(legs_on, WAIT_POINT_STEP_M)
     if legs_on:
         legs_on[0] = replace(legs_on[0], stand_s=stop_s)

@@ -16,8 +16,7 @@ PLACES = {
     "layout": ("planner.evaluation.preparation.prepare_context",),
     "order": (
         "planner.evaluation.candidates.evaluate._run_job",
-        "strategies.sequencing.turn_table.TurnTable.__init__",
-        "strategies.sequencing.tour_search.search_tour",
+        "strategies.programmes.programme.make_programme",
         "planner.evaluation.candidates.evaluate.rank_start_corners",
     ),
     "paths": (

@@ -14,9 +14,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from strategies.sequencing.swath_order import build_skip_pattern
-from strategies.sequencing.tour_search import UNREACHABLE_S
-from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads, split_into_loads
+from strategies.service_stops.load_search import UNREACHABLE_S, LoadOrderingTask, order_in_loads, split_into_loads
 
 Floats = npt.NDArray[np.float64]
 
@@ -41,6 +39,17 @@ def parallel(n: int, width: float, radius: float) -> Floats:
     for i, j in zip(*np.nonzero(apart), strict=True):
         turns[2 * i, 2 * j + 1] = turns[2 * i + 1, 2 * j] = turn_m(float(apart[i, j]), radius)
     return turns
+
+
+def build_skip_pattern(count: int, jump: int) -> list[int]:
+    """Indices 0..count-1 in an order that jumps `jump` ahead and `jump` - 1 back, block by block of 2 `jump`."""
+    order: list[int] = []
+    for first in range(0, count, 2 * jump):
+        size = min(2 * jump, count - first)
+        half = (size + 1) // 2
+        for index in range(half):
+            order += [first + index, first + index + half][: 2 if index + half < size else 1]
+    return order
 
 
 def starts_for(n: int, width: float, radius: float) -> list[list[int]]:

@@ -210,6 +210,6 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
 def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:
     ways = [((0, 0), (50, 0), SWATH), ((50, 0), (80, 0), SWATH), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), SWATH)]
     legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == SWATH, task=LegTask(kind)) for a, b, kind in ways]
-    job: Any = SimpleNamespace(layout=SimpleNamespace(width_m=1.0), tractors=1)
-    found = add_stops_for_taken_work(job, Supply(100.0, 1.0, STAND_S), legs, 1)
+    places: Any = SimpleNamespace(site=SimpleNamespace(width_m=1.0), tractors=1)
+    found = add_stops_for_taken_work(places, Supply(100.0, 1.0, STAND_S), legs, 1)
     assert [leg.stand_s for leg in found] == [0.0, 0.0, STAND_S, 0.0]

@@ -6,9 +6,6 @@ from itertools import product
 import pytest
 import shapely
 
-from fields import Field
-from planner.evaluation.preparation import prepare_context
-from planner.request.plan_request import PlanRequest
 from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
 from strategies.path_planning.paths import Pose
 from strategies.path_planning.turn_kinds import TURN_KINDS
@@ -48,14 +45,3 @@ def test_one_finder_serves_all_that_ask_the_same() -> None:
     ]
     assert len({id(each) for each in (one, *others)}) == 5
     assert pickle.loads(pickle.dumps(connectors)).connectors == {}
-
-
-def test_a_site_has_the_finders_of_the_layouts_it_was_chosen_from() -> None:
-    site = prepare_context(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90)))
-    job = site.build_job(2)
-    assert {id(job.connector), id(job.headland_connector), id(job.rim_connector)} <= {
-        id(each) for each in site.path_finders.connectors.values()
-    }
-    radius, free = site.driving_rules.radius_m, site.free_space.wkb
-    plain = [key for key in site.path_finders.connectors if key[:2] == (free, radius)]
-    assert len(plain) == 1 and len(site.path_finders.connectors) > 3

@@ -8,36 +8,19 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from shapely import affinity
 
-from strategies.headland.corners import build_corner_arc, compute_missed_m2, compute_worked_reach_m, find_corner_paths
+from strategies.headland.corners import compute_missed_m2, compute_tangent_m, find_corner_paths
+from strategies.path_planning.paths import DrivePath, PathSegment, merge_segments, shift_pose_ahead
 from tests.examples import count_examples
 
 
-def strip(first_m: float, last_m: float, width_m: float, heading: float) -> shapely.Polygon:
-    """Ground under a bar driven between two distances from the origin along a heading."""
-    box = shapely.box(first_m, -0.5 * width_m, last_m, 0.5 * width_m)
-    return affinity.rotate(box, heading, origin=(0, 0), use_radians=True)
-
-
-def headland(turn_rad: float, width_m: float, reach_m: float = 200.0) -> shapely.Polygon:
-    """The band of a width along two lines that meet at the origin."""
-    line = shapely.LineString([(-reach_m, 0), (0, 0), (reach_m * math.cos(turn_rad), reach_m * math.sin(turn_rad))])
-    return line.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=50.0)
-
-
-@given(degrees=st.floats(20, 140), width=st.floats(1, 12), hand=st.sampled_from([1, -1]))
-@settings(max_examples=count_examples(80))
-def test_square_corners_miss_nothing(degrees: float, width: float, hand: int) -> None:
-    turn = hand * math.radians(degrees)
-    before, after = compute_worked_reach_m(turn, width)
-    worked = strip(-300, before, width, 0.0).union(strip(after, 300, width, turn))
-    assert headland(turn, width).difference(worked.buffer(1e-6)).area < 1e-3
+def build_corner_arc(turn_rad: float, radius_m: float) -> DrivePath:
+    """The arc alone that cuts a corner at the origin reached along the x axis."""
+    start = shift_pose_ahead((0.0, 0.0, 0.0), -compute_tangent_m(turn_rad, radius_m))
+    return merge_segments(start, [PathSegment(radius_m * turn_rad, 1.0 / radius_m, 1)], "route")
 
 
 def test_right_angle_by_hand() -> None:
-    """The bar stops where the next side begins, and that begins at the edge: one half width short, one back."""
-    assert compute_worked_reach_m(math.pi / 2, 3.0) == pytest.approx((-1.5, -1.5))
     assert compute_missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx((1 - math.pi / 4) * 5.5**2)
     assert compute_missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx(6.49, abs=0.01)
 
@@ -47,7 +30,7 @@ def test_right_angle_by_hand() -> None:
 def test_round_corners_miss_what_is_said(degrees: float, width: float, radius: float) -> None:
     turn = math.radians(degrees)
     assume(radius > 0.5 * width)
-    arc = shapely.LineString(build_corner_arc((0.0, 0.0), 0.0, turn, radius).sample(0.02)[0][1])
+    arc = shapely.LineString(build_corner_arc(turn, radius).sample(0.02)[0][1])
     (x0, _), (x1, y1) = arc.coords[0], arc.coords[-1]
     half = 0.5 * width
     begin, corner = (x0, -half), (half * math.tan(0.5 * turn), -half)

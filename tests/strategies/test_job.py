@@ -4,14 +4,12 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Polygon, box
 
-from strategies.path_planning.collision_check import FenceChecker, MachineBody
-from strategies.path_planning.connector import Connector, TurnCosts
+from strategies.path_planning.connector import Connector
 from strategies.program.field_job import FieldJob, SwathPass
 from tests.examples import count_examples
 
@@ -39,33 +37,6 @@ class TestPoses:
         assert ahead == pytest.approx(100.0 + jobs.tool_m, abs=1e-6)
         assert aside == pytest.approx(0.0, abs=1e-6)
         assert -math.pi <= heading <= math.pi
-
-
-class TestTurnTime:
-    @pytest.mark.parametrize(
-        ("lines", "seconds"), [(1, 30.0), (2, 26.0), (3, 14.0), (4, 16.0), (6, 16.0 + 2 * 3.0 / 1.5)]
-    )
-    def test_comes_from_the_table_and_grows_by_driving_across(self, jobs: Any, lines: int, seconds: float) -> None:
-        job = jobs.drawn([WHOLE] * 7)
-        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[lines], -1)
-        assert job.estimate_turn_time_s(a, b) == pytest.approx(seconds + jobs.tool_m / 1.5)
-
-    def test_to_the_same_direction_is_a_drive_round(self, jobs: Any) -> None:
-        job = jobs.drawn([WHOLE] * 4)
-        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[3], 1)
-        expected = (100.0 + jobs.tool_m + 9.0 + 2 * math.pi * jobs.radius_m) / 1.5
-        assert job.estimate_turn_time_s(a, b) == pytest.approx(expected)
-
-    @QUICK
-    @given(bearing=st.floats(-1.5, 1.5), a=st.integers(0, 6), b=st.integers(0, 6), way=st.sampled_from([1, -1]))
-    def test_does_not_change_when_the_field_is_rotated(
-        self, jobs: Any, bearing: float, a: int, b: int, way: int
-    ) -> None:
-        def seconds(job: FieldJob) -> float:
-            return job.estimate_turn_time_s(SwathPass(job.layout.swaths[a], 1), SwathPass(job.layout.swaths[b], way))
-
-        still, turned = jobs.drawn([WHOLE] * 7), jobs.drawn([WHOLE] * 7, bearing_rad=bearing)
-        assert seconds(turned) == pytest.approx(seconds(still), abs=1e-6)
 
 
 class TestWay:
@@ -142,31 +113,3 @@ class TestReverse:
 
 BEND = Polygon([(0, 0), (90, 0), (90, 40), (45, 44), (40, 90), (0, 90)], [box(18, 15, 26, 24).exterior.coords])
 places = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 90.0), st.floats(-3.14, 3.14))
-
-
-class TestManyTurns:
-    @QUICK
-    @given(
-        st.lists(places, min_size=1, max_size=4), st.lists(places, min_size=1, max_size=4), st.booleans(), st.booleans()
-    )
-    def test_cost_what_each_turn_costs(
-        self, jobs: Any, starts: list[Any], ends: list[Any], spared: bool, fenced: bool
-    ) -> None:
-        costs = TurnCosts(1.5, 1.0, 4.0)
-        beside, body = (
-            BEND.difference(box(8, 8, 80, 30)).buffer(-1.5),
-            MachineBody(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2),
-        )
-        fence = FenceChecker(BEND.exterior, BEND.interiors[0], body, 0.2) if fenced else None
-        job = replace(
-            jobs.drawn([WHOLE]),
-            connector=Connector(BEND.buffer(-1.5), 4.3, costs),
-            avoids_swaths=spared,
-            fence=fence,
-            headland_connector=Connector(beside, 4.3, costs),
-        )
-        pairs = [(p, q) for p in range(len(starts)) for q in range(len(ends))]
-        found = job.compute_turn_costs_s(np.array(starts), np.array(ends), np.array(pairs))
-        for (p, q), seconds in zip(pairs, found.tolist(), strict=True):
-            turn = job.find_turn(starts[p], ends[q])
-            assert seconds == pytest.approx(math.inf if turn is None else job.connector.compute_cost_s(turn))

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.sequencing.tour_search import UNREACHABLE_S
 from strategies.service_stops.load_search import (
+    UNREACHABLE_S,
     LoadOrderingTask,
     compute_load_begins,
     count_swaths_of_load,

@@ -13,7 +13,6 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overlays import GRID_M, extract_polygons
 from reports.common.language import mark_text
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
-from strategies.headland.strips import MAX_MISSED_SHARE
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
@@ -22,6 +21,7 @@ SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
+MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
 KEPT_HEADLAND = "headland, kept free for turning"
 
 

@@ -12,16 +12,18 @@ import shapely
 import shapely.ops
 
 from planner.fleet.model.timed_mission import TimedMission
-from strategies.headland.raised_paths import find_raised_path
-from strategies.path_planning.paths import DrivePath, Pose
-from strategies.path_planning.primitive_search import compute_shortest_m
-from strategies.program.field_job import FieldJob, SwathPass
-from strategies.program.legs import add_wait_points, build_path_legs, build_swath_legs
-from vehicle.missions.plan import DRIVE_IN, HEADLAND_PASS, ROUTE, SWATH, TURN, Leg, LegTask
+from strategies.lines.work_line import cut_line
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, join_paths
+from strategies.program.legs import add_wait_points
+from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.ways import Ways
+from vehicle.missions.plan import DRIVE_IN, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Mission
 
 SHORTEST_PIECE_M = 2.0  # shorter remains of a track are dropped
 REWORK_OVERLAP_M = 1.0
 LONG_TURN_M, TURN_STOPS_M = 40.0, 12.0
+EXIT_STOPS_M = 10.0  # between places to wait on the way out
 Points = npt.NDArray[np.float64]
 
 
@@ -44,7 +46,7 @@ class HelperTractor:
 
 
 def find_remaining_pieces(
-    timed_mission: TimedMission, first: int, first_m: float, job: FieldJob, blocked: shapely.Geometry
+    timed_mission: TimedMission, first: int, first_m: float, moves: SiteMoves, blocked: shapely.Geometry
 ) -> tuple[list[WorkPiece], float]:
     """Find the work after `first_m` metres of leg `first`: whole tracks in both directions, others from where they end.
 
@@ -61,7 +63,7 @@ def find_remaining_pieces(
         while k + len(run) < len(legs) and _is_continuation(run[-1], legs[k + len(run)]):
             run.append(legs[k + len(run)])
         has_begun = k == first and (first_m > 0.0 or (k > 0 and _is_continuation(legs[k - 1], run[0])))
-        whole = None if has_begun else _build_whole_swath_piece(run[0], job, blocked)
+        whole = None if has_begun else _build_whole_swath_piece(run[0], moves, blocked)
         if whole is None:
             parts, lost_m = _cut_unworked_parts(run, first_m if has_begun else 0.0, blocked)
             blocked_m += lost_m
@@ -79,17 +81,28 @@ def _is_continuation(previous: Leg, leg: Leg) -> bool:
     )
 
 
-def _build_whole_swath_piece(first: Leg, job: FieldJob, blocked: shapely.Geometry) -> WorkPiece | None:
+def _build_whole_swath_piece(first: Leg, moves: SiteMoves, blocked: shapely.Geometry) -> WorkPiece | None:
     """A track that nobody has begun and nothing blocks; None otherwise."""
     if first.task.kind == HEADLAND_PASS:
         return None
-    swath = next((t for t in job.layout.swaths if (t.line, t.piece) == (first.task.number, first.task.piece)), None)
-    if swath is None:
+    number = next((k for k, line in enumerate(moves.lines) if line.task == replace(first.task, kind=SWATH)), None)
+    if number is None:
         return None
-    leg_options = tuple(tuple(build_swath_legs(job, SwathPass(swath, direction))) for direction in (1, -1))
+    line = moves.lines[number]
+    leg_options = tuple(_build_line_legs(moves, 2 * number + way) for way in ((0, 1) if line.both_ways else (0,)))
     if any(shapely.intersects(shapely.LineString(leg.points), blocked) for legs in leg_options for leg in legs):
         return None
-    return WorkPiece(leg_options, swath.length_m)
+    return WorkPiece(leg_options, line.length_m)
+
+
+def _build_line_legs(moves: SiteMoves, node: int) -> tuple[Leg, ...]:
+    """The legs that work a line in a direction; a tractor may wait before the last part of it."""
+    whole = moves.build_work_leg(node, 0.0)
+    hold_m = max(whole.length_m - moves.site.rules.hold_back_m, 0.5 * whole.length_m)
+    return (
+        replace(whole, points=cut_line(whole.points, 0.0, hold_m)),
+        replace(whole, points=cut_line(whole.points, hold_m, whole.length_m), may_wait=True),
+    )
 
 
 def _cut_unworked_parts(run: Sequence[Leg], done_m: float, blocked: shapely.Geometry) -> tuple[list[WorkPiece], float]:
@@ -115,27 +128,25 @@ def compute_leg_end_pose(leg: Leg, end: int) -> Pose:
     return float(x), float(y), math.atan2(leg.gear * (y1 - y0), leg.gear * (x1 - x0))
 
 
-def assign_pieces(
-    pieces: Sequence[WorkPiece], helper_tractors: Sequence[HelperTractor], job: FieldJob
-) -> list[WorkPiece]:
+def assign_pieces(pieces: Sequence[WorkPiece], helper_tractors: Sequence[HelperTractor], ways: Ways) -> list[WorkPiece]:
     """Give every piece to a helper; returns those that nobody can reach.
 
     A piece that leads nowhere is given last: its helper cannot take another one.
     """
     remaining = list(pieces)
     for leads_on in (True, False):
-        while remaining and _assign_soonest_finished_piece(remaining, helper_tractors, job, leads_on):
+        while remaining and _assign_soonest_finished_piece(remaining, helper_tractors, ways, leads_on):
             pass
     return remaining
 
 
 def _assign_soonest_finished_piece(
-    remaining: list[WorkPiece], helper_tractors: Sequence[HelperTractor], job: FieldJob, leads_on: bool
+    remaining: list[WorkPiece], helper_tractors: Sequence[HelperTractor], ways: Ways, leads_on: bool
 ) -> bool:
     """Give away the piece that is done soonest, and remove it from `remaining`; False if nobody can take any."""
     offers = sorted(
         (
-            helper.free_s + _estimate_approach_s(job, helper.pose, legs) + _compute_driving_time_s(legs),
+            helper.free_s + _estimate_approach_s(ways, helper.pose, legs) + _compute_driving_time_s(legs),
             helper.number,
             index,
             direction,
@@ -147,52 +158,58 @@ def _assign_soonest_finished_piece(
     for _, number, index, direction in offers:
         helper = next(candidate for candidate in helper_tractors if candidate.number == number)
         legs, other_pieces = remaining[index].leg_options[direction], [*remaining[:index], *remaining[index + 1 :]]
-        if leads_on != _has_onward_path(job, compute_leg_end_pose(legs[-1], -1), other_pieces):
+        if leads_on != _has_onward_path(ways, compute_leg_end_pose(legs[-1], -1), other_pieces):
             continue
-        if _append_piece_to_helper(job, helper, legs):
+        if _append_piece_to_helper(ways, helper, legs):
             del remaining[index]
             return True
     return False
 
 
-def _has_onward_path(job: FieldJob, pose: Pose, other_pieces: Sequence[WorkPiece]) -> bool:
-    """Whether a path leads on from a pose: out of the field, or to another piece if there is no entrance."""
-    if job.entrance_lane is not None:
-        return find_path_between(job, pose, job.entrance_lane.build_path_out().start) is not None
-    return not other_pieces or any(
-        find_path_between(job, pose, compute_leg_end_pose(legs[0], 0))
-        for piece in other_pieces
-        for legs in piece.leg_options
-    )
+def _has_onward_path(ways: Ways, pose: Pose, other_pieces: Sequence[WorkPiece]) -> bool:
+    """Whether a path leads on from a pose: out of the field, or anywhere if there is no entrance."""
+    lane = ways.site.lane
+    if lane is not None:
+        return ways.find(pose, lane.build_path_out().start) is not None
+    return not other_pieces or ways.leads_on(pose)
 
 
-def find_path_between(job: FieldJob, start: Pose, end: Pose) -> DrivePath | None:
-    """A path between two pieces of work, also from corners where headland sides end at the edge; None if none."""
-    return job.find_path(start, end) or find_raised_path(job, start, end, allow_rim=True)
-
-
-def _append_piece_to_helper(job: FieldJob, helper: HelperTractor, legs: tuple[Leg, ...]) -> bool:
-    path = find_path_between(job, helper.pose, compute_leg_end_pose(legs[0], 0))
-    if path is None:
+def _append_piece_to_helper(ways: Ways, helper: HelperTractor, legs: tuple[Leg, ...]) -> bool:
+    way = ways.find(helper.pose, compute_leg_end_pose(legs[0], 0))
+    if way is None:
         return False
-    approach_legs = build_approach_legs(job, path, legs[0].task)
+    approach_legs = build_approach_legs(ways, way.path, legs[0].task)
     helper.legs += [*approach_legs, *legs]
     helper.free_s += sum(leg.length_m / leg.speed_mps for leg in (*approach_legs, *legs))
     helper.pose = compute_leg_end_pose(legs[-1], -1)
     return True
 
 
-def build_approach_legs(job: FieldJob, path: DrivePath, task: LegTask) -> list[Leg]:
+def build_approach_legs(ways: Ways, path: DrivePath, task: LegTask) -> list[Leg]:
     """The legs of a path to a piece of work."""
     kind = ROUTE if path.kind == "route" or path.length_m > LONG_TURN_M else TURN
-    return add_wait_points(build_path_legs(job, path, replace(task, kind=kind)), TURN_STOPS_M)
+    return add_wait_points(ways.build_legs(path, replace(task, kind=kind)), TURN_STOPS_M)
 
 
-def _estimate_approach_s(job: FieldJob, pose: Pose, legs: tuple[Leg, ...]) -> float:
-    length_m = compute_shortest_m(
-        np.array(pose), np.array(compute_leg_end_pose(legs[0], 0)), job.driving_rules.radius_m
-    )
-    return float(length_m) / job.driving_rules.turn_speed_mps
+def build_exit_legs(ways: Ways, lane: EntranceLane, mission: Mission) -> list[Leg]:
+    """The legs from the end of a mission to the entrance; raises StrategyError if no path leads there."""
+    path_out = lane.build_path_out()
+    way = ways.find(mission.end, path_out.start)
+    if way is None:
+        x, y, _ = mission.end
+        raise StrategyError(
+            f"No path with a turning radius of {ways.site.rules.radius_m:.1f} m leads from where work ends to the "
+            f"entrance (at {x:.0f}, {y:.0f} m) inside the field."
+        )
+    path = join_paths((way.path, path_out), way.path.kind)
+    return add_wait_points(ways.build_legs(path, LegTask(LEAVE)), EXIT_STOPS_M)
+
+
+def _estimate_approach_s(ways: Ways, pose: Pose, legs: tuple[Leg, ...]) -> float:
+    """Seconds of the straight way to some legs, with the change of heading on an arc."""
+    goal, rules = compute_leg_end_pose(legs[0], 0), ways.site.rules
+    turn = abs(math.remainder(goal[2] - pose[2], 2.0 * math.pi))
+    return (math.dist(pose[:2], goal[:2]) + turn * rules.radius_m) / rules.turn_speed_mps
 
 
 def _compute_driving_time_s(legs: tuple[Leg, ...]) -> float:

@@ -20,6 +20,7 @@ from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import build_site, get_site_moves
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
@@ -29,16 +30,16 @@ from planner.fleet.replanning.reassignment import (
     HelperTractor,
     WorkPiece,
     assign_pieces,
+    build_exit_legs,
     compute_leg_end_pose,
     find_remaining_pieces,
 )
 from planner.traffic.conflict_repair import resolve_conflicts
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from strategies.headland.entrance_legs import build_exit_legs
-from strategies.path_planning.connector import Connector
 from strategies.path_planning.paths import Pose
-from strategies.program.field_job import FieldJob
 from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
+from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.ways import Ways
 from strategies.service_stops.stop_plan import (
     add_service_gates,
     add_stops_for_taken_work,
@@ -123,15 +124,16 @@ def _list_attempts(context: PlanningContext, helpers: list[int]) -> list[tuple[f
 def _attempt_replan(
     remaining: RemainingWork, context: PlanningContext, blocked: shapely.Geometry, helpers: Sequence[int]
 ) -> ReplanProposal:
-    plan, job = remaining.plan, _build_detour_job(context, blocked)
+    plan, moves = remaining.plan, get_site_moves(context)
+    ways = Ways(build_site(context, _build_taken_area(remaining, context)), plan.tractor_count)
     wide = shapely.buffer(blocked, 0.5)
     ends = [_count_unchanged_legs(remaining, number, wide, number in helpers) for number in range(plan.tractor_count)]
-    shares = [_find_pieces(remaining, number, end, job, wide) for number, end in enumerate(ends)]
+    shares = [_find_pieces(remaining, number, end, moves, wide) for number, end in enumerate(ends)]
     pieces = [piece for share, _ in shares for piece in share]
     helper_tractors = [_build_helper(remaining, number, ends[number]) for number in helpers]
-    unreached = assign_pieces(pieces, helper_tractors, job)
+    unreached = assign_pieces(pieces, helper_tractors, ways)
     supply = _infer_carried_supply(plan)
-    missions = _build_missions(remaining, job, helper_tractors, ends, supply)
+    missions = _build_missions(remaining, ways, helper_tractors, ends, supply)
     plan_from_here = _build_plan_from_here(remaining, missions)
     run = _simulate_without_conflicts(
         remaining, context, plan_from_here if supply is None else add_service_gates(plan_from_here, supply)
@@ -185,10 +187,15 @@ def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> str | None
 
 
 def _build_blocked_area(remaining: RemainingWork, context: PlanningContext, margin_m: float) -> shapely.Geometry:
-    """Where the guided point of nobody may be: round tractors that have failed, and obstacles, and `keep_m` more."""
+    """Where the guided point of nobody may be: half a machine round what is taken, and `margin_m` more."""
     half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
-    reach_m = half_m + context.request.clearance_m
-    shapes = [shapely.buffer(shape, half_m + OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    return shapely.buffer(_build_taken_area(remaining, context), half_m + margin_m)
+
+
+def _build_taken_area(remaining: RemainingWork, context: PlanningContext) -> shapely.Geometry:
+    """What no machine may touch: tractors that have failed with the clearance round them, and obstacles."""
+    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
+    shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
     for number in remaining.excluded:
         if not _is_tractor_on_road(remaining, number):
             x, y, heading = _get_pose(remaining, number)
@@ -197,8 +204,8 @@ def _build_blocked_area(remaining: RemainingWork, context: PlanningContext, marg
             line = shapely.LineString(
                 [place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead]
             )
-            shapes.append(shapely.buffer(line, half_m + reach_m))
-    return shapely.buffer(shapely.union_all(shapes), margin_m)
+            shapes.append(shapely.buffer(line, half_m + context.request.clearance_m))
+    return shapely.union_all(shapes)
 
 
 def _is_tractor_on_road(remaining: RemainingWork, number: int) -> bool:
@@ -216,26 +223,6 @@ def _get_pose(remaining: RemainingWork, number: int) -> Pose:
         min(state.leg, len(timed_mission.legs) - 1), state.leg_m, [0.0], len(timed_mission.legs)
     )[0]
     return float(x), float(y), float(heading)
-
-
-def _build_detour_job(context: PlanningContext, blocked: shapely.Geometry) -> FieldJob:
-    """A field job whose paths avoid the blocked area."""
-
-    def build_connector(region: shapely.Geometry) -> Connector:
-        rules, free = context.driving_rules, shapely.difference(region, blocked)
-        return Connector(free, rules.radius_m, context.costs, context.turn_kinds, rules.max_reverse_m)
-
-    headland, rim = (
-        None if region.is_empty else build_connector(region) for region in (context.beside_swaths, context.rim_area)
-    )
-    return replace(
-        context.build_job(1),
-        connector=build_connector(context.free_space),
-        headland_connector=headland,
-        rim_connector=rim,
-        careful_connectors=(),
-        path_cache={},
-    )
 
 
 def _compute_overhang_m(context: PlanningContext) -> float:
@@ -267,7 +254,7 @@ def _count_unchanged_legs(remaining: RemainingWork, number: int, blocked_area: s
 
 
 def _find_pieces(
-    remaining: RemainingWork, number: int, end: int, job: FieldJob, blocked_area: shapely.Geometry
+    remaining: RemainingWork, number: int, end: int, moves: SiteMoves, blocked_area: shapely.Geometry
 ) -> tuple[list[WorkPiece], float]:
     """The work that a tractor gives away: all that remains of an excluded one, what is blocked of another.
 
@@ -275,8 +262,8 @@ def _find_pieces(
     """
     state, timed_mission = remaining.states[number], remaining.plan.timed_missions[number]
     if number in remaining.excluded:
-        return find_remaining_pieces(timed_mission, state.leg, state.leg_m, job, blocked_area)
-    return find_remaining_pieces(timed_mission, end, 0.0, job, blocked_area)
+        return find_remaining_pieces(timed_mission, state.leg, state.leg_m, moves, blocked_area)
+    return find_remaining_pieces(timed_mission, end, 0.0, moves, blocked_area)
 
 
 def _build_helper(remaining: RemainingWork, number: int, end: int) -> HelperTractor:
@@ -298,7 +285,7 @@ def _infer_carried_supply(plan: FleetPlan) -> Supply | None:
 
 def _build_missions(
     remaining: RemainingWork,
-    job: FieldJob,
+    ways: Ways,
     helper_tractors: Sequence[HelperTractor],
     ends: Sequence[int],
     supply: Supply | None,
@@ -309,7 +296,6 @@ def _build_missions(
     """
     taken_legs = {helper.number: helper.legs for helper in helper_tractors}
     service_points = list_service_points([timed_mission.legs for timed_mission in remaining.plan.timed_missions])
-    fleet_job = replace(job, tractors=remaining.plan.tractor_count)
     missions = []
     for number, timed_mission in enumerate(remaining.plan.timed_missions):
         end = ends[number]
@@ -317,9 +303,9 @@ def _build_missions(
         if (number not in remaining.excluded and end < len(timed_mission.legs)) or taken_legs.get(number):
             legs += taken_legs[number]
             if supply is not None:
-                legs = add_stops_for_taken_work(fleet_job, supply, legs, end, service_points)
-            if timed_mission.legs[-1].task.kind == LEAVE and job.entrance_lane is not None:
-                legs += build_exit_legs(job, job.entrance_lane, Mission(tuple(legs)))
+                legs = add_stops_for_taken_work(ways, supply, legs, end, service_points)
+            if timed_mission.legs[-1].task.kind == LEAVE and ways.site.lane is not None:
+                legs += build_exit_legs(ways, ways.site.lane, Mission(tuple(legs)))
         missions.append(tuple(legs))
     return drop_stale_gates(missions, ends)
 

@@ -15,9 +15,8 @@ from hypothesis import strategies as some
 from fields.errors import FieldError
 from fields.geometry.field import Field
 from fields.layout.contours import STEP_M, GuideCurve, lay_contour_swaths, measure_climb, smooth_contour
-from fields.layout.swaths import Layout, Swath, lay_swaths, measure_min_spacing_m
+from fields.layout.swaths import Layout, lay_swaths, measure_min_spacing_m
 from fields.terrain.elevation_grid import ElevationGrid
-from strategies.sequencing.swath_order import group_same_bearing_cells
 
 WIDTH_M, RADIUS_M = 6.0, 6.0
 LENGTH_M, DEPTH_M = 160.0, 100.0
@@ -152,15 +151,3 @@ def test_spacing_of_curved_swaths_is_that_of_their_lines() -> None:
     steps = np.abs(np.diff([radii[line] for line in sorted(radii)]))
     assert measure_min_spacing_m(layout) == pytest.approx(steps.min(), abs=0.02)
     assert 5.0 <= measure_min_spacing_m(layout) < WIDTH_M
-
-
-def test_curved_pieces_beside_each_other_share_a_cell() -> None:
-    """Rings of 40 and 43 m, cut by a ray into quarters: each quarter has its neighbour on the other ring."""
-    swaths = []
-    for line, radius in enumerate((40.0, 43.0)):
-        for piece, (low, high) in enumerate(((0.0, 80.0), (100.0, 180.0))):
-            angles = np.radians(np.linspace(low, high, 81))
-            places = [(radius * math.cos(one), radius * math.sin(one)) for one in angles]
-            swaths.append(Swath(line, piece, places[0], places[-1], via_m=tuple(places[1:-1])))
-    cells = group_same_bearing_cells(swaths, math.radians(-90.0))
-    assert [[(one.line, one.piece) for one in cell] for cell in cells] == [[(0, 0), (1, 0)], [(0, 1), (1, 1)]]
