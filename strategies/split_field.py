@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
 
 WEIGHT_RESOLUTION = 1e-6  # of the heaviest line

@@ -16,17 +16,10 @@ UNCOLLECTED = """
 import gc
 gc.disable()
 """
-ROUTES = """
+PLANS = f"""{UNCOLLECTED}
+import sys
 import numpy as np
 import shapely
-from strategies.path_planning.connector import Connector, TurnCosts
-free = shapely.box(0, 0, 90, 60) - shapely.box(40, 10, 50, 50)
-costs = TurnCosts(1.5, 1.0, 4.0)
-routes, onward = Connector(free, 4.3, costs), Connector(free, 4.3, costs, ("u", "omega"))
-begin, end = (10.0, 30.0, 0.0), (80.0, 30.0, 0.0)
-"""
-PLANS = f"""{UNCOLLECTED}{ROUTES}
-import sys
 from fields.geometry.field import Field
 from planner.cli.main import main
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
@@ -51,11 +44,8 @@ context = prepare_context(PlanRequest(width_m=6.0, tractors=(1,)), field=Field("
 simulate_candidate(context, Candidate("split-field", 2))
 site = build_site(context)
 finder = MoveFinder(site, measure_settling(site))
-finder.has_way_on(begin, backwards=False)
+finder.has_way_on((10.0, 30.0, 0.0), backwards=False)
 finder.search((10.0, 30.0, 0.0), (20.0, 30.0, 3.0))
-routes.connect(begin, end)
-onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
-routes._find_lattice_route(begin, end)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()

@@ -450,25 +450,3 @@ def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:
         else field.boundary
     )
     return open_ground.buffer(-margin_m)
-
-
-def compute_free_space_to_rim(field: Field, margin_m: float, rim_m: float) -> shapely.Geometry:
-    """The field shrunk by `rim_m` only, but with the margin of `compute_free_space` round obstacles."""
-    rings = [shapely.Polygon(hole) for hole in field.boundary.interiors]
-    blocked = [ring.buffer(margin_m) for ring in (*rings, *field.small_obstacles)]
-    outline = shapely.Polygon(field.boundary.exterior).buffer(-rim_m, join_style="mitre")
-    return shapely.difference(outline, shapely.union_all(blocked))
-
-
-def compute_unworked_free_space(layout: Layout, free_space: shapely.Geometry) -> shapely.Geometry:
-    """The free space without the swaths, where turning causes no wheel traffic on worked ground.
-
-    Ends of swaths that reach into the headland passes, as slanted ones do, belong to the headland: it is worked too.
-    """
-    swaths = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
-    worked = shapely.buffer(swaths, SWATH_HALF_WIDTH * layout.width_m, cap_style="flat")
-    unworked = shapely.difference(free_space, shapely.union_all(worked, grid_size=GRID_M), grid_size=GRID_M)
-    if layout.headland_passes:
-        headland = shapely.difference(free_space, layout.inner_region, grid_size=GRID_M)
-        unworked = shapely.union(unworked, headland, grid_size=GRID_M)
-    return shapely.buffer(unworked, GRID_M)

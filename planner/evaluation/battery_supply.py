@@ -13,7 +13,7 @@ from planner.evaluation.field_physics import FieldPhysics
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import locate_service_point
 from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from vehicle.energy.leg_meter import build_leg_meter
 from vehicle.model.tractor import Tractor
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from dataclasses import field as member
 from functools import cached_property
 from typing import Any
 
 import shapely
 
-from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import (
     Layout,
 )
-from planner.errors import RequestError
 from planner.evaluation.field_physics import (
     LEVEL_GROUND,
     FieldPhysics,
@@ -22,26 +20,20 @@ from planner.evaluation.field_physics import (
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.farm.workday import Workday
-from planner.request.plan_request import (
-    KEPT_GROUND_OPERATIONS,
-    PlanRequest,
-)
+from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import DecisionCriteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
-from strategies.path_planning.collision_check import FenceChecker
-from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import EntranceLane, build_entrance_lane
-from strategies.program.field_job import DrivingRules, FieldJob
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.supply import Supply
+from strategies.program.turn_costs import TurnCosts
 from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor
 
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
 GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
-FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
-OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
@@ -52,14 +44,12 @@ GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
 
-    The guided point may be anywhere in `free_space`, and drives over no swath in `beside_swaths`. `fitting_turns[k]`
-    says whether a turn over k lines fits a headland at right angles (index 0 unused); if none does,
-    `driving_rules.turn_s[k]` is an estimate instead of a simulated time. `position_errors` is the GNSS error table.
-    `headland_passes` are worked; in their corners the guided point may be anywhere in `rim_area`. `obstacle_bends`
-    holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
-    `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
-    compared. `physics` are heights and load. `time_share` limits the computing where this context was made; it is not
-    sent to another process.
+    The guided point may be anywhere in `free_space`. `fitting_turns[k]` says whether a turn over k lines fits a
+    headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
+    simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `obstacle_bends` holds
+    lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries, `cost_terms`
+    the prices and `workday` the day of a farm (None without one). `physics` are heights and load. `time_share` limits
+    the computing where this context was made; it is not sent to another process.
     """
 
     request: PlanRequest
@@ -69,24 +59,17 @@ class PlanningContext:
     driving_rules: DrivingRules
     costs: TurnCosts
     free_space: shapely.Geometry
-    beside_swaths: shapely.Geometry
     turn_kinds: tuple[str, ...]
     fitting_turns: tuple[bool, ...]
     position_errors: Table
     headland_passes: tuple[HeadlandPass, ...] = ()
-    rim_area: shapely.Geometry = member(default_factory=shapely.Polygon)
     obstacle_bends: ObstacleBends = member(default_factory=ObstacleBends)
     criteria: DecisionCriteria | None = None
     supply: Supply | None = None
     cost_terms: CostTerms | None = None
     workday: Workday | None = None
-    path_finders: ConnectorCache = member(default_factory=ConnectorCache)
     physics: FieldPhysics = LEVEL_GROUND
     time_share: TimeShare = NO_LIMIT
-
-    def build_job(self, tractors: int) -> FieldJob:
-        """A job for this many tractors; all jobs of a context share their cached paths and turns."""
-        return replace(self._base_job, tractors=tractors)
 
     @cached_property
     def gateway(self) -> EntranceLane | None:
@@ -115,39 +98,6 @@ class PlanningContext:
         """The work lines and moves of the site once a candidate has asked for them (planner.evaluation.site)."""
         return []
 
-    @cached_property
-    def _base_job(self) -> FieldJob:
-        """The job that others are copies of."""
-        free_finder, beside_finder, rim_finder = (
-            None if region.is_empty else self._get_connector(region, self.driving_rules.radius_m, self.turn_kinds)
-            for region in (self.free_space, self.beside_swaths, self.rim_area)
-        )
-        if free_finder is None:
-            raise RequestError(
-                f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: nothing remains half an "
-                "implement's width inside its boundary; use a narrower implement."
-            )
-        fence, forward_finders = self._build_fence()
-        return FieldJob(
-            self.layout,
-            self.driving_rules,
-            free_finder,
-            1,
-            beside_finder,
-            rim_connector=rim_finder,
-            avoids_swaths=self.request.operation in KEPT_GROUND_OPERATIONS,
-            obstacle_bends=self.obstacle_bends,
-            fence=fence,
-            open_edge=self._build_open_edge(),
-            careful_connectors=forward_finders,
-            entrance_lane=self.gateway,
-        )
-
-    def _get_connector(self, region: shapely.Geometry, radius_m: float, kinds: tuple[str, ...]) -> Connector:
-        """The connector of a region, with the usual costs and limit of reversing."""
-        max_reverse_m = self.driving_rules.max_reverse_m
-        return self.path_finders.get_connector(region, radius_m, self.costs, kinds, max_reverse_m)
-
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: everything but caches."""
         sent = {each.name for each in fields(self)} - {"time_share"}
@@ -166,27 +116,3 @@ class PlanningContext:
         """The ground over which parts of machines may reach, the gate included."""
         region = self.layout.field.compute_overhang_region(self.request.overhang_m)
         return shapely.union(region, self.gate_area)
-
-    def _build_open_edge(self) -> FenceChecker:
-        """The lines that no part of a machine should reach over outside open edges."""
-        fences = shapely.union_all(self.layout.field.fences)
-        lines = shapely.difference(shapely.boundary(self.overhang_region), fences.buffer(FENCE_BESIDE_M))
-        body = build_body(self.tractor, self.implement)
-        return FenceChecker(lines, shapely.LineString(), body, min(OVERHANG_SPARE_M, 0.5 * self.request.overhang_m))
-
-    def _build_fence(self) -> tuple[FenceChecker | None, tuple[Connector, ...]]:
-        """The fence and obstacle checker, and a finder of forward-only paths where reversing meets a fence."""
-        field, radius = self.layout.field, self.driving_rules.radius_m
-        if not field.fences and not field.solid_obstacles:
-            return None, ()
-        body = build_body(self.tractor, self.implement)
-        guidance_margin_m = min(
-            GUIDANCE_MARGIN_SHARE * max(self.request.margin_m, MIN_FENCE_MARGIN_M), MAX_GUIDANCE_MARGIN_M
-        )
-        gate = shapely.Point() if self.gateway is None else shapely.Point(self.gateway.edge_pose[:2])
-        gate = gate.buffer(self.gate_half_width_m)
-        fences = shapely.difference(shapely.union_all(field.fences), gate)
-        obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
-        fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
-        forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
-        return fence, (self._get_connector(self.free_space, radius, forward_kinds),) if forward_kinds else ()

@@ -24,7 +24,7 @@ from planner.evaluation.site import get_site_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.lines.work_line import WorkLine
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.cost_estimate import estimate_cost_s
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site

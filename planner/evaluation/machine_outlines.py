@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fields.layout.swaths import Layout
-from strategies.path_planning.collision_check import MachineBody
+from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.obstacle_avoidance import (
     BendRules,
     LineBender,

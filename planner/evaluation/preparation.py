@@ -17,8 +17,6 @@ from fields.layout.swaths import (
     Layout,
     check_width,
     compute_free_space,
-    compute_free_space_to_rim,
-    compute_unworked_free_space,
 )
 from planner.errors import attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
@@ -61,7 +59,6 @@ from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms
-from strategies.path_planning.connector import ConnectorCache
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.turns import (
@@ -69,7 +66,7 @@ from strategies.path_planning.turns import (
     compute_available_turn_depth_m,
     list_allowed_kinds,
 )
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
@@ -79,7 +76,6 @@ CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 
 BYPASSED_WIDTHS = 4.0  # working widths across: the headland is not laid round smaller obstacles
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
 ROW_OFFSET_M = 3.0  # rows of a formation turning exactly side by side would violate a usual clearance
-RIM_DEPTH_M = 0.3  # in corners of headland passes the guided point stays this far inside the outline
 MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
 
 
@@ -141,7 +137,6 @@ def prepare_context(
         supply=supply,
         cost_terms=cost_terms,
         workday=workday,
-        path_finders=ConnectorCache(before_search=time_share.check),
         physics=physics,
         time_share=time_share,
     )
@@ -255,12 +250,8 @@ def _complete_context(
         layout=layout,
         driving_rules=replace(turn_clock.driving_rules, turn_s=turn_s),
         free_space=free_space,
-        beside_swaths=compute_unworked_free_space(layout, free_space),
         turn_kinds=turn_kinds,
         fitting_turns=tuple(seconds is not None for seconds in turn_times),
         headland_passes=headland_passes,
-        rim_area=compute_free_space_to_rim(field, reach.margin_m, RIM_DEPTH_M)
-        if headland_passes
-        else shapely.Polygon(),
         obstacle_bends=obstacle_bends,
     )

@@ -36,7 +36,6 @@ POLL_S = 0.3
 RECORD_HOMES = {
     **dict.fromkeys(("STATE", "MODEL", "GROUND", "LEG", "GATE"), "vehicle.records"),
     "POSE": "vehicle.sim.path_conflicts",
-    "SEARCH_RULES": "strategies.path_planning.primitive_search",
 }
 Report = Callable[[int, int, float], None]
 

@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from vehicle.identification.diagnosis.corrections import correct_logs
@@ -30,8 +29,6 @@ from vehicle.model.tractor import Implement, Tractor
 POINT_STEP_M = 0.25
 COURSE_M = 1.0  # of a path, from which its direction at an end is taken
 TURN_SHARE = 0.7  # of full lock, which turns between passes use: gentle enough for any ground
-REACH_M = 1000.0  # around the drive, in which turns may be
-STOP_S = 5.0  # what changing direction costs, for the choice of a turn
 FIELD_NAME = "drive to do next"
 
 
@@ -88,16 +85,14 @@ def _thin_points(path: Array) -> Array:
 def _turn_to(before: Leg, path: Array, tractor: Tractor, pace: float) -> Leg:
     """Return the turn from the end of a leg to the beginning of a path."""
     # Searching for turns is loaded where a drive has more than one pass.
-    from strategies.path_planning.connector import Connector, TurnCosts
+    from strategies.moves.closed_forms import find_forward_path
+    from strategies.program.turn_costs import TurnCosts
 
     begin, end = before.points[-1], path[0]
     radius_m = tractor.wheelbase_m / math.tan(math.radians(TURN_SHARE * tractor.max_steering_deg))
-    area = shapely.box(*(begin - REACH_M), *(begin + REACH_M))
-    connector = Connector(area, radius_m, TurnCosts(pace, pace, STOP_S), ("u", "omega"))
     start = (float(begin[0]), float(begin[1]), _find_course(before.points[::-1]) + math.pi)
-    turn = connector.connect(start, (float(end[0]), float(end[1]), _find_course(path)))
-    assert turn is not None, "an open plane has room for every turn"
-    ((_, points),) = turn.sample(POINT_STEP_M)
+    goal = (float(end[0]), float(end[1]), _find_course(path))
+    ((_, points),) = find_forward_path(start, goal, radius_m, TurnCosts(pace, pace, 0.0).speeds).sample(POINT_STEP_M)
     return Leg(points, pace, task=LegTask(TURN))
 
 

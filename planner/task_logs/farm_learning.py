@@ -25,7 +25,7 @@ from planner.task_logs.runs.run_records import ProjectedRun
 from planner.task_logs.toml_edit import append_block, format_toml_value, remove_blocks, set_value
 from reports.task_logs.run_results import LearnedOutcome
 from strategies.path_planning.turns import list_allowed_kinds
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.turn_timing import TurnTimer
 from vehicle.model.tractor import Implement, Tractor
 

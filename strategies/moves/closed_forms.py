@@ -12,6 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose, build_path_from_rows, place_in_frame
 from strategies.path_planning.primitives import (
     MAX_PIECES,
     MAX_PRIMITIVES,
@@ -190,6 +191,14 @@ def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  
             if found == most:
                 break
     return numbers[:found]
+
+
+def find_forward_path(a: Pose, b: Pose, radius_m: float, speeds: Floats) -> DrivePath:
+    """The quickest path from a to b on open ground, driven forwards."""
+    forward, none = np.array([kind != PATH_KINDS[SWITCH_BACK] for kind in PATH_KINDS]), np.zeros(1)
+    goal, settled, radii = np.array(place_in_frame(a, b)), np.zeros((2, 1)), np.array([radius_m])
+    forms, _, kinds = list_closed_forms(goal, radii, speeds, settled, none, none, forward, 0.0, 0.0, 1)
+    return build_path_from_rows(a, forms[0], int(kinds[0]))
 
 
 @compile_function

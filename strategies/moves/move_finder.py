@@ -18,7 +18,7 @@ from strategies.moves.closed_forms import (
 )
 from strategies.moves.move import Move
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
-from strategies.path_planning.paths import PATH_KINDS, Pose
+from strategies.path_planning.paths import PATH_KINDS, Pose, place_in_frame
 from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
@@ -30,15 +30,6 @@ MOST_POSES = 1500  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
 KEPT_GOALS = 8
-SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
-
-
-def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
-    """Pose b as seen from pose a, to a millimetre and a microradian."""
-    dx, dy, cosine, sine = b[0] - a[0], b[1] - a[1], math.cos(a[2]), math.sin(a[2])
-    turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
-    x, y = dx * cosine + dy * sine, dy * cosine - dx * sine
-    return round(x, SAME_POSE_DIGITS), round(y, SAME_POSE_DIGITS), round(turn, 2 * SAME_POSE_DIGITS)
 
 
 @dataclass(eq=False)

@@ -24,6 +24,7 @@ Points = NDArray[np.float64]
 
 PATH_KINDS = ("route", "u", "omega", "switch-back")
 _TAU = 2.0 * math.pi
+_SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 _SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
 
 
@@ -192,6 +193,14 @@ def require_radius(radius_m: float) -> None:
     """Raise TurnError unless the radius is a positive finite number."""
     if not (math.isfinite(radius_m) and radius_m > 0.0):
         raise TurnError(f"Turning radius {radius_m} m must be above zero and finite; give the tractor's own.")
+
+
+def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
+    """Pose b as seen from pose a, to a millimetre and a microradian."""
+    dx, dy, cosine, sine = b[0] - a[0], b[1] - a[1], math.cos(a[2]), math.sin(a[2])
+    turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
+    x, y = dx * cosine + dy * sine, dy * cosine - dx * sine
+    return round(x, _SAME_POSE_DIGITS), round(y, _SAME_POSE_DIGITS), round(turn, 2 * _SAME_POSE_DIGITS)
 
 
 def build_path_from_rows(start: Pose, rows: Points, kind: int) -> DrivePath:

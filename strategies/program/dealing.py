@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.path_planning.errors import build_too_many_error
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
 
 

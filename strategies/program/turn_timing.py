@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from strategies.path_planning.connector import TurnCosts
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turns import (
@@ -18,8 +17,9 @@ from strategies.path_planning.turns import (
     build_u_turn,
     compute_turn_depth_m,
 )
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.legs import PATH_STEP_M
+from strategies.program.turn_costs import TurnCosts
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import Implement, Tractor

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from strategies.path_planning.collision_check import MachineBody
+from strategies.path_planning.machine_body import MachineBody
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]

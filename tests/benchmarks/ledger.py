@@ -20,8 +20,8 @@ PLACES = {
         "planner.evaluation.candidates.evaluate.rank_start_corners",
     ),
     "paths": (
-        "strategies.path_planning.connector.Connector.connect",
-        "strategies.path_planning.connector.Connector.connect_directly",
+        "strategies.moves.move_finder.MoveFinder.search",
+        "strategies.moves.move_finder.MoveFinder.list_moves",
     ),
     "traffic": ("planner.evaluation.candidates.evaluate.schedule_plan",),
     "simulation": ("vehicle.sim.incremental.IncrementalSimulator.simulate", "vehicle.sim.world.World.run"),

@@ -10,10 +10,10 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.site import build_site
 from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps, name_swaths
-from strategies.path_planning.connector import Connector
-from strategies.program.field_job import SwathPass
-from strategies.program.legs import build_path_legs
+from strategies.moves.drives import build_path_legs
+from strategies.path_planning.turns import build_omega_turn, build_switch_back, build_u_turn
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
@@ -117,14 +117,12 @@ def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
 @pytest.mark.parametrize("kind", ["u", "omega", "switch-back"])
 def test_turns_are_called_as_they_were_planned(place: Any, kind: str) -> None:
     site = place(shapely.box(0, 0, 60, 100), no_headland=True)
-    job = site.build_job(1)
-    connector = Connector(site.free_space, site.driving_rules.radius_m, site.costs, (kind,))
-    by_line = {swath.line: swath for swath in site.layout.swaths}
-    over = {"u": 4, "omega": 1, "switch-back": 1}[kind]
-    a, b = SwathPass(by_line[6], 1), SwathPass(by_line[6 + over], -1)
-    path = connector.connect_directly(job.get_exit_pose(a), job.get_entry_pose(b))
+    build = {"u": build_u_turn, "omega": build_omega_turn, "switch-back": build_switch_back}[kind]
+    radius_m, width_m = site.driving_rules.radius_m, site.layout.width_m
+    across_m = {"u": math.ceil(2.0 * radius_m / width_m), "omega": 1, "switch-back": 1}[kind] * width_m
+    path = build((0.0, 0.0, 0.5 * math.pi), (across_m, 0.0, -0.5 * math.pi), radius_m)
     assert path is not None and path.kind == kind
-    assert _classify_turn(build_path_legs(job, path, LegTask("turn", b.swath.line))) == kind
+    assert _classify_turn(build_path_legs(build_site(site), path, LegTask("turn", 1))) == kind
 
 
 def test_a_way_that_hardly_bends_has_no_shape() -> None:

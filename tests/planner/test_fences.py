@@ -2,14 +2,11 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError
@@ -24,8 +21,7 @@ from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import FENCE, OBSTACLE
-from strategies.path_planning.collision_check import CHECK_STEP_M, FenceChecker, MachineBody
-from strategies.path_planning.paths import DrivePath, PathSegment, make_straight_path, merge_segments
+from strategies.path_planning.machine_body import MachineBody
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
@@ -117,7 +113,7 @@ class TestPlanned:
             site = prepare_context(PlanRequest(no_headland=True, bearing_deg=90.0), Field("f", box, fences=(line,)))
             return compute_candidate_figures(site, Candidate("split-field", 2)).time_s
 
-        assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.005)
+        assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.015)  # another order of lines
 
     @pytest.mark.parametrize(
         ("entrance", "lines", "refused"),
@@ -140,37 +136,10 @@ class TestPlanned:
             field.compute_ground_with_margin(0.3)
 
 
-class TestWays:
-    BODY = MachineBody(((-0.7, 3.5, 1.0), (-1.5, -0.9, 1.4)), 1.1)
-
-    def fence(self, y: float) -> FenceChecker:
-        return FenceChecker(shapely.LineString([(-50, y), (50, y)]), shapely.LineString(), self.BODY, 0.0)
-
-    def test_straight_on_to_the_fence_by_hand(self) -> None:
-        """The nose is 3.5 - 1.1 = 2.4 m ahead of the guided point."""
-        ahead = make_straight_path((0.0, 0.0, math.pi / 2), 10.0)
-        assert self.fence(12.39).has_path_contact(ahead) and not self.fence(12.41).has_path_contact(ahead)
-        assert self.fence(2.39).has_pose_contact((0.0, 0.0, math.pi / 2)) and not self.fence(2.41).has_pose_contact(
-            (0.0, 0.0, math.pi / 2)
-        )
-
-    def test_in_reverse_the_implement_comes_first(self) -> None:
-        """It ends 1.5 + 1.1 = 2.6 m behind the guided point."""
-        back = make_straight_path((0.0, 0.0, -math.pi / 2), -10.0)
-        assert self.fence(12.59).has_path_contact(back) and not self.fence(12.61).has_path_contact(back)
-
-    def test_round_a_circle_it_swings_out_as_far_as_the_closed_form_says(self) -> None:
-        """Half a circle of 5 m: its apex is 5 m on, and the outer front corner reaches farther."""
-        radius = 5.0
-        half = DrivePath((0.0, 0.0, 0.0), (PathSegment(1.5 * math.pi * radius, 1.0 / radius, 1),), "u")
-        reach = 2.0 * radius + self.BODY.compute_swing_m(radius)
-        assert self.BODY.compute_swing_m(radius) == pytest.approx(math.hypot(math.sqrt(25 - 1.21) + 1.0, 3.5) - 5.0)
-        assert self.fence(reach - 0.1).has_path_contact(half) and not self.fence(reach + 0.1).has_path_contact(half)
-
-    def test_a_soft_line_is_told_from_a_fence(self) -> None:
-        one = FenceChecker(shapely.LineString(), shapely.LineString([(-50, 5), (50, 5)]), self.BODY, 0.0)
-        ahead = make_straight_path((0.0, 0.0, math.pi / 2), 10.0)
-        assert one.has_path_contact(ahead) and not one.has_path_contact(ahead, fences_only=True)
+def test_round_a_circle_the_machine_swings_out_as_far_as_the_closed_form_says() -> None:
+    """Of a circle of 5 m, by hand: the rear axle is on a smaller one, the outer front corner reaches farther."""
+    body = MachineBody(((-0.7, 3.5, 1.0), (-1.5, -0.9, 1.4)), 1.1)
+    assert body.compute_swing_m(5.0) == pytest.approx(math.hypot(math.sqrt(25 - 1.21) + 1.0, 3.5) - 5.0)
 
 
 def test_what_is_touched_is_named() -> None:
@@ -209,34 +178,6 @@ def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -
 MACHINE = MachineBody(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)
 HEDGE = shapely.LineString([(10.0, -40.0), (12.0, 0.0), (9.0, 40.0)])
 POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
-
-
-def slow_axle(path: DrivePath) -> np.ndarray:
-    """The rear axle's poses, step by step: it points at the guided point, or in reverse follows the way itself."""
-    x, y, heading = path.start
-    axle = np.array([x, y]) - MACHINE.guide_m * np.array([math.cos(heading), math.sin(heading)])
-    poses = [(*axle, heading)]
-    for gear, points in path.sample(CHECK_STEP_M):
-        for before, point in pairwise(points):
-            ahead = point - axle if gear > 0 else before - point
-            ahead = ahead / np.hypot(*ahead)
-            axle = point - MACHINE.guide_m * ahead
-            poses.append((*axle, math.atan2(ahead[1], ahead[0])))
-    return np.array(poses)
-
-
-pieces = st.builds(PathSegment, st.floats(0.1, 12.0), st.sampled_from([-0.2, 0.0, 0.2]), st.sampled_from([1, 1, -1]))
-
-
-@given(st.tuples(*[st.floats(-14.0, 14.0)] * 2, st.floats(-3.0, 3.0)), st.lists(pieces, min_size=1, max_size=4))
-def test_what_comes_to_a_fence_is_told_as_by_every_box_of_the_machine(
-    start: tuple[float, float, float], driven: list[PathSegment]
-) -> None:
-    fence, path = FenceChecker(HEDGE, POND, MACHINE, 0.2), merge_segments(start, driven, "route")
-    boxes = MACHINE.place_boxes(slow_axle(path))
-    nearest = [shapely.distance(boxes, lines).min() for lines in (shapely.union(HEDGE, POND), HEDGE)]
-    for away, only in zip(nearest, (False, True), strict=True):
-        assert fence.has_path_contact(path, fences_only=only) == (away <= 0.2) or abs(away - 0.2) < 1e-6
 
 
 @pytest.mark.parametrize("margin_m", [0.0, 0.1])

@@ -13,7 +13,7 @@ from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.errors import StrategyError
 from strategies.program.dealing import DealtLine, LineDeal
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.supply import HEADLAND, Supply
 from strategies.registry import STRATEGIES
 from strategies.strategy_record import Strategy

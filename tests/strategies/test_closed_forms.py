@@ -19,9 +19,9 @@ from strategies.moves.closed_forms import (
     pick_with_room,
 )
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
-from strategies.path_planning.collision_check import MachineBody
-from strategies.path_planning.connector import TurnCosts
+from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
+from strategies.program.turn_costs import TurnCosts
 from strategies.site.ground import build_body_outline, build_ground, has_room_on_path
 
 RADIUS_M, MARGIN_M = 5.0, 0.1

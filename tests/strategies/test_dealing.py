@@ -11,7 +11,7 @@ import pytest
 from strategies.interleaved import deal_in_turn
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.programmes.waiting_places import BarredPlaces, list_parts_m
 from strategies.split_field import deal_blocks

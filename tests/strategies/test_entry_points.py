@@ -96,11 +96,11 @@ def test_other_processes_load_it_as_well(blocks: Path) -> None:
     assert elsewhere.feasible and elsewhere == plan(request, field=FIELD, executor=SerialExecutor()).ranking.plans[0]
 
 
-def test_the_blocks_of_the_example_are_neighbours(blocks: Path, jobs: Any) -> None:
+def test_the_blocks_of_the_example_are_neighbours(blocks: Path, driving_rules: Any) -> None:
     lines = [Line(LegTask(SWATH, number)) for number in range(6)] + [Line(LegTask(HEADLAND_PASS, 1))]
     deal = get_strategy("blocks").deal
     assert deal is not None
-    allowed = deal(lines, jobs.make_driving_rules(), 3).allowed
+    allowed = deal(lines, driving_rules, 3).allowed
     assert allowed[:, :6].tolist() == np.repeat(np.eye(3, dtype=bool), 2, axis=1).tolist() and allowed[:, 6].all()
 
 
@@ -160,11 +160,11 @@ def test_the_end_of_the_computing_time_is_no_fault_of_a_strategy(install: Instal
         ("LineDeal(free_other_lines(lines, 1))", r"ValueError: allowed has the shape \(1, 2\) in place of \(2, 2\)"),
     ],
 )
-def test_what_is_no_deal_is_a_reason(install: Install, jobs: Any, body: str, words: str) -> None:
+def test_what_is_no_deal_is_a_reason(install: Install, driving_rules: Any, body: str, words: str) -> None:
     source = f"from headland import *\nSTRATEGY = Strategy('odd', 'words', lambda lines, *_: {body})"
     install("odd_one", source, {"odd": "odd_one:STRATEGY"})
     with pytest.raises(StrategyError, match=f"Strategy 'odd' of the package odd_one failed .{words}"):
-        get_strategy("odd").deal([Line(LegTask(SWATH, 1))] * 2, jobs.make_driving_rules(), 2)  # type: ignore[misc]
+        get_strategy("odd").deal([Line(LegTask(SWATH, 1))] * 2, driving_rules, 2)  # type: ignore[misc]
 
 
 def test_a_name_of_headland_stays_headlands_and_a_remark_says_so(install: Install) -> None:

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.path_planning.collision_check import MachineBody
+from strategies.path_planning.machine_body import MachineBody
 from strategies.site.ground import (
     build_body_outline,
     build_ground,

@@ -14,7 +14,7 @@ from strategies.path_planning.turns import (
     compute_turn_depth_m,
     list_allowed_kinds,
 )
-from strategies.program.field_job import DrivingRules
+from strategies.program.driving_rules import DrivingRules
 from strategies.program.turn_timing import TurnTimer
 from vehicle.model.tractor import GuidanceParameters, Implement, load_tractor
 

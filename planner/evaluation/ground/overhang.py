@@ -11,7 +11,7 @@ import shapely
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable
 from planner.evaluation.machine_outlines import build_body
-from strategies.path_planning.collision_check import MachineBody
+from strategies.path_planning.machine_body import MachineBody
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 

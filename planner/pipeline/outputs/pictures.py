@@ -21,14 +21,16 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.overlays import GRID_M
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
+from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.slope_facts import describe_slopes
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Relief
 from reports.common.plan_results import PlanRanking, PlanResult, Points, UnworkedPiece
-from strategies.path_planning.connector import Connector
+from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.program.field_job import SwathPass
+from strategies.programmes.site_moves import SiteMoves
+from vehicle.missions.plan import SWATH
 from vehicle.missions.run import SimulationRun
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
@@ -292,8 +294,8 @@ def _describe_unworked(context: PlanningContext, area: UnworkedArea) -> dict[str
 def _describe_turns(context: PlanningContext) -> dict[str, Any]:
     """Which turns fit and how long they take, by the number of swaths they lead over.
 
-    A kind of turn fits at the end of a swath if it stays in the field; the share is of up to MAX_ENDS ends spread over
-    the field. Seconds are simulated for a headland at right angles to the swaths. Where no turn fits there, the
+    A kind of turn fits at the end of a swath if the machine has room for it; the share is of up to MAX_ENDS ends spread
+    over the field. Seconds are simulated for a headland at right angles to the swaths. Where no turn fits there, the
     estimate used for comparing orders of swaths is given separately.
     """
     fitting = {
@@ -309,25 +311,26 @@ def _describe_turns(context: PlanningContext) -> dict[str, Any]:
 
 def _compute_fitting_pct(context: PlanningContext, lines: int) -> dict[str, float]:
     """Percent of swath ends where a turn of each kind over this many lines fits; only kinds that fit somewhere."""
-    ends = _list_turn_ends(context, lines)
+    moves = get_site_moves(context)
+    ends = _list_turn_ends(moves, lines)
     shares = {}
     for kind in context.turn_kinds:
-        connector = Connector(context.free_space, context.driving_rules.radius_m, context.costs, (kind,))
-        turns = [connector.connect_directly(a, b) for a, b in ends]
-        shares[kind] = 100.0 * sum(turn is not None and turn.kind == kind for turn in turns) / max(len(ends), 1)
+        finder = MoveFinder(replace(moves.site, turn_kinds=(kind,)), moves.finder.settling)
+        fitting = sum(any(move.kind == kind for move in finder.list_moves(a, b)) for a, b in ends)
+        shares[kind] = 100.0 * fitting / max(len(ends), 1)
     return {kind: round(share, 1) for kind, share in shares.items() if share}
 
 
-def _list_turn_ends(context: PlanningContext, lines: int) -> list[tuple[Pose, Pose]]:
+def _list_turn_ends(moves: SiteMoves, lines: int) -> list[tuple[Pose, Pose]]:
     """Start and end poses of turns over this many lines, to either side at both ends of every piece."""
-    job = context.build_job(1)
-    by_place = {(swath.cell_number, swath.line, swath.piece): swath for swath in context.layout.swaths}
+    tasks = [line.task for line in moves.lines]
+    by_place = {(task.number or 0, task.piece): k for k, task in enumerate(tasks) if task.kind == SWATH}
     ends = [
-        (job.get_exit_pose(SwathPass(swath, direction)), job.get_entry_pose(SwathPass(target, -direction)))
-        for swath in context.layout.swaths
+        (moves.ends[2 * number + way], moves.begins[2 * target + 1 - way])
+        for (swath, piece), number in by_place.items()
         for step in (lines, -lines)
-        for direction in (1, -1)
-        if (target := by_place.get((swath.cell_number, swath.line + step, swath.piece)))
+        for way in (0, 1)
+        if (target := by_place.get((swath + step, piece))) is not None
     ]
     return ends[:: max(1, math.ceil(len(ends) / MAX_ENDS))]
 

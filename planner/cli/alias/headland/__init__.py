@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from planner.pipeline.outputs.saved_plans import simulate_saved_plan
     from strategies.path_planning.errors import StrategyError
     from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
-    from strategies.program.field_job import DrivingRules
+    from strategies.program.driving_rules import DrivingRules
     from strategies.strategy_record import Strategy
     from vehicle.energy.load import build_work_load
     from vehicle.energy.run_energy import compute_run_energy
@@ -66,7 +66,7 @@ _HOMES = {
     "planner.pipeline.outputs.saved_plans": ["simulate_saved_plan"],
     "strategies.path_planning.errors": ["StrategyError"],
     "strategies.program.dealing": ["DealtLine", "LineDeal", "free_other_lines", "group_swath_lines"],
-    "strategies.program.field_job": ["DrivingRules"],
+    "strategies.program.driving_rules": ["DrivingRules"],
     "strategies.strategy_record": ["Strategy"],
     "vehicle.energy.load": ["build_work_load"],
     "vehicle.energy.run_energy": ["compute_run_energy"],
