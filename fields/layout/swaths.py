@@ -80,13 +80,6 @@ class Swath:
             return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
         return math.dist(self.start_m, self.end_m)
 
-    def get_headings_rad(self, bearing_rad: float) -> tuple[float, float]:
-        """Directions at the start and at the end; of a straight swath both are the bearing of its cell."""
-        if not self.via_m:
-            return bearing_rad, bearing_rad
-        first, last = self.points_m[:2], self.points_m[-2:]
-        return tuple(math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in (first, last))  # type: ignore[return-value]
-
 
 @dataclass(frozen=True)
 class Layout:
@@ -433,9 +426,6 @@ def _trim_region(region: shapely.Geometry, edges: FloatArray, frame: FloatArray,
 
 def _describe_bearing(bearing_deg: float | None) -> str:
     return "" if bearing_deg is None else f" at bearing {bearing_deg:g} degrees"
-
-
-SWATH_HALF_WIDTH = 0.55  # of the width: neighbouring swaths overlap, so that there are no gaps
 
 
 def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:

@@ -110,9 +110,3 @@ class PlanningContext:
             return shapely.Polygon()
         reach_m = build_body(self.tractor, self.implement).reach_m
         return shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m + reach_m)
-
-    @cached_property
-    def overhang_region(self) -> shapely.Geometry:
-        """The ground over which parts of machines may reach, the gate included."""
-        region = self.layout.field.compute_overhang_region(self.request.overhang_m)
-        return shapely.union(region, self.gate_area)

@@ -39,7 +39,6 @@ MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
 MIN_GAIN = 0.005  # of the time: a smaller gain may be one of the search, and is not worth another bearing or pass
 GRID_M = 1e-6
 Report = Callable[[int, int], None]
-Weigh = Callable[[Site, float], float]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 
 

@@ -149,13 +149,6 @@ def join_paths(paths: Iterable[DrivePath], kind: str) -> DrivePath:
     return merge_segments(parts[0].start, (s for part in parts for s in part.segments), kind)
 
 
-def reverse_path(path: DrivePath) -> DrivePath:
-    """The same path driven from its end to its start by a vehicle that faces the other way."""
-    x, y, heading = path.end
-    segments = [PathSegment(s.length_m, -s.curvature, s.gear) for s in reversed(path.segments)]
-    return merge_segments((x, y, math.remainder(heading + math.pi, 2.0 * math.pi)), segments, path.kind)
-
-
 def measure_longest_reverse_m(path: DrivePath) -> float:
     """The most that is driven in reverse without a change of direction (m)."""
     longest_m = run_m = 0.0
@@ -165,22 +158,10 @@ def measure_longest_reverse_m(path: DrivePath) -> float:
     return longest_m
 
 
-def make_pose(row: Points) -> Pose:
-    """The pose in a row (3,) of an array."""
-    x, y, heading = row.tolist()
-    return x, y, heading
-
-
 def shift_pose_ahead(pose: Pose, distance_m: float) -> Pose:
     """The pose straight ahead of `pose` (behind it when the distance is negative)."""
     x, y, heading = pose
     return x + distance_m * math.cos(heading), y + distance_m * math.sin(heading), heading
-
-
-def turn_pose_round(pose: Pose) -> Pose:
-    """The same place, facing the other way."""
-    x, y, heading = pose
-    return x, y, heading + math.pi
 
 
 def make_straight_path(pose: Pose, distance_m: float) -> DrivePath:

@@ -77,13 +77,6 @@ def build_fishtail(a: Pose, b: Pose, radius_m: float) -> DrivePath | None:
     return _level_ends(a, b, (quarter, back, quarter), "switch-back")
 
 
-def build_turn_on_spot(a: Pose, hand: int, arcs: int, radius_m: float) -> DrivePath:
-    """An odd number of equal arcs, forward and reverse in turn, that end facing the other way nearly on the spot."""
-    length = math.pi / arcs * radius_m
-    steps = [(1, hand), (-1, -hand)] * (arcs // 2) + [(1, hand)]
-    return merge_segments(a, [PathSegment(length, side / radius_m, gear) for gear, side in steps], "switch-back")
-
-
 def compute_turn_depth_m(kind: str, spacing_m: float, radius_m: float) -> float:
     """How far beyond aligned swath ends the path of the turn reaches (m).
 

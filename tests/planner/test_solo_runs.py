@@ -61,7 +61,6 @@ def test_of_an_expected_plan_all_others_are_driven_with_the_second_that_is_asked
         return apart(plan, numbers, most_s)
 
     monkeypatch.setattr(rehearsal, "simulate_alone", noted)
-    alone.expect_plans([plan])
     alone.expect_plan(plan)
     for number in (2, 0, 1, 3):
         run, own = alone(free[number]), plain(free[number])

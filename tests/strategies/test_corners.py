@@ -1,15 +1,13 @@
 """Corners of a round in closed form: nothing is missed, and the turn begins and ends where it should."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
 
 import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from strategies.headland.corners import compute_missed_m2, compute_tangent_m, find_corner_paths
+from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.paths import DrivePath, PathSegment, merge_segments, shift_pose_ahead
 from tests.examples import count_examples
 
@@ -56,35 +54,3 @@ def test_a_round_pass_outside_takes_part_of_the_tip(width: float, radius: float)
     assert tip.area == pytest.approx(compute_missed_m2(math.pi / 2, width, radius), rel=1e-3)
     missed = tip.difference(band.intersection(shapely.box(0, 0, outer_end, outer_end)))
     assert missed.area == pytest.approx(compute_missed_m2(math.pi / 2, width, radius, inside_round=True), rel=1e-3)
-
-
-@given(
-    x=st.floats(-20, 20),
-    y=st.floats(-20, 20),
-    turn=st.floats(-2.6, 2.6),
-    heading=st.floats(-3, 3),
-    radius=st.floats(2, 8),
-)
-@settings(max_examples=count_examples(100))
-def test_ways_end_where_they_should(
-    same_pose: Callable[[Sequence[float], Sequence[float]], bool],
-    x: float,
-    y: float,
-    turn: float,
-    heading: float,
-    radius: float,
-) -> None:
-    assume(abs(math.sin(turn)) > 0.1)
-    a, b = (1.0, 2.0, heading), (1.0 + x, 2.0 + y, heading + turn)
-    forth, back = find_corner_paths(a, b, radius)
-    for path in (forth, back):
-        assert math.dist(path.end[:2], b[:2]) < 0.07
-        assert abs(math.remainder(path.end[2] - b[2], 2 * math.pi)) < 1e-6
-        assert {round(abs(s.curvature), 9) for s in path.segments} <= {0.0, round(1 / radius, 9)}
-    assert [s.gear for s in forth.segments if s.curvature] == [1]
-    assert [s.gear for s in back.segments if s.curvature] == [-1]
-
-
-def test_parallel_lines_have_no_corner() -> None:
-    poses: Any = ((0.0, 0.0, 0.0), (5.0, 3.0, 0.0))
-    assert find_corner_paths(*poses, 4.0) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,10 +51,6 @@ class SoloRuns:
         self.context, self.rehearsal = context, rehearsal
         self._runs: dict[bytes, SimulationRun] = {}
         self._expected_plans: list[_ExpectedPlan] = []
-
-    def expect_plans(self, plans: Iterable[Plan]) -> None:
-        """Announce the plans whose tractors are requested next; earlier ones are forgotten."""
-        self._expected_plans = [_ExpectedPlan(plan) for plan in plans]
 
     def expect_plan(self, plan: Plan) -> None:
         """Announce one more plan."""
