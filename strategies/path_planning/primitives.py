@@ -1,4 +1,4 @@
-"""Primitives, the closed-form paths between two poses, compiled: which there are, their cost, whether they stay inside.
+"""Primitives, the closed-form paths between two poses, compiled: which there are, and their cost.
 
 A primitive is a row of MAX_PIECES segments (length m, curvature 1/m, gear), with zero lengths where it has fewer.
 Primitives come in families, the shortest first in each: Dubins' six (with both places of the middle circle of the
@@ -266,32 +266,3 @@ def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-
         seconds += _compute_steering_loss_s(curvature, 0.0, speed, costs)
         seconds += compute_straight_time_s(0.0, forward, min(speed, forward), forward, acceleration)
     return seconds
-
-
-@compile_function
-def _compute_angle_to(p, q, r, s, radius, begin, sense) -> float:  # type: ignore[no-untyped-def]
-    """Angle (rad) through which a point moves round a centre before it meets an edge; infinite for never.
-
-    The edge leads from (p, q) to (r, s), relative to the centre. The point starts at the angle `begin` and moves in the
-    direction `sense`, 1 anticlockwise. The caller leaves out edges clear of the circle's box, which costs less.
-    """
-    dx, dy = r - p, s - q
-    a = dx * dx + dy * dy
-    b = p * dx + q * dy
-    root = b * b - a * (p * p + q * q - radius * radius)
-    if a == 0.0 or root < 0.0:
-        return np.inf
-    root, least = math.sqrt(root), np.inf
-    for t in ((-b - root) / a, (-b + root) / a):
-        if 0.0 <= t <= 1.0:
-            angle = sense * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
-            least = min(least, 0.0 if angle >= TAU - 1e-12 else angle)
-    return least
-
-
-@compile_function
-def _compute_circle(x, y, heading, curvature, gear):  # type: ignore[no-untyped-def]
-    """An arc for `_compute_angle_to`: centre, radius, the angle it begins at and the direction it turns in."""
-    radius, hand = abs(1.0 / curvature), (1.0 if curvature > 0.0 else -1.0)
-    cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
-    return cx, cy, radius, math.atan2(y - cy, x - cx), hand * gear
