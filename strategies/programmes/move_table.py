@@ -13,13 +13,12 @@ import numpy.typing as npt
 
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
-from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.move_estimates import DETOUR_S, NO_MOVE_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
 
-FAILED_S = 20.0  # by which moves are taken to be dearer for each that failed from or to the same place
 MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up
 
 
@@ -95,7 +94,8 @@ class MoveTable:
         From and to places where moves failed others are likely to fail as well.
         """
         usual_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
-        more_s = usual_s + FAILED_S * np.add.outer(self._failures[0], self._failures[1])
+        shares = self._failures / (1.0 + self._failures)
+        more_s = usual_s + DETOUR_S * np.add.outer(shares[0], shares[1])
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:

@@ -50,9 +50,9 @@ def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
     wide = json.loads(headland("field", small, "--local", "--json", "--no-headland", "--headland", "16").out)
     assert wide["longest_swath_m"] == pytest.approx(48, abs=0.1)
     over = "fitting_pct_by_swaths"
-    # 14 pairs of neighbours, two ways, two ends; an omega from an outer track swings out over the side of the field.
+    # From an outer track too, as an omega may go straight on before it swings out.
     narrow_pct, wide_pct = (one["turns"][over]["1"]["omega"] for one in (facts, wide))
-    assert narrow_pct < wide_pct == pytest.approx(100 * 52 / 56, abs=0.05)
+    assert narrow_pct < wide_pct == pytest.approx(100.0)
     # Neighbouring tracks are nearer than a U-turn is wide; the third is not.
     assert "u" not in wide["turns"][over]["1"] and wide["turns"][over]["3"]["u"] == 100.0
 

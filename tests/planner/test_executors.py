@@ -236,8 +236,9 @@ def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.Monke
     assert refusal.value.parameter == "processes" and refusal.value.status == 1
 
 
-def lose_the_process(*_: Any) -> None:
+def lose_the_process(*_: Any) -> list[Any]:
     """End the process without a word, but not the one that runs the tests."""
     if multiprocessing.parent_process() is not None:
         os._exit(3)
     time.sleep(0.05)
+    return []
