@@ -58,7 +58,7 @@ def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> No
     assert found.worked_m2 + found.unworked_m2 == pytest.approx(among.layout.field.area_m2, abs=0.1)
     taken = sum(obstacle.shape.area for obstacle in (POLE, STONE))
     assert found.field_m2 == pytest.approx(BOX.area - taken, abs=0.1)
-    assert 10.0 < found.unworked_m2 - measure_coverage(before.run, plain).unworked_m2 < 85.0, (
+    assert 10.0 < found.unworked_m2 - measure_coverage(before.run, plain).unworked_m2 < 100.0, (
         "wedges before and behind each"
     )
 
