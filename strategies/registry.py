@@ -20,9 +20,8 @@ from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points
 from strategies.path_planning.errors import StrategyError
 from strategies.program.dealing import DealtLine, LineDeal
 from strategies.program.driving_rules import DrivingRules
-from strategies.programmes.programme import Programme
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import LegGate, Plan
+from vehicle.missions.plan import LegGate
 
 STRATEGIES: dict[str, Strategy] = {
     name: import_module(f"strategies.{name.replace('-', '_')}").STRATEGY for name in STRATEGY_NAMES
@@ -78,7 +77,6 @@ def _load_strategy(entry: EntryPoint) -> Strategy:
     return replace(
         record,
         deal=record.deal and _convert_faults(record.deal, label, _check_deal),
-        compose=record.compose and _convert_faults(record.compose, label, _check_composed),
         formation=rule and replace(rule, queue_rule=_convert_faults(rule.queue_rule, label, _check_gates)),
     )
 
@@ -110,8 +108,3 @@ def _check_deal(deal: Any, lines: Sequence[DealtLine], rules: DrivingRules, trac
 def _check_gates(gates: Any, *_: Any) -> None:
     if not isinstance(gates, list) or not all(isinstance(gate, LegGate) for gate in gates):
         raise TypeError("its queue rule gives something else than gates")
-
-
-def _check_composed(composed: Any, *_: Any) -> None:
-    if not isinstance(composed, tuple) or list(map(type, composed)) != [Programme, Plan]:
-        raise TypeError("it gives something else than a programme and its plan")

@@ -32,8 +32,6 @@ from strategies.program.turn_costs import TurnCosts
 from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor
 
-# Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
-GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
@@ -94,9 +92,9 @@ class PlanningContext:
         return TrajectoryCache()
 
     @cached_property
-    def site_cache(self) -> list[Any]:
-        """The work lines and moves of the site once a candidate has asked for them (planner.evaluation.site)."""
-        return []
+    def site_cache(self) -> dict[type, Any]:
+        """What candidates share, by its type, once one of them has asked for it (planner.evaluation.site)."""
+        return {}
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: everything but caches."""

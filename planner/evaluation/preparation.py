@@ -147,7 +147,7 @@ def prepare_context(
     if battery is None:
         return context
     supplied = replace(context, supply=battery)
-    supplied.site_cache.extend(context.site_cache)
+    supplied.site_cache.update(context.site_cache)
     return supplied
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 import shapely
 
 from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
-from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
@@ -25,6 +25,8 @@ from vehicle.missions.run import SimulationRun
 from vehicle.model.terrain import Terrain
 from vehicle.sim.world import World
 
+# Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
+GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
 ROOM_BEYOND_M = 1.0  # distances are known a little beyond what a body reaches
 TOLERANCE_M = 0.05  # a drive may reach so far beyond what a plan may
 MAX_OUTSIDE_M = 0.5  # of the guided point beyond the outline: a plan that drives farther is refused
@@ -86,11 +88,10 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
 
 def recall(context: PlanningContext, kind: type[T], find: Callable[[], T]) -> T:
     """What the candidates of a context share of a kind, found when the first of them asks."""
-    known = next((one for one in context.site_cache if isinstance(one, kind)), None)
-    if known is None:
-        known = find()
-        context.site_cache.append(known)
-    return known
+    if kind not in context.site_cache:
+        context.site_cache[kind] = find()
+    found: T = context.site_cache[kind]
+    return found
 
 
 def _compute_allowed(context: PlanningContext, tolerance_m: float, fence_m: float) -> shapely.Geometry:

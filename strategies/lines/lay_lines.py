@@ -237,7 +237,7 @@ def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None
     leg = Leg(path, site.rules.work_speed_mps, 1, True, task=line.task)
     poses = site.drive(Plan((Mission((leg,)),))).get_poses(0)
     rooms = measure_proof_rooms(site, poses)
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    driven = measure_along(poses[:, :2])
     length_m = float(measure_along(path)[-1])
     touches = np.minimum(driven[rooms < PROOF_ROOM_M], length_m)
     borders = np.concatenate([[-PULL_BACK_M], touches, [length_m + PULL_BACK_M]])

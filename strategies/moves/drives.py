@@ -16,7 +16,7 @@ import numpy.typing as npt
 import shapely
 
 from strategies.lines.lay_lines import measure_proof_rooms
-from strategies.lines.work_line import extend_line
+from strategies.lines.work_line import extend_line, measure_along
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
 from strategies.program.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
@@ -98,7 +98,7 @@ class MoveDrives:
         """Times and metres of a drive along a straight line from rest to rest, on level ground: it lies nowhere."""
         leg = Leg(np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), self.site.rules.work_speed_mps, 1, True)
         run = self.site.drive_level(Plan((Mission((leg,)),)))
-        return run.time_s, _measure_driven_m(run.get_poses(0))
+        return run.time_s, measure_along(run.get_poses(0)[:, :2])
 
     def drive(self, passages: Sequence[Passage]) -> list[MoveDrive | None]:
         """How passages are driven; None if they are not. Only what nothing alike was driven of yet is driven."""
@@ -111,14 +111,15 @@ class MoveDrives:
 
     def _describe(self, passage: Passage) -> Alike:
         """What a drive depends on: on ground that is the same everywhere only the shapes."""
-        move = passage.move
-        before, after = _see_lines(passage)
-        frame = START if self.is_level else move.start
-        return frame, move.rows.tobytes(), move.is_work, before.tobytes(), after.tobytes()
+        move, path, lines = passage.move, passage.move.path, list[bytes]()
+        for pose, points in ((path.start, passage.before), (path.end, passage.after)):
+            seen = np.empty((0, 2)) if points is None else _see_from(pose, points)
+            lines.append((np.round(seen, ALIKE_DIGITS) + 0.0).tobytes())
+        return START if self.is_level else move.start, move.rows.tobytes(), move.is_work, lines[0], lines[1]
 
     def _drive_together(self, todo: Sequence[tuple[Alike, Passage]]) -> None:
         """Drive some moves at once, each as if it were alone; the others again where one got stuck."""
-        remaining = [(key, self._build_legs(passage)) for key, passage in todo]
+        remaining = [(key, self._build_legs(key, passage.move)) for key, passage in todo]
         while remaining:
             drive = self.site.drive_level if self.is_level else self.site.drive
             run = drive(Plan(tuple(Mission(tuple(legs)) for _, legs in remaining)))
@@ -132,11 +133,11 @@ class MoveDrives:
                 self._drives[remaining[number][0]] = None
             remaining = [remaining[number] for number in undone if failed not in (None, number)]
 
-    def _build_legs(self, passage: Passage) -> list[Leg]:
-        """The legs of a passage, in its place or at the origin."""
-        path = replace(passage.move.path, start=START) if self.is_level else passage.move.path
-        before, after = _see_lines(passage)
-        legs = build_path_legs(self.site, path, LegTask(TURN), is_work=passage.move.is_work)
+    def _build_legs(self, key: Alike, move: Move) -> list[Leg]:
+        """The legs of a move with the lines that are driven with it, in its place or at the origin."""
+        path = replace(move.path, start=key[0])
+        before, after = (np.frombuffer(seen).reshape(-1, 2) for seen in key[3:])
+        legs = build_path_legs(self.site, path, LegTask(TURN), is_work=move.is_work)
         if len(before):
             legs.insert(0, build_work_leg(self.site, _place_at(path.start, before), LegTask(SWATH)))
         if len(after):
@@ -155,7 +156,7 @@ class MoveDrives:
         line = legs[-1]
         row = int(np.argmax(run.get_leg_numbers(number) == len(legs) - 1))
         settled_m = min(SETTLE_M, 0.5 * line.length_m)
-        driven_m = _measure_driven_m(poses[row:])
+        driven_m = measure_along(poses[row:, :2])
         end_s = float(np.interp(settled_m, driven_m, time_s[row:]))
         drive_s = end_s - begun_s - settled_m / self.site.rules.work_speed_mps
         off_m = self._measure_off_m(line.points, poses[row:][driven_m <= settled_m])
@@ -178,14 +179,6 @@ class MoveDrives:
             return None
         cut_s = (move.leave_m + move.join_m) / self.site.rules.work_speed_mps
         return replace(move, drive_s=drive.drive_s - cut_s, settling_s=compute_missed_s(self.site, drive.missed_m2))
-
-
-def _see_lines(passage: Passage) -> tuple[Floats, Floats]:
-    """The stretches as seen from where the move begins and from where it ends."""
-    path, nothing = passage.move.path, np.empty((0, 2))
-    before = nothing if passage.before is None else _see_from(path.start, passage.before)
-    after = nothing if passage.after is None else _see_from(path.end, passage.after)
-    return np.round(before, ALIKE_DIGITS) + 0.0, np.round(after, ALIKE_DIGITS) + 0.0
 
 
 def measure_settling(site: Site) -> Floats:
@@ -217,11 +210,6 @@ def _place_at(pose: Pose, points: Floats) -> Floats:
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     places: Floats = points @ np.array([[cosine, sine], [-sine, cosine]]) + pose[:2]
     return places
-
-
-def _measure_driven_m(poses: Floats) -> Floats:
-    """Metres (t,) driven from the first of poses (t, 3)."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
 
 
 def build_work_leg(site: Site, points: Floats, task: LegTask) -> Leg:

@@ -149,15 +149,6 @@ def join_paths(paths: Iterable[DrivePath], kind: str) -> DrivePath:
     return merge_segments(parts[0].start, (s for part in parts for s in part.segments), kind)
 
 
-def measure_longest_reverse_m(path: DrivePath) -> float:
-    """The most that is driven in reverse without a change of direction (m)."""
-    longest_m = run_m = 0.0
-    for segment in path.segments:
-        run_m = run_m + segment.length_m if segment.gear < 0 else 0.0
-        longest_m = max(longest_m, run_m)
-    return longest_m
-
-
 def shift_pose_ahead(pose: Pose, distance_m: float) -> Pose:
     """The pose straight ahead of `pose` (behind it when the distance is negative)."""
     x, y, heading = pose

@@ -33,6 +33,10 @@ def search_driven_tours(
     between. Ends when no tours that may use moves not yet driven promise to be clearly cheaper than the best of those
     that were.
     """
+
+    def pose_proven() -> OrderProblem:
+        return pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+
     tours: Tours | None = None
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
@@ -46,13 +50,12 @@ def search_driven_tours(
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue
-        proven = pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+        proven = pose_proven()
         settled = tours if are_driven else search_programmes(proven, KICKS, seed + number, tours)
         settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
     while best and not can_be_driven(best):
-        proven = pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
-        tours = search_programmes(proven, KICKS, seed, best)
+        tours = search_programmes(pose_proven(), KICKS, seed, best)
         best = Tours() if tours == best else tours
     return best

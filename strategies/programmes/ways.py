@@ -5,30 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 
-from strategies.moves.drives import build_path_legs, measure_settling
+import numpy as np
+import numpy.typing as npt
+
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
-from strategies.path_planning.paths import DrivePath, Pose
+from strategies.path_planning.paths import Pose
 from strategies.site.site import Site
-from vehicle.missions.plan import Leg, LegTask
+
+Floats = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
 class Ways:
-    """Finds ways on a site for some tractors; each is looked for once.
+    """Finds ways on a site; each is looked for once. `settling` is as of MoveFinder.
 
     A machine that stands nearer to an edge than plans go is led on over what it may touch in a drive.
     """
 
     site: Site
-    tractors: int = 1
+    settling: Floats
     _finders: tuple[MoveFinder, ...] = field(init=False)
     _found: dict[tuple[Pose, Pose], Move | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         standing = replace(self.site, ground=self.site.proof_ground)
-        settling = measure_settling(self.site)
-        self._finders = MoveFinder(self.site, settling), MoveFinder(standing, settling)
+        self._finders = MoveFinder(self.site, self.settling), MoveFinder(standing, self.settling)
 
     def find(self, a: Pose, b: Pose) -> Move | None:
         """The cheapest way from a to b: in closed form, or by a search where none has room; None if none is found."""
@@ -39,10 +41,6 @@ class Ways:
     def leads_on(self, pose: Pose) -> bool:
         """Whether more than a pocket of ground is reached from a pose."""
         return any(finder.has_way_on(pose, backwards=False) for finder in self._finders)
-
-    def build_legs(self, path: DrivePath, task: LegTask) -> list[Leg]:
-        """A path with the implement up, as one leg per gear."""
-        return build_path_legs(self.site, path, task)
 
 
 def _find_way(finder: MoveFinder, a: Pose, b: Pose) -> Move | None:

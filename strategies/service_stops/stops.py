@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
+from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
@@ -240,16 +241,17 @@ def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
 
 def _build_detour(gaps: LoadGaps, cut: int, stop_s: float) -> tuple[list[Leg], list[Leg]]:
     """The legs to the stop before a piece, and on from there; the first of these stands until the tank is refilled."""
-    ways, supply, goal_task = gaps.ways, gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
+    supply, goal_task = gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
     if supply.served_at == PLACE:
         paths = gaps.find_paths(cut)
         assert paths is not None  # its cost was below NO_PATH_COST_S
         task = replace(goal_task, kind=ROUTE if paths[1].kind == "route" else TURN)
-        legs_to, legs_on = ways.build_legs(paths[0].path, LegTask(REFILL)), ways.build_legs(paths[1].path, task)
+        legs_to, legs_on = (
+            add_wait_points(build_path_legs(gaps.ways.site, path.path, each), WAIT_POINT_STEP_M)
+            for path, each in zip(paths, (LegTask(REFILL), task), strict=True)
+        )
     else:
         legs_to, legs_on = [], list(gaps.get_legs_between(cut))
-    if ways.tractors > 1 and supply.served_at == PLACE:
-        legs_to, legs_on = add_wait_points(legs_to, WAIT_POINT_STEP_M), add_wait_points(legs_on, WAIT_POINT_STEP_M)
     if legs_on:
         legs_on[0] = replace(legs_on[0], stand_s=stop_s)
     return legs_to, legs_on

@@ -29,7 +29,7 @@ def test_the_guide_says_the_same_in_the_same_order() -> None:
     assert known == [(strategy.name, strategy.description) for strategy in STRATEGIES.values()]
 
 
-def test_a_strategy_deals_forms_up_or_composes() -> None:
+def test_a_strategy_deals_or_forms_up() -> None:
     for made in ({}, {"deal": deal_blocks, "formation": STRATEGIES["col-by-col"].formation}):
-        with pytest.raises(TypeError, match="strategy 'odd' needs one of deal, compose and formation"):
+        with pytest.raises(TypeError, match="strategy 'odd' needs either deal or formation"):
             Strategy("odd", "words", **made)

@@ -25,7 +25,6 @@ from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
 from strategies.formations.compose import (
-    FormationRule,
     bound_formation_s,
     compose_formation,
     describe_formation_share,
@@ -145,26 +144,16 @@ def _list_orders(context: PlanningContext) -> Sequence[str]:
 
 def _choose_composer(context: PlanningContext, strategy: Strategy, tractors: int) -> ComposeOrder:
     """What composes the plan of a strategy with the headland in a given order."""
-    moves, compose, rule = _require_lines(context), strategy.compose, strategy.formation
-    if strategy.deal is not None or (rule is not None and tractors == 1):
+    rule = strategy.formation
+    if rule is None or tractors == 1:
         return _deal_lines(context, strategy, tractors)
     _check_supply_lasts(context, tractors)
-    if rule is not None:
-        return partial(_form_up, context, tractors, rule)
-    assert compose is not None  # a strategy has one of the three
-    check = build_standing_check(context)
 
-    def compose_own(order: str) -> ComposedPlan:
-        programme, plan = compose(MoveTable(moves), tractors, order, check)
-        return ComposedPlan(order, programme, lambda: plan, programme.compute_tractor_s())
+    def form_up(order: str) -> ComposedPlan:
+        formation = compose_formation(get_formation_site(context), tractors, order, rule)
+        return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
-    return compose_own
-
-
-def _form_up(context: PlanningContext, tractors: int, rule: FormationRule, order: str) -> ComposedPlan:
-    """The plan of a formation."""
-    formation = compose_formation(get_formation_site(context), tractors, order, rule)
-    return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
+    return form_up
 
 
 def _require_lines(context: PlanningContext) -> SiteMoves:

@@ -13,6 +13,7 @@ import shapely.ops
 
 from planner.fleet.model.timed_mission import TimedMission
 from strategies.lines.work_line import cut_line
+from strategies.moves.drives import build_path_legs
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, join_paths
 from strategies.program.legs import add_wait_points
@@ -188,7 +189,7 @@ def _append_piece_to_helper(ways: Ways, helper: HelperTractor, legs: tuple[Leg, 
 def build_approach_legs(ways: Ways, path: DrivePath, task: LegTask) -> list[Leg]:
     """The legs of a path to a piece of work."""
     kind = ROUTE if path.kind == "route" or path.length_m > LONG_TURN_M else TURN
-    return add_wait_points(ways.build_legs(path, replace(task, kind=kind)), TURN_STOPS_M)
+    return add_wait_points(build_path_legs(ways.site, path, replace(task, kind=kind)), TURN_STOPS_M)
 
 
 def build_exit_legs(ways: Ways, lane: EntranceLane, mission: Mission) -> list[Leg]:
@@ -202,7 +203,7 @@ def build_exit_legs(ways: Ways, lane: EntranceLane, mission: Mission) -> list[Le
             f"entrance (at {x:.0f}, {y:.0f} m) inside the field."
         )
     path = join_paths((way.path, path_out), way.path.kind)
-    return add_wait_points(ways.build_legs(path, LegTask(LEAVE)), EXIT_STOPS_M)
+    return add_wait_points(build_path_legs(ways.site, path, LegTask(LEAVE)), EXIT_STOPS_M)
 
 
 def _estimate_approach_s(ways: Ways, pose: Pose, legs: tuple[Leg, ...]) -> float:

@@ -125,7 +125,7 @@ def _attempt_replan(
     remaining: RemainingWork, context: PlanningContext, blocked: shapely.Geometry, helpers: Sequence[int]
 ) -> ReplanProposal:
     plan, moves = remaining.plan, get_site_moves(context)
-    ways = Ways(build_site(context, _build_taken_area(remaining, context)), plan.tractor_count)
+    ways = Ways(build_site(context, _build_taken_area(remaining, context)), moves.finder.settling)
     wide = shapely.buffer(blocked, 0.5)
     ends = [_count_unchanged_legs(remaining, number, wide, number in helpers) for number in range(plan.tractor_count)]
     shares = [_find_pieces(remaining, number, end, moves, wide) for number, end in enumerate(ends)]
