@@ -35,15 +35,23 @@ NO_CACHE_NOTE = (
 REBUILT_NOTE = "Note: the compiled simulator on disk could not be read ({}) and is compiled again."
 
 
-def compile_function(function: Function) -> Function:
+def compile_function(function: Function, **options: Any) -> Function:
     """Compile on first call and store the result on disk; IEEE arithmetic, so that runs repeat bit for bit."""
-    dispatcher: Any = numba.njit(error_model="numpy")(function)
+    dispatcher: Any = numba.njit(error_model="numpy", **options)(function)
     try:
         dispatcher._cache = _CheckedCache(function)
     except (RuntimeError, OSError):  # a read-only installation without a home folder
         _print_once(NO_CACHE_NOTE.format("no folder for it can be written to"))
     Callee.attach_to(dispatcher)
     return cast(Function, dispatcher)
+
+
+def compile_for_views(function: Function) -> Function:
+    """As `compile_function`, for a function that neither makes arrays nor lets go of any: nobody counts references.
+
+    Counting them for every array of a tuple that is passed on takes longer than what short functions compute.
+    """
+    return compile_function(function, _nrt=False)
 
 
 def is_compiled(dispatcher: Any, types: tuple[Any, ...]) -> bool:

@@ -25,8 +25,10 @@ from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.lines.work_line import WorkLine
 from strategies.program.driving_rules import DrivingRules
-from strategies.programmes.cost_estimate import estimate_cost_s
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.sketch import sketch_programme
+from strategies.programmes.stages import list_stages
 from strategies.site.site import Site
 from vehicle.model.terrain import Terrain
 
@@ -202,7 +204,8 @@ def estimate_finish_s(context: PlanningContext) -> float:
     moves = get_site_moves(context)
     if not moves.lines:
         return math.inf
-    cost_s = estimate_cost_s(moves, context.request.headland_orders or ("",))
+    table, orders = MoveTable(moves), context.request.headland_orders or ("",)
+    cost_s = min(sketch_programme(table, 1, list_stages(moves.lines, order)).cost_s for order in orders)
     return cost_s / _compute_covered_share(moves)
 
 

@@ -87,8 +87,10 @@ def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: F
     begun_s += measure_rounds_s(rounds, speed, in_rows=rule.in_rows, in_file=rule.in_file)
     ends_s = [begun_s + pass_s for pass_s in list_passes_s(rounds[-1], speed)]
     worked = {node // 2 for each in rounds for column in each.one.columns for node in column.nodes}
-    rest_m2 = math.fsum(line.own_m2 for number, line in enumerate(table.lines) if number not in worked)
-    total_s = math.fsum(ends_s) + rest_m2 * table.site.work_s_per_m2
+    rest = [number for number in range(len(table.lines)) if number not in worked]
+    rest_s = math.fsum(table.lines[number].own_m2 for number in rest) * table.site.work_s_per_m2
+    rest_s += math.fsum(float(table.cost_s[:, [2 * number, 2 * number + 1]].min()) for number in rest)
+    total_s = math.fsum(ends_s) + rest_s
     last_s = max(total_s / tractors, *ends_s)
     return [last_s, *[(total_s - last_s) / (tractors - 1)] * (tractors - 1)]
 

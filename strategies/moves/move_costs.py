@@ -24,40 +24,44 @@ def _place_in_frame(a, goal, leave, join, pose, place) -> None:  # type: ignore[
 
 
 @compile_function
-def _find_cost(a, forms, speeds, settling, body, kept) -> float:  # type: ignore[no-untyped-def]
-    """Seconds and charges of the first of the forms (n, m, 3) from pose a on which the body has room."""
+def _find_cost(a, forms, speeds, settling, body, kept):  # type: ignore[no-untyped-def]
+    """Seconds with and without charges of the first of the forms (n, m, 3) from pose a on which the body has room."""
     guide, points, reach, grid, frame, margin = body
     numbers = pick_with_room(a, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:
-        return np.inf
+        return np.inf, np.inf
     kept_grid, kept_frame, wheels_s_per_m = kept
-    return weigh_forms(a, forms, numbers, speeds, settling, kept_grid, kept_frame, wheels_s_per_m).sum()  # type: ignore[no-any-return]
+    weights = weigh_forms(a, forms, numbers, speeds, settling, kept_grid, kept_frame, wheels_s_per_m)
+    return weights.sum(), weights[0, 0]
 
 
 @compile_function
 def compute_move_costs(a_poses, b_poses, dear_s, most_cuts, cuts, cut_s_per_m, driving, body, kept):  # type: ignore[no-untyped-def]
-    """Seconds with charges (k,) of the quickest closed form with room between pairs of poses (k, 3).
+    """Seconds with and without charges (k, 2) of the quickest closed form with room between pairs of poses (k, 3).
 
     Infinite where nothing has room. Where a move takes more than `dear_s` (k,), it is also sought with the ends of
-    lines cut back by pairs of `cuts` (m) below `most_cuts` (k, 2), which is charged by the metre. `driving` are radii,
-    leads out and in, speeds, settling, allowed kinds and the limit of reversing as list_closed_forms takes them, `body`
-    is what pick_with_room takes, `kept` the ground of swaths (grid, frame) and what wheels there are charged (s/m).
+    lines cut back by pairs of `cuts` (m) below `most_cuts` (k, 2); a metre of them is charged, and saves work, by
+    `cut_s_per_m` (2,). `driving` are radii, leads out and in, speeds, settling, allowed kinds and the limit of
+    reversing as list_closed_forms takes them, `body` is what pick_with_room takes, `kept` the ground of swaths (grid,
+    frame) and what wheels there are charged (s/m).
     """
     radii, outs, ins, speeds, settling, kinds, max_reverse = driving
-    costs, pose, place = np.empty(len(a_poses)), np.empty(3), np.empty(3)
+    costs, pose, place = np.empty((len(a_poses), 2)), np.empty(3), np.empty(3)
     for k in range(len(a_poses)):
         _place_in_frame(a_poses[k], b_poses[k], 0.0, 0.0, pose, place)
         forms, _, _ = list_closed_forms(place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS)
-        costs[k] = _find_cost(pose, forms, speeds, settling, body, kept)
-        if costs[k] < dear_s[k]:
+        costs[k, 0], costs[k, 1] = _find_cost(pose, forms, speeds, settling, body, kept)
+        if costs[k, 0] < dear_s[k]:
             continue
         for number in range(len(cuts)):
             leave, join = cuts[number, 0], cuts[number, 1]
-            charge = cut_s_per_m * (leave + join)
-            if charge < costs[k] and leave < most_cuts[k, 0] and join < most_cuts[k, 1]:
+            charge = (cut_s_per_m[0] - cut_s_per_m[1]) * (leave + join)
+            if charge < costs[k, 0] and leave < most_cuts[k, 0] and join < most_cuts[k, 1]:
                 _place_in_frame(a_poses[k], b_poses[k], leave, join, pose, place)
                 forms, _, _ = list_closed_forms(
                     place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS
                 )
-                costs[k] = min(costs[k], charge + _find_cost(pose, forms, speeds, settling, body, kept))
+                cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
+                if charge + cost < costs[k, 0]:
+                    costs[k, 0], costs[k, 1] = charge + cost, driven_s - cut_s_per_m[1] * (leave + join)
     return costs

@@ -10,12 +10,11 @@ import numpy.typing as npt
 
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.order_search import KICKS, OrderProblem, compute_cost_s, search_programmes
 
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
 
-KICKS = 40  # of a search once all moves of the last tours were driven; none where some were refused
 MOST_ROUNDS = 80  # of searching and driving
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
@@ -26,18 +25,19 @@ def search_driven_tours(
     list_moves: Callable[[Tours], Sequence[tuple[int, int]]],
     can_be_driven: Callable[[Tours], bool],
     seed: int = 1,
+    start: Tours | None = None,
 ) -> Tours:
     """The best tours whose moves were all driven well and that can be driven as a whole; empty without any.
 
     `pose_problem` takes the costs (n + 1, n + 1) of moves, `list_moves` gives the pairs of nodes that tours move
-    between. Ends when no tours that may use moves not yet driven promise to be clearly cheaper than the best of those
-    that were.
+    between; the search begins with `start`. Ends when no tours that may use moves not yet driven promise to be clearly
+    cheaper than the best of those that were.
     """
 
     def pose_proven() -> OrderProblem:
         return pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
 
-    tours: Tours | None = None
+    tours = start
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
         problem, before = pose_problem(table.estimate_costs()), tours
@@ -56,6 +56,7 @@ def search_driven_tours(
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
     while best and not can_be_driven(best):
-        tours = search_programmes(pose_proven(), KICKS, seed, best)
+        proven = pose_proven()
+        tours = search_programmes(proven, KICKS, seed, best)
         best = Tours() if tours == best else tours
     return best

@@ -43,7 +43,7 @@ class MoveEstimates:
     finder: MoveFinder
     ends: Sequence[Pose]
     begins: Sequence[Pose]
-    _known: dict[Pair, float] = field(default_factory=dict)
+    _known: dict[Pair, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def plain_s(self) -> Floats:
@@ -72,22 +72,26 @@ class MoveEstimates:
             costs[~is_estimated & (costs < NO_MOVE_S)] += usual_s
         return costs, is_estimated
 
-    def estimate_s(self, pairs: Sequence[Pair]) -> Floats:
-        """Seconds (k,) with charges of the best closed forms between pairs of nodes; a guess where none has room."""
+    def estimate_s(self, pairs: Sequence[Pair], is_charged: bool = True) -> Floats:
+        """Seconds (k,) of the best closed forms between pairs of nodes; a guess where none has room.
+
+        With charges for what drivers avoid, by which the best is chosen, or as driven.
+        """
         new = [pair for pair in dict.fromkeys(pairs) if pair not in self._known]
         if new:
-            up_s, down_s = self._estimate_raised_s(np.array(new, np.int64)), [self._find_work_s(*pair) for pair in new]
-            found_s = np.minimum(up_s, down_s)
-            costs = np.where(np.isfinite(found_s), np.maximum(found_s, 0.0), [self.guess_detour_s(*p) for p in new])
-            self._known.update(zip(new, costs.tolist(), strict=True))
-        return np.array([self._known[pair] for pair in pairs])
+            for pair, raised in zip(new, self._estimate_raised_s(np.array(new, np.int64)).tolist(), strict=True):
+                cost_s, drive_s = min(tuple(raised), self._find_work_s(*pair))
+                found = (max(cost_s, 0.0), drive_s) if np.isfinite(cost_s) else (self.guess_detour_s(*pair),) * 2
+                self._known[pair] = found
+        return np.array([self._known[pair][0 if is_charged else 1] for pair in pairs])
 
     def guess_detour_s(self, u: int, v: int) -> float:
         """Seconds of a move that only a search may find."""
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + DETOUR_S
 
     def _estimate_raised_s(self, pairs: npt.NDArray[np.int64]) -> Floats:
-        """Seconds (k,) of moves with the implement up; infinite where only a search may find one."""
+        """Seconds (k, 2), charged and as driven, of moves with the implement up; infinite where only a search may find
+        one."""
         finder, site = self.finder, self.site
         limits = site.allowed_kinds, site.rules.max_reverse_m
         lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
@@ -99,16 +103,16 @@ class MoveEstimates:
             self.plain_s[tuple(pairs.T)] + DEAR_S,
             most_cuts_m[pairs],
             np.array(CUTS_M),
-            (MISSED_FACTOR - 1.0) / site.rules.work_speed_mps,
+            np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
             (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
             (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
             (kept.grid, kept.frame, site.wheels_s_per_m),
         )
         return found_s
 
-    def _find_work_s(self, u: int, v: int) -> float:
-        """Seconds of the best move with the implement down; infinite without one."""
+    def _find_work_s(self, u: int, v: int) -> tuple[float, float]:
+        """Seconds of the best move with the implement down, charged and as driven; infinite without one."""
         if len(self.ends) - 1 in (u, v):
-            return np.inf
+            return np.inf, np.inf
         found = list_work_moves(self.site, self.finder, self.lines[u // 2], u % 2, self.lines[v // 2], v % 2)
-        return min((one.cost_s for one in found), default=np.inf)
+        return min(((one.cost_s, one.drive_s) for one in found), default=(np.inf, np.inf))

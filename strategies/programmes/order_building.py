@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from strategies.programmes.order_tours import POSSIBLE_S, SUM_SHARE, sum_rows, update_row
-from vehicle.jit import compile_function
+from vehicle.jit import compile_for_views, compile_function
 
 NO_GAP: Any = np.int64(-1)
 
@@ -20,7 +20,7 @@ class Insertions(NamedTuple):
     nodes: Any
 
 
-@compile_function
+@compile_for_views
 def _compare_gap(insertions, tours, tables, row, line, gap) -> None:  # type: ignore[no-untyped-def]
     """Keep a gap of a row if it is among the two cheapest for a line."""
     nodes, length = tours.nodes[row], tours.lengths[row]
@@ -46,7 +46,7 @@ def _compare_gap(insertions, tours, tables, row, line, gap) -> None:  # type: ig
         seconds[1], gaps[1], chosen[1] = best_s, gap, best_node
 
 
-@compile_function
+@compile_for_views
 def _update_insertions(insertions, tours, tables, row, filled) -> None:  # type: ignore[no-untyped-def]
     """Bring the gaps of a row up to date after one was filled (-1: look at all of them)."""
     left, length = len(tours.lengths) - 1, tours.lengths[row]
@@ -68,7 +68,7 @@ def _update_insertions(insertions, tours, tables, row, filled) -> None:  # type:
         _compare_gap(insertions, tours, tables, row, line, filled + 1)
 
 
-@compile_function
+@compile_for_views
 def _choose_insertion(insertions, tours, tables):  # type: ignore[no-untyped-def]
     """The row and the line (its place among those left) to be inserted next; -1 if no move reaches any."""
     left = len(tours.lengths) - 1

@@ -67,12 +67,14 @@ def make_programme(
     seed: int = 1,
     stands_in_way: StandsInWay | None = None,
     served_s: Floats | None = None,
+    start: Sequence[Sequence[int]] | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
     With `stands_in_way` no two tractors of a field without an entrance begin or end where each is in the way of the
-    other; `served_s` (n,) says how long a tractor takes to be served for each line, so that all finish together.
+    other; `served_s` (n,) says how long a tractor takes to be served for each line, so that all finish together. The
+    search begins with the tours `start`.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
@@ -90,6 +92,7 @@ def make_programme(
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
+        None if start is None else [list(tour) for tour in start],
     )
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}

@@ -12,31 +12,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fields.geometry.field import Field
 from fields.layout.swaths import Swath
-from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.request.plan_request import PlanRequest
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
-from strategies.programmes.waiting_places import StandsInWay
 from strategies.registry import STRATEGIES
-from strategies.strategy_record import Strategy
-from vehicle.missions.plan import SWATH, Plan
+from vehicle.missions.plan import SWATH
 
 ALIGNED = math.cos(math.radians(20.0))
 APART_S = 20.0  # away from a strip for longer: another pass over it
 MOSTLY = 0.7  # of the metres of the longest pass over a strip: another one that may have been meant for it
-NAME, PLANNED = "as-driven", "split-field"
+PLANNED = "split-field"
 Array = NDArray[np.float64]
 
 
@@ -129,15 +127,11 @@ def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: ND
     site = prepare_context(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
     width_m = scenario.width_m
 
-    order = driven_order(site.layout.swaths, inner, width_m)
-
-    def compose(table: MoveTable, tractors: int, headland: str, stands_in_way: StandsInWay) -> tuple[Programme, Plan]:
-        programme = make_programme(table, tractors, rank_lines(table.lines, order, headland))
-        return programme, build_plan(programme, strategy=NAME, headland=headland or None)
-
-    with patch.dict(STRATEGIES, {NAME: Strategy(NAME, "as the driver drove", compose=compose)}):
-        own = _simulated(site, NAME)
-    planned = _simulated(site, PLANNED)
+    table, order = MoveTable(get_site_moves(site)), driven_order(site.layout.swaths, inner, width_m)
+    ranks = [rank_lines(table.lines, order, headland) for headland in (HEADLAND_FIRST, "")]
+    owns = [_simulated(site, compose_programme(make_programme(table, 1, each))) for each in ranks]
+    own = min((one for one in owns if one is not None), default=None)
+    planned = _simulated(site, sketch_plans(site, STRATEGIES[PLANNED], 1)[0].compose())
     if own is None or planned is None:
         return None
     tracks = site.layout.swaths
@@ -145,9 +139,14 @@ def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: ND
     return Driven(*own, *planned, found / sum(track.length_m for track in tracks))
 
 
-def _simulated(site: PlanningContext, strategy: str) -> tuple[float, float] | None:
+def compose_programme(programme: Programme) -> ComposedPlan:
+    """A programme as a plan to be driven."""
+    return ComposedPlan("", programme, lambda: build_plan(programme, tractors=1), programme.compute_tractor_s())
+
+
+def _simulated(site: PlanningContext, composed: ComposedPlan) -> tuple[float, float] | None:
     """Seconds and metres off work of a plan for one tractor."""
-    one = simulate_candidate(site, Candidate(strategy, 1))
-    if one.run is None or not one.result.feasible or one.result.time_s is None:
+    driven = ProgrammeDriver(site).drive(composed)
+    if driven.reason is not None:
         return None
-    return one.result.time_s, sum(leg.length_m for leg in one.run.plan.missions[0].legs if not leg.implement)
+    return driven.run.duration_s, sum(leg.length_m for leg in driven.run.plan.missions[0].legs if not leg.implement)

@@ -8,7 +8,7 @@ from shapely import Polygon, affinity, box
 
 from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.line_programme import compose_plans
+from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import rank_plans
@@ -91,7 +91,7 @@ def test_what_formations_share_does_not_depend_on_who_asks_first() -> None:
     found = []
     for names in (FORMATIONS, FORMATIONS[::-1]):
         site = site_of("comb", SHAPES["comb"])
-        found.append({name: compose_plans(site, STRATEGIES[name], 2)[0].programme.tours for name in names})
+        found.append({name: sketch_plans(site, STRATEGIES[name], 2)[0].compose().programme.tours for name in names})
     assert found[0] == found[1]
     assert found[0]["col-by-col"] == found[0]["row-by-row-optimised"]
 

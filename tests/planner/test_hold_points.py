@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.line_programme import compose_plans
+from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 from planner.traffic.conflict_repair import _build_passage_gate, _build_turn_end_gate, find_waiting_leg
@@ -54,8 +54,8 @@ def plans(wide_site: Any) -> list[Plan]:
     """Plans of every strategy, and some on a field with a notch."""
     notched = prepare_context(PlanRequest(field="U", no_headland=True), SHAPES["U"])
     return [
-        *(compose_plans(wide_site, one, count)[0].plan for one in STRATEGIES.values() for count in (1, 4)),
-        *(compose_plans(notched, STRATEGIES[name], 3)[0].plan for name in ("split-field", "interleaved")),
+        *(sketch_plans(wide_site, one, count)[0].compose().plan for one in STRATEGIES.values() for count in (1, 4)),
+        *(sketch_plans(notched, STRATEGIES[name], 3)[0].compose().plan for name in ("split-field", "interleaved")),
     ]
 
 
@@ -82,7 +82,7 @@ class TestTasksSayWhatLegsShow:
 
 def test_repairs_wait_at_hold_points_only(wide_site: Any) -> None:
     for name, tractors in (("interleaved", 5), ("split-field", 4)):
-        written = compose_plans(wide_site, STRATEGIES[name], tractors)[0].plan
+        written = sketch_plans(wide_site, STRATEGIES[name], tractors)[0].compose().plan
         repaired = run_candidate(wide_site, Candidate(name, tractors)).run.plan
         for before, after in zip(written.missions, repaired.missions, strict=True):
             for a, b in zip(before.legs, after.legs, strict=True):

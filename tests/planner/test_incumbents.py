@@ -17,7 +17,7 @@ from planner.evaluation.candidates.incumbents import (
     is_worth_pruning,
     order_candidates,
 )
-from planner.evaluation.candidates.line_programme import bound_plans_s, compose_plans
+from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, prune_composed
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
@@ -89,9 +89,8 @@ def test_no_bound_of_a_formation_exceeds_its_drive(
 ) -> None:
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
     assert run is not None
-    bounds_s = dict(zip(round_site.request.headland_orders or ("",), bound_plans_s(*planned), strict=True))
-    composed = next(one for one in compose_plans(*planned) if one.order == (run.plan.notes["headland"] or ""))
-    assert 0.7 * run.duration_s < max(bounds_s[composed.order]) <= max(composed.least_s) <= run.duration_s
+    sketch = next(one for one in sketch_plans(*planned) if one.order == (run.plan.notes["headland"] or ""))
+    assert 0.7 * run.duration_s < max(sketch.least_s) <= max(sketch.compose().least_s) <= run.duration_s
 
 
 def test_formations_of_a_count_are_one_task() -> None:

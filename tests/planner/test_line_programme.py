@@ -12,7 +12,7 @@ from fields.geometry.obstacles import Obstacle
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans, describe_left
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, describe_left, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
@@ -45,7 +45,7 @@ def prepare(field: Field, **request: object) -> PlanningContext:
 
 def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
     """The cheapest programme of blocks, driven."""
-    return ProgrammeDriver(found).drive(compose_plans(found, STRATEGIES["split-field"], tractors)[0])
+    return ProgrammeDriver(found).drive(sketch_plans(found, STRATEGIES["split-field"], tractors)[0].compose())
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,7 @@ def test_two_tractors_need_little_more_than_half_the_time_of_one(context: Planni
 
 
 def test_a_programme_that_is_longer_than_the_incumbent_is_not_driven(context: PlanningContext) -> None:
-    (alone_s,) = compose_plans(context, STRATEGIES["split-field"], 1)[0].tractor_s
+    (alone_s,) = sketch_plans(context, STRATEGIES["split-field"], 1)[0].compose().tractor_s
     for finish_s, is_driven in ((0.9 * alone_s, False), (1.1 * alone_s, True)):
         found = simulate_candidate(context, Candidate("split-field", 1), Incumbent("another", finish_s, finish_s))
         assert (found.run is not None) is is_driven

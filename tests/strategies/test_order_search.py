@@ -17,8 +17,6 @@ from strategies.programmes.order_tours import (
     NO_MOVE_S,
     SUM_SHARE,
     OrderTables,
-    borrow_tables,
-    borrow_tours,
     create_tours,
     push_line,
     sum_rows,
@@ -96,9 +94,8 @@ def test_few_lines_are_nearly_always_in_the_best_order(no_move_share: float) -> 
 
 
 @compile_function
-def improve_once(table_arrays, tour_arrays):  # type: ignore[no-untyped-def]
+def improve_once(tables, tours):  # type: ignore[no-untyped-def]
     """The cost that the search reckons with after its first descent."""
-    tables, tours = borrow_tables(table_arrays), borrow_tours(tour_arrays)
     for row in range(len(tours.lengths)):
         update_row(tours, tables, row)
     sum_rows(tours)
@@ -117,8 +114,8 @@ def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
             *problem.tabulate_moves(), problem.work_s, problem.value_s, problem.allowed, near, near[:, ::-1].copy()
         )
         arrays = create_tours(k, 40)
-        cost_s = improve_once(tuple(tables), arrays)
-        tours = [[int(node) for node in arrays[0][row, : arrays[1][row]]] for row in range(k)]
+        cost_s = improve_once(tables, arrays)
+        tours = [[int(node) for node in arrays.nodes[row, : arrays.lengths[row]]] for row in range(k)]
         assert sum(map(len, tours)) > 20
         assert cost_s == pytest.approx(compute_cost_s(problem, tours), rel=1e-12)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, bound_plans_s, compose_plans
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_composed
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
@@ -84,26 +85,36 @@ def _run_unless_pruned(
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
     nobody waited.
     """
-    planned = context, get_strategy(candidate.strategy), candidate.tractors
-    pruned = prune_composed(context, bound_plans_s(*planned), incumbent)
+    sketches = sketch_plans(context, get_strategy(candidate.strategy), candidate.tractors)
+    pruned = prune_composed(context, [one.least_s for one in sketches], incumbent)
     if pruned is not None:
         return pruned
-    composed, driver = compose_plans(*planned), ProgrammeDriver(context)
-    pruned = prune_composed(context, [one.least_s for one in composed], incumbent)
-    pruned = pruned or prune_composed(context, map(driver.measure_alone_s, composed), incumbent)
-    if pruned is not None:
-        return pruned
-    best: CandidateRun | None = None
-    best_s = math.inf
-    for one in composed:
+    driver, best, best_s = ProgrammeDriver(context), None, math.inf
+    losers, refusals = list[PrunedCandidate](), list[StrategyError]()
+    for sketch in sketches:
+        if max(sketch.least_s) >= best_s:
+            continue
+        try:
+            one = sketch.compose()
+        except StrategyError as refusal:
+            refusals.append(refusal)
+            continue
+        pruned = prune_composed(context, [one.least_s], incumbent)
+        pruned = pruned or prune_composed(context, map(driver.measure_alone_s, [one]), incumbent)
+        if pruned is not None:
+            losers.append(pruned)
+            continue
         if best is not None and any(max(least_s) * one.left_factor >= best_s for least_s in driver.iter_least_s(one)):
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
-    assert best is not None  # composed has at least one
-    return best
+    if best is not None:
+        return best
+    if losers:
+        return min(losers, key=attrgetter("bound_s"))
+    raise refusals[0]
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
