@@ -81,7 +81,7 @@ def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: F
 
     Raises StrategyError without a round.
     """
-    found = site.place(FleetOrder(tractors, headland, rule.in_rows))
+    found = site.sketch(FleetOrder(tractors, headland, rule.in_rows))
     table, rounds, speed = found.table, found.rounds, found.table.site.rules.work_speed_mps
     begun_s = max(place.place_m for place in rounds[0].places) / speed
     begun_s += measure_rounds_s(rounds, speed, in_rows=rule.in_rows, in_file=rule.in_file)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from strategies.formations.columns import find_runs, list_columns
 from strategies.formations.passing import PassageTracer
 from strategies.formations.placement import find_cramped_round, place_rounds
-from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds
+from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
 from strategies.formations.tours import FormationTour, share_lines
 from strategies.path_planning.errors import StrategyError, build_too_many_error
@@ -65,9 +65,14 @@ class FormationSite:
     check: StandingCheck
     _known: dict[Hashable, Any] = field(default_factory=dict)
 
-    def place(self, fleet: FleetOrder) -> OrderedRounds:
-        """The rounds that have room in the order in which they are driven, before other lines are shared out."""
-        return self._recall((fleet, "placed"), lambda: self._find_room(fleet, frozenset())[0])
+    def sketch(self, fleet: FleetOrder) -> OrderedRounds:
+        """About the best order of all rounds, before anything is driven for them."""
+
+        def find() -> OrderedRounds:
+            table = MoveTable(self.moves)
+            return OrderedRounds(table, tuple(sketch_rounds(table, self._list_rounds(fleet.tractors), fleet.ends)))
+
+        return self._recall((fleet.tractors, fleet.headland, "sketched"), find)
 
     def share(self, fleet: FleetOrder) -> OrderedRounds:
         """The rounds that have room and the tours that they are part of."""

@@ -62,11 +62,11 @@ def measure_rounds_s(
 
 def _measure_turn_s(before: DirectedRound, after: DirectedRound, speed_mps: float, leave: tuple[bool, bool]) -> float:
     """Seconds from the begin of a round to that of the next; who waits leaves when others are in place or turned."""
-    count, early_s, (in_rows, in_file) = len(after.moves), GATE_MARGIN_M / speed_mps, leave
+    count, early_s, (in_rows, in_file) = len(after.come_s), GATE_MARGIN_M / speed_mps, leave
     queues_m = [(place.hold_m, *place.up_m)[-1] for place in before.places]
     queued_s = [(queue_m - place.place_m) / speed_mps for queue_m, place in zip(queues_m, before.places, strict=True)]
-    trios = zip(before.one.columns, queues_m, after.moves, strict=True)
-    turns_s = [(column.length_m - queue_m) / speed_mps + move.drive_s for column, queue_m, move in trios]
+    trios = zip(before.one.columns, queues_m, after.come_s, strict=True)
+    turns_s = [(column.length_m - queue_m) / speed_mps + come_s for column, queue_m, come_s in trios]
     last_s = [place.place_m / speed_mps for place in after.places]
     if in_file and not after.is_afar:
         return min(queued_s) + math.fsum(turns_s) - (count - 1) * early_s + min(last_s)

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.formations.passing import Floats
-from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
+from strategies.formations.rounds import ColumnRound, RoundPlace, get_row, place_tractors
 from strategies.moves.move import Move
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.order_search import KICKS, OrderProblem, search_programmes
 
 ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
 NEAR_ROUNDS = 8  # directed rounds whose moves from a round are found before the first search
@@ -32,6 +32,7 @@ class DirectedRound:
         way: direction of its columns.
         places: where its tractors stand.
         moves: by which they come from the round before; none to the first.
+        come_s: seconds of these, or of those that are estimated.
         is_afar: whether its tractors come from elsewhere, one after another.
     """
 
@@ -39,6 +40,7 @@ class DirectedRound:
     way: int
     places: tuple[RoundPlace, ...] = ()
     moves: tuple[Move, ...] = ()
+    come_s: tuple[float, ...] = ()
     is_afar: bool = False
 
     def list_nodes(self, tractor: int) -> tuple[int, ...]:
@@ -73,8 +75,25 @@ def join_rounds(table: MoveTable, order: Sequence[DirectedRound]) -> list[Direct
     for before, after in pairwise(order):
         pairs = zip(before.one.list_last_nodes(before.way), after.one.list_first_nodes(after.way), strict=True)
         moves = [move for u, v in pairs if (move := table.get_move(u, v)) is not None]
-        joined.append(replace(after, moves=tuple(moves), is_afar=before.one.run != after.one.run))
+        come_s = tuple(move.drive_s for move in moves)
+        joined.append(replace(after, moves=tuple(moves), come_s=come_s, is_afar=before.one.run != after.one.run))
     return joined
+
+
+def sketch_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
+    """About the best order of all rounds, by estimated moves, where nobody is in anybody's way: nothing is driven."""
+    _find_near(table, rounds, ends)
+    problem = _pose_problem(table, rounds, ends, table.estimate_costs())
+    (tour,) = search_programmes(problem, KICKS, 1)
+    order = []
+    for number, node in enumerate(tour):
+        one, way = rounds[node // 2], node % 2
+        places = tuple(place_tractors(one, way, table.site.rules))
+        pairs = _list_moves(rounds, tour[number - 1], node) if number else []
+        come_s = tuple(table.moves.estimates.estimate_s(pairs, is_charged=False).tolist())
+        is_afar = bool(order) and order[-1].one.run != one.run
+        order.append(DirectedRound(one, way, places, come_s=come_s, is_afar=is_afar))
+    return order
 
 
 def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:
