@@ -29,7 +29,6 @@ from planner.evaluation.ground.wheel_traffic import (
     TYRE_WIDTH_M,
     FinishedGroundTraffic,
     measure_finished_ground_traffic,
-    measure_wheel_traffic_m2,
 )
 from tests.examples import count_examples
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, TURN, Leg, LegTask, Mission, Plan
@@ -283,7 +282,7 @@ class TestTrampled:
         return run_of(site, *([*parts[0][k], *parts[1][k]] for k in (0, 1)), kind=kind)
 
     def trampled(self, site: Any, run: SimulationRun) -> float:
-        return measure_wheel_traffic_m2(run, site, compute_swept_area(run, site))
+        return measure_finished_ground_traffic(run, site, compute_swept_area(run, site)).off_headland_m2
 
     def test_wheels_over_a_finished_swath(self, small_site: Any) -> None:
         run = self.run(small_site, self.crossing(30.0))
@@ -327,10 +326,12 @@ class TestTrampled:
         driven = [(*row, down and k % 90 > 60) for k, row in enumerate(np.column_stack([way, heading]).tolist())]
         run = run_of(small_site, pass_north(10.0, 5.0, 55.0, count), driven)
         swept = compute_swept_area(run, small_site)
-        found = measure_wheel_traffic_m2(run, small_site, swept)
+        found = measure_finished_ground_traffic(run, small_site, swept).off_headland_m2
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr("planner.evaluation.ground.wheel_traffic.LONG_SPAN_ROWS", SHORT_SPAN_ROWS)
-            assert found == pytest.approx(measure_wheel_traffic_m2(run, small_site, swept), rel=0.02, abs=0.05)
+            assert found == pytest.approx(
+                measure_finished_ground_traffic(run, small_site, swept).off_headland_m2, rel=0.02, abs=0.05
+            )
 
 
 class TestOverFinished:
@@ -354,7 +355,7 @@ class TestOverFinished:
 
     def test_before_it_is_worked_it_is_not_finished(self, small_site: Any) -> None:
         found = self.over_finished(small_site, self.run(small_site, self.crossing(30.0), before=True))
-        assert found == FinishedGroundTraffic(0.0, 0.0)
+        assert found == FinishedGroundTraffic(0.0, 0.0, 0.0)
 
     def test_what_is_worked_again_later_was_not_finished(self, small_site: Any) -> None:
         # The second tractor crosses the swath with its implement up, then works back over its own wheel marks.

@@ -18,7 +18,7 @@ from planner.evaluation.ground.coverage import (
 )
 from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
+from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost, get_price_per_hour
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
@@ -84,7 +84,7 @@ def measure_candidate(
         largest_missed=coverage.largest_piece,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
-        wheel_traffic_m2=measure_wheel_traffic_m2(run, context, swept),
+        wheel_traffic_m2=traffic.off_headland_m2,
         over_finished_m=traffic.length_m,
         over_finished_m2=traffic.area_m2,
         over_finished_charged=is_charged,

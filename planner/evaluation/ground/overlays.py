@@ -13,6 +13,7 @@ import shapely
 GRID_M = 1e-6
 UNION_TOLERANCE_M = 1e-3  # corners of united areas lie in the union or this near to it
 TINY_M = 1e-6
+SLIVER_M2 = 1e-6  # left by cutting
 ROUNDING_SHARE = 1e-7  # of an area: a smaller difference may be rounding
 Areas = npt.NDArray[np.object_]
 
@@ -26,7 +27,9 @@ def extract_polygons(shape: shapely.Geometry) -> shapely.Geometry:
 
 
 def unite_areas(areas: Areas) -> shapely.Geometry:
-    """The union of areas (n,), as polygons."""
+    """The union of areas (n,), as polygons; slivers that cutting left are no ground."""
+    parts = shapely.get_parts(areas)
+    areas = parts[shapely.area(parts) > SLIVER_M2]
     try:
         union = extract_polygons(shapely.union_all(areas))
     except shapely.errors.GEOSException:

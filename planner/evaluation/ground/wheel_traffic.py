@@ -32,38 +32,29 @@ SHORT_SPAN_ROWS = 20  # two seconds, where the ground is worked meanwhile
 class FinishedGroundTraffic:
     """Driving with the implement up over ground that is finished: the metres driven, and the ground under wheels once.
 
-    Ground is finished once it is worked for the last time, on swaths and headland passes alike.
+    Ground is finished once it is worked for the last time, on swaths and headland passes alike. Wheels in front of a
+    lowered implement do not count, as it works their tracks. `off_headland_m2` is what lies off headland passes, which
+    are meant for turning, whether or not it is worked again.
     """
 
     length_m: float
     area_m2: float
-
-
-def measure_wheel_traffic_m2(run: SimulationRun, context: PlanningContext, swept: SweptArea) -> float:
-    """Ground (m2) off the headland that wheels went over after it was finished, each place once.
-
-    Wheels in front of a lowered implement do not count, as it works their tracks. Ground of headland passes does not
-    count either: it is meant for turning.
-    """
-    strips = np.flatnonzero(~swept.on_headland_pass)
-    marks, _ = _find_marks(run, context, swept, strips, wide=True)
-    pressed = clip_area(unite_areas(marks), context.layout.field.workable_region)
-    headland_strips = swept.ground[swept.on_headland_pass]
-    nearby = np.sort(shapely.STRtree(headland_strips).query(pressed, predicate="intersects"))
-    return float(subtract_area(pressed, unite_areas(headland_strips[nearby])).area)
+    off_headland_m2: float
 
 
 def measure_finished_ground_traffic(
     run: SimulationRun, context: PlanningContext, swept: SweptArea
 ) -> FinishedGroundTraffic:
-    """Driving over finished ground, headland passes included.
-
-    What is worked again later is not finished, and wheels in front of a lowered implement do not count.
-    """
-    axles, strip = _find_marks(run, context, swept, np.arange(len(swept.ground)), wide=False)
-    driven = _remove_worked_again(swept, axles, strip)
-    ground_m2 = sum(piece.area for piece in find_driven_over_ground(run, context, swept))
-    return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground_m2))
+    """Driving over finished ground."""
+    strips = np.arange(len(swept.ground))
+    driven = _remove_worked_again(swept, *_find_marks(run, context, swept, strips, wide=False))
+    tyres, strip = _find_marks(run, context, swept, strips, wide=True)
+    ground = _unite_in_field(_remove_worked_again(swept, tyres, strip), context)
+    pressed = _unite_in_field(tyres[~swept.on_headland_pass[strip]], context)
+    headland_strips = swept.ground[swept.on_headland_pass]
+    nearby = np.sort(shapely.STRtree(headland_strips).query(pressed, predicate="intersects"))
+    off_headland = subtract_area(pressed, unite_areas(headland_strips[nearby]))
+    return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground.area), float(off_headland.area))
 
 
 def find_driven_over_ground(
@@ -71,8 +62,12 @@ def find_driven_over_ground(
 ) -> tuple[shapely.Polygon, ...]:
     """Finished ground under wheels, headland passes included, as pieces that do not overlap."""
     tyres, strip = _find_marks(run, context, swept, np.arange(len(swept.ground)), wide=True)
-    ground = clip_area(unite_areas(_remove_worked_again(swept, tyres, strip)), context.layout.field.workable_region)
-    return tuple(shapely.get_parts(ground))
+    return tuple(shapely.get_parts(_unite_in_field(_remove_worked_again(swept, tyres, strip), context)))
+
+
+def _unite_in_field(areas: Areas, context: PlanningContext) -> shapely.Geometry:
+    """The union of areas, as far as they lie on ground that may be worked."""
+    return clip_area(unite_areas(areas), context.layout.field.workable_region)
 
 
 def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:
