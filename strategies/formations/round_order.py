@@ -85,7 +85,7 @@ def sketch_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[b
     _find_near(table, rounds, ends)
     problem = _pose_problem(table, rounds, ends, table.estimate_costs())
     (tour,) = search_programmes(problem, KICKS, 1)
-    order = []
+    order = list[DirectedRound]()
     for number, node in enumerate(tour):
         one, way = rounds[node // 2], node % 2
         places = tuple(place_tractors(one, way, table.site.rules))
