@@ -189,8 +189,12 @@ class TourGaps:
         return self._bounds[gap]
 
     def _serve_here(self, gap: int) -> Detour:
-        """A stop at the end of a part."""
-        return Detour(0.0, 0.0, 0.0, 0.0, self.direct_needs[gap]) if self.is_passable(gap) else NOWHERE
+        """A stop at the end of a part, which the move after it may cut."""
+        if not self.is_passable(gap):
+            return NOWHERE
+        move = self.get_direct_move(gap)
+        cut = 0.0 if move is None else self.share_need(self.parts[gap - 1], move.leave_m)
+        return Detour(0.0, 0.0, 0.0, -cut, self.direct_needs[gap] + cut)
 
     def _find_detour(self, gap: int, moves: StopMoves) -> Detour:
         found, (direct_s, direct_cost_s) = [NOWHERE], self.direct_times_s[gap]

@@ -147,7 +147,7 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
     at_work = np.array([leg.implement for leg in run.plan.missions[0].legs])[run.get_leg_numbers(0)[1:]]
     undone = run.time_s[1:] > 8 * 3600 + 58 * 60 - wet["jobs"][1]["start_s"]
     lost = 360.0 * steps_m[at_work & undone].sum() / steps_m[at_work].sum()
-    assert wet["cost"] - dry["cost"] == pytest.approx(lost, rel=0.02), "0.36 ha of 1000 each, by the share left to work"
+    assert wet["cost"] - dry["cost"] == pytest.approx(lost, rel=0.05), "0.36 ha of 1000 each, by the share left to work"
 
 
 @pytest.mark.parametrize("rain", ["", 'rain = "09:00"'])

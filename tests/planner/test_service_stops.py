@@ -39,9 +39,9 @@ Case = tuple[str, int, str, bool]
 CASES: list[Case] = [
     (HEADLAND, 1, "split-field", True),
     ("60,0", 2, "split-field", True),
+    (HEADLAND, 3, "interleaved", False),
+    (SERVICE_VEHICLE, 2, "split-field", False),
 ]
-MEETING: list[Case] = [(HEADLAND, 3, "interleaved", False), (SERVICE_VEHICLE, 2, "split-field", False)]
-"""Fleets that are served where others pass: no way of waiting is found yet."""
 MORE_CASES: list[Case] = [
     (HEADLAND, 2, "interleaved", False),
     ("0,30", 1, "split-field", False),
@@ -77,7 +77,6 @@ def levels(plan: Plan, supply: Supply) -> Iterator[tuple[int, list[float], float
     "case",
     [
         *CASES,
-        *(pytest.param(case, marks=pytest.mark.xfail(reason="they meet", strict=False)) for case in MEETING),
         *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES),
     ],
     ids=lambda case: " ".join(map(str, case)),
