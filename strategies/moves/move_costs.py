@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from strategies.moves.closed_forms import list_closed_forms, pick_with_room, weigh_forms
+from strategies.moves.closed_forms import ROWS, list_closed_forms, pick_with_room, weigh_forms
 from vehicle.jit import compile_function
 
-MOST_FORMS = 24  # closed forms tried for a pair
+MOST_FORMS = 12  # closed forms tried for a pair
 
 
 @compile_function
@@ -36,32 +36,36 @@ def _find_cost(a, forms, speeds, settling, body, kept):  # type: ignore[no-untyp
 
 
 @compile_function
-def compute_move_costs(a_poses, b_poses, dear_s, most_cuts, cuts, cut_s_per_m, driving, body, kept):  # type: ignore[no-untyped-def]
+def compute_move_costs(a_poses, b_poses, alike, dear_s, most_cuts, cuts, cut_s_per_m, driving, body, kept):  # type: ignore[no-untyped-def]
     """Seconds with and without charges (k, 2) of the quickest closed form with room between pairs of poses (k, 3).
 
-    Infinite where nothing has room. Where a move takes more than `dear_s` (k,), it is also sought with the ends of
-    lines cut back by pairs of `cuts` (m) below `most_cuts` (k, 2); a metre of them is charged, and saves work, by
-    `cut_s_per_m` (2,). `driving` are radii, leads out and in, speeds, settling, allowed kinds and the limit of
-    reversing as list_closed_forms takes them, `body` is what pick_with_room takes, `kept` the ground of swaths (grid,
-    frame) and what wheels there are charged (s/m).
+    Infinite where nothing has room. Pairs that lie alike have the same number in `alike` (k,) and follow one another:
+    they share their closed forms. Where a move takes more than `dear_s` (k,), it is also sought with the ends of lines
+    cut back by pairs of `cuts` (m, 2) below `most_cuts` (k, 2), the first of which is none; a metre of them is charged,
+    and saves work, by `cut_s_per_m` (2,). `driving` are radii, leads out and in, speeds, settling, allowed kinds and
+    the limit of reversing as list_closed_forms takes them, `body` is what pick_with_room takes, `kept` the ground of
+    swaths (grid, frame) and what wheels there are charged (s/m).
     """
     radii, outs, ins, speeds, settling, kinds, max_reverse = driving
-    costs, pose, place = np.empty((len(a_poses), 2)), np.empty(3), np.empty(3)
+    costs, pose, place = np.full((len(a_poses), 2), np.inf), np.empty(3), np.empty(3)
+    forms, are_known = [np.empty((0, ROWS, 3)) for _ in range(len(cuts))], np.zeros(len(cuts), np.bool_)
     for k in range(len(a_poses)):
-        _place_in_frame(a_poses[k], b_poses[k], 0.0, 0.0, pose, place)
-        forms, _, _ = list_closed_forms(place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS)
-        costs[k, 0], costs[k, 1] = _find_cost(pose, forms, speeds, settling, body, kept)
-        if costs[k, 0] < dear_s[k]:
-            continue
+        if k == 0 or alike[k] != alike[k - 1]:
+            are_known[:] = False
         for number in range(len(cuts)):
             leave, join = cuts[number, 0], cuts[number, 1]
             charge = (cut_s_per_m[0] - cut_s_per_m[1]) * (leave + join)
-            if charge < costs[k, 0] and leave < most_cuts[k, 0] and join < most_cuts[k, 1]:
-                _place_in_frame(a_poses[k], b_poses[k], leave, join, pose, place)
-                forms, _, _ = list_closed_forms(
+            if number > 0 and (costs[k, 0] < max(charge, dear_s[k]) or leave >= most_cuts[k, 0]):
+                continue
+            if number > 0 and join >= most_cuts[k, 1]:
+                continue
+            _place_in_frame(a_poses[k], b_poses[k], leave, join, pose, place)
+            if not are_known[number]:
+                forms[number], _, _ = list_closed_forms(
                     place, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS
                 )
-                cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
-                if charge + cost < costs[k, 0]:
-                    costs[k, 0], costs[k, 1] = charge + cost, driven_s - cut_s_per_m[1] * (leave + join)
+                are_known[number] = True
+            cost, driven_s = _find_cost(pose, forms[number], speeds, settling, body, kept)
+            if charge + cost < costs[k, 0]:
+                costs[k, 0], costs[k, 1] = charge + cost, driven_s - cut_s_per_m[1] * (leave + join)
     return costs

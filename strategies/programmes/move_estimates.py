@@ -25,8 +25,9 @@ NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
 DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
-CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
+CUTS_M = ((0.0, 0.0), (4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
 MOST_CUT_SHARE = 0.4
+ALIKE_M = 1e-6  # and radians: nearer poses are one
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
 
 
@@ -97,9 +98,14 @@ class MoveEstimates:
         lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
         most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
         body, ground, kept = site.body, site.ground, site.kept
-        found_s: Floats = compute_move_costs(
-            np.array(self.ends)[pairs[:, 0]],
-            np.array(self.begins)[pairs[:, 1]],
+        a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
+        alike = _number_alike(a_poses, b_poses)
+        order = np.argsort(alike, kind="stable")
+        pairs, found_s = pairs[order], np.empty((len(pairs), 2))
+        found_s[order] = compute_move_costs(
+            a_poses[order],
+            b_poses[order],
+            alike[order],
             self.plain_s[tuple(pairs.T)] + DEAR_S,
             most_cuts_m[pairs],
             np.array(CUTS_M),
@@ -116,3 +122,12 @@ class MoveEstimates:
             return np.inf, np.inf
         found = list_work_moves(self.site, self.finder, self.lines[u // 2], u % 2, self.lines[v // 2], v % 2)
         return min(((one.cost_s, one.drive_s) for one in found), default=(np.inf, np.inf))
+
+
+def _number_alike(a_poses: Floats, b_poses: Floats) -> npt.NDArray[np.int64]:
+    """A number (k,) for every pair of poses (k, 3), the same for those that lie alike as seen from the first."""
+    cosine, sine = np.cos(a_poses[:, 2]), np.sin(a_poses[:, 2])
+    east, north, turn = (b_poses - a_poses).T
+    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    places = np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])
+    return np.unique(np.round(places / ALIKE_M), axis=0, return_inverse=True)[1].reshape(-1)
