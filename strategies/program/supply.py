@@ -77,7 +77,3 @@ class Supply:
             f"One side of a headland pass needs {need:.0f} l or kg without a stop, but a load is {self.capacity:g}; "
             "use a larger tank, a lower rate, or square corners."
         )
-
-    def compute_level(self, used: float) -> float:
-        """What is in the tank when this much of a load is used."""
-        return used if self.collects else self.capacity - used

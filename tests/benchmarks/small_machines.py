@@ -16,7 +16,7 @@ from typing import Any
 import shapely
 
 from fields import Field
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
@@ -51,7 +51,7 @@ def prepare(name: str, **options: Any) -> PlanningContext:
 
 def plan(context: PlanningContext) -> PlanResult:
     """The figures of one tractor."""
-    return compute_candidate_figures(context, Candidate(STRATEGY, 1))
+    return simulate_candidate(context, Candidate(STRATEGY, 1)).result
 
 
 def describe(label: str, context: PlanningContext, figures: PlanResult, cpu_s: float) -> str:

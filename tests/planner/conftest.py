@@ -58,13 +58,13 @@ def wide_site() -> PlanningContext:
 @pytest.fixture(scope="session")
 def evaluate_once() -> Callable[..., PlanResult]:
     """Evaluate a candidate on a site, once per session."""
-    from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+    from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 
     sites: dict[int, PlanningContext] = {}
 
     @cache
     def cached(key: int, strategy: str, tractors: int) -> PlanResult:
-        return compute_candidate_figures(sites[key], Candidate(strategy, tractors))
+        return simulate_candidate(sites[key], Candidate(strategy, tractors)).result
 
     def result(site: PlanningContext, strategy: str, tractors: int) -> PlanResult:
         sites[id(site)] = site

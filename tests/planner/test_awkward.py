@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from planner import farm as farm_room
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
@@ -29,7 +29,7 @@ def site_of(name: str) -> PlanningContext:
 @pytest.mark.parametrize("strategy", ["split-field", *seldom(*sorted(set(STRATEGIES) - {"split-field"}))])
 def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
     """Evenly shared out its lines would be nearer to each other than machines are wide: nobody could pass."""
-    result = compute_candidate_figures(site_of("thin strip"), Candidate(strategy, 2))
+    result = simulate_candidate(site_of("thin strip"), Candidate(strategy, 2)).result
     assert result.feasible, result.reason
     assert result.worked_pct is not None and result.worked_pct > 99.0
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from planner import HeadlandError, diagnose, replay
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.pipeline.diagnosis import (
     MIN_TRACTOR_LENGTH_M,
@@ -41,7 +41,7 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
     gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is not None and why_not == ""
     scenario = PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, no_headland=True)
-    alone = compute_candidate_figures(prepare_context(scenario), Candidate("row-by-row", 1))
+    alone = simulate_candidate(prepare_context(scenario), Candidate("row-by-row", 1)).result
     assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
     assert gain.time_after_s is not None
     # The guidance knows nothing of the offset: it holds against it from beside the track.

@@ -10,7 +10,7 @@ import shapely
 from shapely import affinity
 
 from fields import Field, FieldError
-from planner.evaluation.candidates.evaluate import Candidate, _find_fault, compute_candidate_figures, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, _find_fault, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_checks import (
     ObstacleIntrusionCheck,
@@ -111,7 +111,7 @@ class TestPlanned:
         def time_s(flip: float) -> float | None:
             line, box = (affinity.scale(shape, flip, 1, origin=(0, 0)) for shape in (EAST, BOX))
             site = prepare_context(PlanRequest(no_headland=True, bearing_deg=90.0), Field("f", box, fences=(line,)))
-            return compute_candidate_figures(site, Candidate("split-field", 2)).time_s
+            return simulate_candidate(site, Candidate("split-field", 2)).result.time_s
 
         assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.015)  # another order of lines
 
@@ -183,7 +183,7 @@ POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
 @pytest.mark.parametrize("margin_m", [0.0, 0.1])
 def test_without_a_margin_guidance_still_keeps_off_a_fence(margin_m: float) -> None:
     site = fenced(ALL_ROUND, no_headland=False, margin_m=margin_m)
-    result = compute_candidate_figures(site, Candidate("split-field", 1))
+    result = simulate_candidate(site, Candidate("split-field", 1)).result
     assert result.feasible, result.reason
     assert site.layout.field.margin_boundary is not None
     assert SOUTH.distance(site.layout.field.margin_boundary) == pytest.approx(0.2, abs=2e-3)

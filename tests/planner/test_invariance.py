@@ -8,7 +8,7 @@ import pytest
 from shapely import Polygon, affinity
 
 from fields import Field, read_field
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
 
@@ -36,7 +36,7 @@ def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     taken = {}
     for strategy in strategies:
         for count in counts:
-            result = compute_candidate_figures(site, Candidate(strategy, count))
+            result = simulate_candidate(site, Candidate(strategy, count)).result
             taken[strategy, count] = result.time_s if result.feasible else None
     return taken
 
@@ -84,9 +84,9 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
 def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
     field = read_field("netherlands")
     before, after = (
-        compute_candidate_figures(
+        simulate_candidate(
             prepare_context(PlanRequest(field="netherlands", no_headland=True), f), Candidate("row-by-row", 3)
-        )
+        ).result
         for f in (field, move(field, MOVES[how]))
     )
     assert before.feasible and after.feasible

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from fields import Field, lay_swaths
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, run_candidate
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.layout_choice import (
     MIN_GAIN,
@@ -50,7 +50,7 @@ def test_an_l_of_long_arms_is_worked_in_cells(in_cells: PlanningContext, one_bea
 @pytest.mark.slow
 def test_the_choice_holds_when_it_is_driven(in_cells: PlanningContext, one_bearing: PlanningContext) -> None:
     with_cells, without = (
-        compute_candidate_figures(site, Candidate("split-field", 1)) for site in (in_cells, one_bearing)
+        simulate_candidate(site, Candidate("split-field", 1)).result for site in (in_cells, one_bearing)
     )
     assert with_cells.feasible and without.feasible
     assert with_cells.finished_s is not None and without.finished_s is not None

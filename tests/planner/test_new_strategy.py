@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
@@ -38,7 +38,7 @@ def test_a_registered_strategy_is_planned_with(small_site: PlanningContext, toy:
     request = replace(small_site.request, strategies=(toy.name, "split-field"), tractors=(1, 2))
     todo = list_candidates(request)
     assert Candidate(toy.name, 1) in todo and Candidate(toy.name, 2) in todo
-    plans = rank_plans(small_site, [compute_candidate_figures(small_site, candidate) for candidate in todo]).plans
+    plans = rank_plans(small_site, [simulate_candidate(small_site, candidate).result for candidate in todo]).plans
     alone, refused = (next(p for p in plans if (p.strategy, p.tractors) == (toy.name, count)) for count in (1, 2))
     assert alone.feasible and alone.rank is not None and alone.collisions == 0
     assert (refused.feasible, refused.reason) == (False, "Alone is for one tractor.")
@@ -53,8 +53,8 @@ def test_an_unregistered_name_stays_unknown() -> None:
 
 def test_it_works_the_headland_too_and_is_served(toy: Strategy) -> None:
     whole = site_on(shapely.box(0, 0, 60, 90), (0.0, 0.0), no_headland=False)
-    result = compute_candidate_figures(whole, Candidate(toy.name, 1))
+    result = simulate_candidate(whole, Candidate(toy.name, 1)).result
     assert result.feasible and result.headland_s is not None, result.reason
     supply = Supply(60.0, 0.02, 60.0, served_at=HEADLAND)
-    served = compute_candidate_figures(replace(whole, supply=supply), Candidate(toy.name, 1))
+    served = simulate_candidate(replace(whole, supply=supply), Candidate(toy.name, 1)).result
     assert served.feasible and served.refills == 1, served.reason

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import (
     Candidate,
-    compute_candidate_figures,
     run_candidate,
     simulate_candidate,
 )
@@ -111,7 +110,7 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, nam
 
 def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: PlanningContext) -> None:
     for name in STRATEGIES:
-        result = compute_candidate_figures(small_site, Candidate(name, 30))
+        result = simulate_candidate(small_site, Candidate(name, 30)).result
         assert not result.feasible and result.time_s is None and result.rank is None
         assert "30 tractors are more than the 12 tracks" in (result.reason or "")
 
@@ -141,9 +140,9 @@ def test_a_plan_read_back_drives_the_same(small_site: PlanningContext) -> None:
 @pytest.mark.parametrize("turn", ["omega", "switch-back", "u"])
 def test_a_forced_turn_is_the_one_driven(place: Any, turn: str) -> None:
     site = place(shapely.box(0, 0, 45, 90), turn=turn)
-    result = compute_candidate_figures(
+    result = simulate_candidate(
         site, Candidate("interleaved", 3) if turn == "u" else Candidate("split-field", 1)
-    )
+    ).result
     assert result.feasible, result.reason
     assert turn != "u" or result.turn == "u"
     assert set(result.turn.split("+")) <= {"u", turn}

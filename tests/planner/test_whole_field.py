@@ -21,7 +21,6 @@ from fields import Field
 from planner.evaluation.candidates.evaluate import (
     Candidate,
     CandidateEvaluation,
-    compute_candidate_figures,
     simulate_candidate,
 )
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
@@ -91,7 +90,7 @@ def moved_site(move: Any) -> Callable[[str, str], PlanningContext]:
 ])  # fmt: skip
 def test_a_moved_field_takes_as_long(name: str, strategy: str, count: int, how: str, moved_site: Any) -> None:
     before = tried(name, strategy, count).result
-    after = compute_candidate_figures(moved_site(name, how), Candidate(strategy, count))
+    after = simulate_candidate(moved_site(name, how), Candidate(strategy, count)).result
     assert after.feasible == before.feasible, (before.reason, after.reason)
     if before.time_s is not None and after.time_s is not None:
         assert abs(100.0 * (after.time_s / before.time_s - 1.0)) <= MOST_PCT

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fields import Field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.farm.inventory import FarmFile
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
@@ -137,14 +137,14 @@ class TestDay:
         yard = Yard(lon=9.83, lat=56.83)
         plain = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR)
         terms = CostTerms(FarmPrices(per_hour=36.0, supervision_share=0.0))
-        free = compute_candidate_figures(prepare_context(plain, FIELD, cost_terms=terms), Candidate("split-field", 2))
+        free = simulate_candidate(prepare_context(plain, FIELD, cost_terms=terms), Candidate("split-field", 2)).result
         assert free.time_s is not None and free.cost is not None and free.transport_s is None
         day = self.day()
         until = 8 * HOUR + math.ceil(day.before_field_s + free.time_s)
         for before, meets in ((until + 1, True), (until - 2, False)):
             asked_for = replace(plain, deadline_s=before, samples=0)
             site = prepare_context(asked_for, FIELD, cost_terms=terms, times=self.TIMES, yard=yard)
-            found = compute_candidate_figures(site, Candidate("split-field", 2))
+            found = simulate_candidate(site, Candidate("split-field", 2)).result
             assert found.meets_deadline is meets
         assert found.time_s == free.time_s
         assert found.transport_s == pytest.approx(2 * (day.before_field_s + day.after_field_s))
@@ -158,14 +158,14 @@ class TestDay:
     def test_draws_count_it(self) -> None:
         """What is certain is in time by the clock or never: before the road, the break and the night are over."""
         scenario = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR, samples=50)
-        free = compute_candidate_figures(prepare_context(scenario, FIELD), Candidate("split-field", 1))
+        free = simulate_candidate(prepare_context(scenario, FIELD), Candidate("split-field", 1)).result
         assert free.time_s is not None
         late = 8 * HOUR + round(self.day().before_field_s + 0.5 * free.time_s)
         for before, chance in ((late, 0.0), (7 * HOUR, 1.0)):
             site = prepare_context(
                 replace(scenario, deadline_s=before), FIELD, times=self.TIMES, yard=Yard(lon=9.83, lat=56.83)
             )
-            assert compute_candidate_figures(site, Candidate("split-field", 1)).finish_probability == chance
+            assert simulate_candidate(site, Candidate("split-field", 1)).result.finish_probability == chance
 
     def test_the_shift_gives_the_start(self) -> None:
         farm = FarmFile(times=FarmTimes(shift_start="06:30"))

@@ -48,11 +48,6 @@ class CandidateEvaluation:
     run: SimulationRun | None
 
 
-def compute_candidate_figures(context: PlanningContext, candidate: Candidate) -> PlanResult:
-    """Only the figures of `simulate_candidate`."""
-    return simulate_candidate(context, candidate).result
-
-
 def simulate_candidate(
     context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None
 ) -> CandidateEvaluation:
