@@ -77,7 +77,7 @@ def compose_formation(site: FormationSite, tractors: int, headland: str, rule: F
 
 
 def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> list[float]:
-    """Seconds that the tractors of a formation take at least, however the lines that are in no round are shared out.
+    """About the seconds of every tractor of a formation, however the lines that are in no round are shared out.
 
     Raises StrategyError without a round.
     """
@@ -89,7 +89,11 @@ def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: F
     worked = {node // 2 for each in rounds for column in each.one.columns for node in column.nodes}
     rest = [number for number in range(len(table.lines)) if number not in worked]
     rest_s = math.fsum(table.lines[number].own_m2 for number in rest) * table.site.work_s_per_m2
-    rest_s += math.fsum(float(table.cost_s[:, [2 * number, 2 * number + 1]].min()) for number in rest)
+    nearest = table.cost_s.argmin(axis=0).tolist()
+    ways_s = table.moves.estimates.estimate_s(
+        [(nearest[node], node) for number in rest for node in (2 * number, 2 * number + 1)], is_charged=False
+    )
+    rest_s += float(ways_s.reshape(-1, 2).min(axis=1).sum())
     total_s = math.fsum(ends_s) + rest_s
     last_s = max(total_s / tractors, *ends_s)
     return [last_s, *[(total_s - last_s) / (tractors - 1)] * (tractors - 1)]

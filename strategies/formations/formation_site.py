@@ -97,18 +97,18 @@ class FormationSite:
     def _share_with_room(self, fleet: FleetOrder) -> OrderedRounds:
         dropped: Dropped = frozenset()
         while True:
-            _, dropped = self._find_room(fleet, dropped)
+            dropped = self._drop_cramped(fleet, dropped)
             placed, cramped = self._place(self._share(fleet, dropped), fleet.in_rows)
             if cramped is None:
                 return placed
             dropped |= {cramped}
 
-    def _find_room(self, fleet: FleetOrder, dropped: Dropped) -> tuple[OrderedRounds, Dropped]:
-        """The rounds in order, their places as far as these depend on rounds, and those dropped for want of room."""
+    def _drop_cramped(self, fleet: FleetOrder, dropped: Dropped) -> Dropped:
+        """The rounds dropped, with those that lack room before other lines are shared out."""
         while True:
-            placed, cramped = self._place(self._order(fleet, dropped), fleet.in_rows)
+            _, cramped = self._place(self._order(fleet, dropped), fleet.in_rows)
             if cramped is None:
-                return placed, dropped
+                return dropped
             dropped |= {cramped}
 
     def _place(self, ordered: OrderedRounds, in_rows: bool) -> tuple[OrderedRounds, ColumnRound | None]:

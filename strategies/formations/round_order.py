@@ -18,7 +18,7 @@ from strategies.formations.rounds import ColumnRound, RoundPlace, get_row, place
 from strategies.moves.move import Move
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import KICKS, OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem, search_programmes
 
 ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
 NEAR_ROUNDS = 8  # directed rounds whose moves from a round are found before the first search
@@ -84,7 +84,7 @@ def sketch_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[b
     """About the best order of all rounds, by estimated moves, where nobody is in anybody's way: nothing is driven."""
     _find_near(table, rounds, ends)
     problem = _pose_problem(table, rounds, ends, table.estimate_costs())
-    (tour,) = search_programmes(problem, KICKS, 1)
+    (tour,) = search_programmes(problem, problem.kicks, 1)
     order = list[DirectedRound]()
     for number, node in enumerate(tour):
         one, way = rounds[node // 2], node % 2

@@ -25,7 +25,7 @@ from strategies.path_planning.primitives import (
     compute_drive_time_s,
     wrap_angle,
 )
-from strategies.site.ground import FAR_POINTS, has_room_on_path, keeps_inside, measure_length_inside
+from strategies.site.ground import FAR_POINTS, has_room_on_path, measure_length_inside
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
 
@@ -183,8 +183,6 @@ def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  
     """Numbers of the first `most` of the forms (k, ROWS, 3) from pose a (3,) on which the body keeps `margin`."""
     numbers, found, few = np.empty(most, np.int64), 0, min(FAR_POINTS, len(points))
     for k in range(len(forms)):
-        if not keeps_inside(a, forms[k], grid, frame, margin):
-            continue
         if not has_room_on_path(a, forms[k], guide, points, few, reach, grid, frame, margin):
             continue
         if has_room_on_path(a, forms[k], guide, points, len(points), reach, grid, frame, margin):

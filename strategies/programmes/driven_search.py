@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import KICKS, OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
@@ -40,8 +40,8 @@ def search_driven_tours(
     tours = start
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
-        problem, before = pose_problem(table.estimate_costs()), tours
-        tours = search_programmes(problem, KICKS if is_settled else 0, seed + number, tours)
+        problem, before = pose_problem(table.estimate_costs()), tours if number else None
+        tours = search_programmes(problem, problem.kicks if is_settled else 0, seed + number, tours)
         if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             if can_be_driven(best):
                 return best
@@ -51,12 +51,12 @@ def search_driven_tours(
         if not is_settled:
             continue
         proven = pose_proven()
-        settled = tours if are_driven else search_programmes(proven, KICKS, seed + number, tours)
+        settled = tours if are_driven else search_programmes(proven, proven.kicks, seed + number, tours)
         settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
     while best and not can_be_driven(best):
         proven = pose_proven()
-        tours = search_programmes(proven, KICKS, seed, best)
+        tours = search_programmes(proven, proven.kicks, seed, best)
         best = Tours() if tours == best else tours
     return best

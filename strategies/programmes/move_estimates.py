@@ -25,7 +25,7 @@ NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
 DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
-CUTS_M = ((0.0, 0.0), (4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
+CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
 MOST_CUT_SHARE = 0.4
 ALIKE_M = 1e-6  # and radians: nearer poses are one
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
@@ -74,15 +74,16 @@ class MoveEstimates:
         return costs, is_estimated
 
     def estimate_s(self, pairs: Sequence[Pair], is_charged: bool = True) -> Floats:
-        """Seconds (k,) of the best closed forms between pairs of nodes; a guess where none has room.
-
-        With charges for what drivers avoid, by which the best is chosen, or as driven.
-        """
+        """Seconds (k,) of the best closed forms between pairs of nodes, with charges or as driven; else a guess."""
         new = [pair for pair in dict.fromkeys(pairs) if pair not in self._known]
         if new:
             for pair, raised in zip(new, self._estimate_raised_s(np.array(new, np.int64)).tolist(), strict=True):
                 cost_s, drive_s = min(tuple(raised), self._find_work_s(*pair))
-                found = (max(cost_s, 0.0), drive_s) if np.isfinite(cost_s) else (self.guess_detour_s(*pair),) * 2
+                found = (
+                    (max(cost_s, 0.0), drive_s)
+                    if np.isfinite(cost_s)
+                    else (self.guess_detour_s(*pair), float(self.plain_s[pair]))
+                )
                 self._known[pair] = found
         return np.array([self._known[pair][0 if is_charged else 1] for pair in pairs])
 
@@ -99,16 +100,17 @@ class MoveEstimates:
         most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
         body, ground, kept = site.body, site.ground, site.kept
         a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
-        alike = _number_alike(a_poses, b_poses)
+        places, alike = np.unique(_see_from(a_poses, b_poses), axis=0, return_inverse=True)
+        alike = alike.reshape(-1)
         order = np.argsort(alike, kind="stable")
         pairs, found_s = pairs[order], np.empty((len(pairs), 2))
         found_s[order] = compute_move_costs(
             a_poses[order],
-            b_poses[order],
+            places[alike[order]],
             alike[order],
             self.plain_s[tuple(pairs.T)] + DEAR_S,
             most_cuts_m[pairs],
-            np.array(CUTS_M),
+            np.array([(0.0, 0.0), *CUTS_M]),
             np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
             (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
             (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
@@ -124,10 +126,11 @@ class MoveEstimates:
         return min(((one.cost_s, one.drive_s) for one in found), default=(np.inf, np.inf))
 
 
-def _number_alike(a_poses: Floats, b_poses: Floats) -> npt.NDArray[np.int64]:
-    """A number (k,) for every pair of poses (k, 3), the same for those that lie alike as seen from the first."""
+def _see_from(a_poses: Floats, b_poses: Floats) -> Floats:
+    """Poses b as seen from poses a, both (k, 3), the same for those that lie alike."""
     cosine, sine = np.cos(a_poses[:, 2]), np.sin(a_poses[:, 2])
     east, north, turn = (b_poses - a_poses).T
     turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
     places = np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])
-    return np.unique(np.round(places / ALIKE_M), axis=0, return_inverse=True)[1].reshape(-1)
+    alike: Floats = np.round(places / ALIKE_M) * ALIKE_M
+    return alike

@@ -66,7 +66,7 @@ class MoveTable:
         return self.moves.gate
 
     def estimate(self, pairs: Sequence[tuple[int, int]]) -> bool:
-        """Estimate what moves between pairs of nodes cost; whether any was only guessed."""
+        """Estimate what moves between pairs of nodes cost; whether any was new."""
         new = [pair for pair in pairs if not self.is_estimated[pair] and self.cost_s[pair] < NO_MOVE_S]
         if new:
             places = tuple(np.array(new, np.int64).T)

@@ -30,6 +30,7 @@ from strategies.programmes.order_tours import (
     FIRST,
     FOURTH,
     MIN_GAIN_S,
+    NEIGHBOURS,
     NO_MOVE_S,
     NO_ROW,
     ONWARD,
@@ -57,10 +58,9 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-NEIGHBOURS = 8  # nodes that may follow or precede a node by a move that is considered
 STAGE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
-KICKS = 300  # of a thorough search: with 150 lines four times as many find 1 % more
+KICKS = 150  # of a thorough search, and one for every line: four times as many find 1 % more
 DRAWS = 5  # random numbers of a perturbation
 
 
@@ -121,6 +121,11 @@ class OrderProblem:
             stage=np.zeros(n, np.int64) if stage is None else np.asarray(stage, np.int64),
             stage_s=stage_s,
         )
+
+    @property
+    def kicks(self) -> int:
+        """Perturbations of a thorough search."""
+        return KICKS + len(self.work_s)
 
     def tabulate_moves(self) -> tuple[Floats, Floats, Floats]:
         """Seconds of moves, ways in and ways home as they are charged: NO_MOVE_S where there is none, and stages."""

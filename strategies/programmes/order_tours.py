@@ -23,7 +23,8 @@ PIECES = 4  # segments of which a move makes a tour
 ONWARD: Any = np.bool_(False)
 REVERSED: Any = np.bool_(True)
 NO_ROW: Any = np.int64(-1)
-MOVES, MOVES_PER_ROW = 320, 32  # of those that are weighed at once: near a line, and per tour
+NEIGHBOURS = 8  # nodes that may follow or precede a node by a move that is considered
+MOVES, MOVES_PER_ROW = 32 * NEIGHBOURS, 32  # weighed at once, at most 23 for each neighbour and 16 for each tour
 BEGIN: Any = np.int64(0)
 SIDE_A, SIDE_B = BEGIN, np.int64(1)
 FIRST, SECOND, THIRD, FOURTH = BEGIN, np.int64(1), np.int64(2), np.int64(3)
@@ -55,7 +56,7 @@ class Tours(NamedTuple):
     line is. `queue` (n,): a ring of lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is
     in it. `pieces` (2, PIECES, 4): the segments (row, low, high, whether reversed) of which a move makes the two rows
     `rows` (2,), -1: none. `moves` (m, 6): those to be weighed, from the second on; the first holds how
-    many there are. `touched` (k + 1,): rows that have changed.
+    many there are. `scratch` (2, n): the rows it makes. `touched` (k + 1,): rows that have changed.
     """
 
     nodes: Any

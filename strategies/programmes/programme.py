@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
@@ -132,7 +133,11 @@ def pose_problem(
     site, lines = moves.site, moves.lines
     own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
     has_lane = site.lane is not None
-    ends_s = [np.repeat(row[None, :-1] * has_lane, len(may), axis=0) for row in (costs[-1], costs[:, -1])]
+    is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
+    ends_s = [
+        np.repeat(np.where(is_barred, NO_MOVE_S, row[:-1] * has_lane)[None], len(may), axis=0)
+        for row in (costs[-1], costs[:, -1])
+    ]
     if barred is not None:
         ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(

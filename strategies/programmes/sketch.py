@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import KICKS, compute_cost_s, search_programmes
+from strategies.programmes.order_search import compute_cost_s, search_programmes
 from strategies.programmes.programme import Floats, list_pairs, pose_problem
 
 ROUNDS = 3  # of searching and asking what the moves of the tours cost
@@ -23,7 +23,7 @@ class Sketch:
 
     Attributes:
         tours: (per tractor) nodes in order.
-        tractor_s: seconds of every tractor, as driven.
+        tractor_s: seconds of every tractor, as driven without stops.
         cost_s: what the search makes small: seconds with charges for what drivers avoid and for lines that are left.
     """
 
@@ -51,13 +51,13 @@ def sketch_programme(
         if not table.estimate(list_pairs(moves, tours)):
             break
     problem = pose_problem(moves, np.where(table.is_estimated, table.cost_s, NO_MOVE_S), stage, may, extra_s)
-    tours = search_programmes(problem, KICKS, 1, tours)
-    return Sketch(tours, [_time_tour(table, tour, extra_s) for tour in tours], compute_cost_s(problem, tours))
+    tours = search_programmes(problem, problem.kicks, 1, tours)
+    return Sketch(tours, [_time_tour(table, tour) for tour in tours], compute_cost_s(problem, tours))
 
 
-def _time_tour(table: MoveTable, tour: Sequence[int], extra_s: Floats) -> float:
-    """Seconds of a tour as driven, with what its lines take beside."""
-    pairs, lines = list_pairs(table, [tour]), [node // 2 for node in tour]
-    work_m = math.fsum(table.lines[line].length_m for line in lines)
+def _time_tour(table: MoveTable, tour: Sequence[int]) -> float:
+    """Seconds of a tour as driven, without stops."""
+    pairs = list_pairs(table, [tour])
+    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
     moves_s = table.moves.estimates.estimate_s(pairs, is_charged=False).sum() if pairs else 0.0
-    return float(work_m / table.site.rules.work_speed_mps + moves_s + extra_s[lines].sum())
+    return float(work_m / table.site.rules.work_speed_mps + moves_s)

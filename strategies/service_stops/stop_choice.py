@@ -53,13 +53,14 @@ def choose_stops(
     stops is taken.
     """
     count, most = len(needs.lines), capacity * (1.0 + LOAD_TOLERANCE)
+    longest = most - min(0.0, min(needs.ways_on) + min(needs.ways_off))  # a bend may cut the line before a stop
     begun_s = [0.0] + [math.inf] * count
     came_from = [0] * (count + 1)
     for end in range(1, count + 1):
         least_s, between = math.inf, 0.0
         for start in range(end - 1, -1, -1):
             between += needs.lines[start] + (needs.moves[start + 1] if start + 1 < end else 0.0)
-            if between > most:
+            if between > longest:
                 break
             load = between + needs.ways_on[start] + needs.ways_off[end]
             if load <= most and begun_s[start] < least_s - COST_TOLERANCE_S:

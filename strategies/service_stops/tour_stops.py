@@ -33,7 +33,7 @@ class Detour:
     Attributes:
         extra_s, cost_s: seconds more than without a stop, and with all charges; both without the time to be served.
         arrive_s: seconds to the place.
-        off, on: what the ways to the place and on from there take of a load.
+        off, on: what the ways to the place and on from there take of a load; less than nothing where lines are cut.
         arrive, depart: their moves; None where not found, and where a tractor is served at the end of its line.
     """
 

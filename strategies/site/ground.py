@@ -23,7 +23,6 @@ CELL_M = 0.5  # of the grid: interpolated distances err by a few centimetres at 
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
 POINT_STEP_M = 0.5  # between the points of an outline
 PATH_STEP_M = 0.4  # between the poses checked on a path
-GLANCE_STEP_M = 2.0  # of a path that is looked at before the whole body is
 AMPLE_M = 0.25  # beyond the room asked for: more makes no difference
 FAR_POINTS = 8  # the farthest points of a body, which leave the ground first, are checked on the whole path first
 
@@ -138,24 +137,6 @@ def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough)
             px, py = nx, ny
         heading += bend * gear * length
     return least  # type: ignore[no-any-return]
-
-
-@compile_function
-def keeps_inside(a, rows, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the guided point, which is part of the body, keeps `margin` (m) at a few places of a path from a pose."""
-    px, py, heading = a[0], a[1], a[2]
-    for k in range(len(rows)):
-        length, bend, gear = rows[k, 0], rows[k, 1], rows[k, 2]
-        steps = math.ceil(length / GLANCE_STEP_M)
-        run = gear * length / max(steps, 1)
-        half = 0.5 * bend * run
-        chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
-        for _ in range(steps):
-            px, py = px + chord * math.cos(heading + half), py + chord * math.sin(heading + half)
-            heading += bend * run
-            if get_distance(px, py, grid, frame) < margin:
-                return False
-    return True
 
 
 @compile_function

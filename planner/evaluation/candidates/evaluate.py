@@ -81,13 +81,14 @@ def _run_unless_pruned(
     nobody waited.
     """
     sketches = sketch_plans(context, get_strategy(candidate.strategy), candidate.tractors)
-    pruned = prune_composed(context, [one.least_s for one in sketches], incumbent)
-    if pruned is not None:
-        return pruned
     driver, best, best_s = ProgrammeDriver(context), None, math.inf
     losers, refusals = list[PrunedCandidate](), list[StrategyError]()
     for sketch in sketches:
         if max(sketch.least_s) >= best_s:
+            continue
+        pruned = prune_composed(context, [sketch.least_s], incumbent)
+        if pruned is not None:
+            losers.append(pruned)
             continue
         try:
             one = sketch.compose()
@@ -105,11 +106,11 @@ def _run_unless_pruned(
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
-    if best is not None:
-        return best
-    if losers:
+    if losers and (best is None or best.reason is not None):
         return min(losers, key=attrgetter("bound_s"))
-    raise refusals[0]
+    if best is None:
+        raise refusals[0]
+    return best
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:

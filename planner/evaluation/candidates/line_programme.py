@@ -45,7 +45,7 @@ from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
-SKETCHED_SHARE = 0.98  # of what estimated moves take: a search that goes on found programmes quicker by 1.5 %
+SKETCHED_SHARE = 0.99  # of what estimated moves take: a search that goes on finds programmes quicker by so much
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
@@ -81,18 +81,13 @@ class ComposedPlan:
         worked_m2 = math.fsum(line.own_m2 for line in lines) - left_m2
         return 1.0 + left_m2 / max(worked_m2, 1.0)
 
-    @property
-    def cost_s(self) -> float:
-        """Seconds until the field is finished, what is left at the same rate, if nobody waits."""
-        return max(self.tractor_s) * self.left_factor
-
 
 @dataclass(frozen=True, eq=False)
 class SketchedPlan:
     """A plan before anything is driven for it, with the headland in an order ("" for any).
 
     Attributes:
-        least_s: seconds of every tractor at least, as far as can be told before.
+        least_s: about the seconds of every tractor at least.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
     """
 

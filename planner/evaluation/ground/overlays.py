@@ -38,8 +38,7 @@ def unite_areas(areas: Areas) -> shapely.Geometry:
 
 
 def _covers_all_areas(union: shapely.Geometry, areas: Areas) -> bool:
-    """Whether every corner of every area, and a point inside each, lies in the union."""
-    areas = areas[shapely.area(areas) > 0.0]
+    """Whether every corner of every polygon, and a point inside each, lies in the union."""
     if not len(areas):
         return True
     shapely.prepare(union)
