@@ -47,7 +47,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
 
 @pytest.fixture(scope="module")
 def plan_without_entrance(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
-    return plan_three(tmp_path_factory, None)
+    return plan_three(tmp_path_factory, None, "interleaved")
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,9 @@ def waits_where_it_stands(plan: FleetPlan, case: ForcedWait) -> bool:
     return len(made.timed_missions[case.waiting].legs[manager.states[case.waiting].leg].gates) == 1
 
 
-def plan_three(tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None) -> FleetPlan:
+def plan_three(
+    tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None, strategy: str = "split-field"
+) -> FleetPlan:
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
     scenario = PlanRequest(
@@ -94,12 +96,12 @@ def plan_three(tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, 
         local=True,
         width_m=3.0,
         tractors=(3,),
-        strategies=("split-field",),
+        strategies=(strategy,),
         entrance=entrance,
         corners="square",
     )
     site = prepare_context(scenario)
-    run = simulate_candidate(site, Candidate("split-field", 3)).run
+    run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert run is not None
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
 
