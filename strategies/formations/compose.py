@@ -76,34 +76,15 @@ def compose_formation(site: FormationSite, tractors: int, headland: str, rule: F
     return Formation(site.share(FleetOrder(tractors, headland, rule.in_rows)), rule)
 
 
-def bound_formation_s(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> list[float]:
-    """About the seconds of every tractor of a formation, however the lines that are in no round are shared out.
-
-    Raises StrategyError without a round.
-    """
-    found = site.sketch(FleetOrder(tractors, headland, rule.in_rows))
-    table, rounds, speed = found.table, found.rounds, found.table.site.rules.work_speed_mps
-    begun_s = max(place.place_m for place in rounds[0].places) / speed
-    begun_s += measure_rounds_s(rounds, speed, in_rows=rule.in_rows, in_file=rule.in_file)
-    ends_s = [begun_s + pass_s for pass_s in list_passes_s(rounds[-1], speed)]
-    worked = {node // 2 for each in rounds for column in each.one.columns for node in column.nodes}
-    rest = [number for number in range(len(table.lines)) if number not in worked]
-    rest_s = math.fsum(table.lines[number].own_m2 for number in rest) * table.site.work_s_per_m2
-    nearest = table.cost_s.argmin(axis=0).tolist()
-    ways_s = table.moves.estimates.estimate_s(
-        [(nearest[node], node) for number in rest for node in (2 * number, 2 * number + 1)], is_charged=False
-    )
-    rest_s += float(ways_s.reshape(-1, 2).min(axis=1).sum())
-    total_s = math.fsum(ends_s) + rest_s
-    last_s = max(total_s / tractors, *ends_s)
-    return [last_s, *[(total_s - last_s) / (tractors - 1)] * (tractors - 1)]
+def sketch_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
+    """The same as it is likely to be, before anything is driven for it."""
+    return Formation(site.sketch(FleetOrder(tractors, headland, rule.in_rows)), rule)
 
 
 def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:
     """Seconds of the moves between nodes, and of the lines of those that are worked."""
-    moves = [table.get_move(u, v) for u, v in pairwise(nodes)]
     work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in worked)
-    return work_m / table.site.rules.work_speed_mps + math.fsum(move.drive_s for move in moves if move is not None)
+    return work_m / table.site.rules.work_speed_mps + table.sum_drive_s(list(pairwise(nodes)))
 
 
 def _describe_share(found: OrderedRounds) -> dict[str, object]:

@@ -16,7 +16,7 @@ from strategies.formations.passing import PassageTracer
 from strategies.formations.placement import find_cramped_round, place_rounds
 from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
-from strategies.formations.tours import FormationTour, share_lines
+from strategies.formations.tours import FormationTour, share_lines, sketch_tours
 from strategies.path_planning.errors import StrategyError, build_too_many_error
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
@@ -66,11 +66,12 @@ class FormationSite:
     _known: dict[Hashable, Any] = field(default_factory=dict)
 
     def sketch(self, fleet: FleetOrder) -> OrderedRounds:
-        """About the best order of all rounds, before anything is driven for them."""
+        """All rounds and tours as they are likely to be, before anything is driven for them."""
 
         def find() -> OrderedRounds:
             table = MoveTable(self.moves)
-            return OrderedRounds(table, tuple(sketch_rounds(table, self._list_rounds(fleet.tractors), fleet.ends)))
+            rounds = sketch_rounds(table, self._list_rounds(fleet.tractors), fleet.ends)
+            return OrderedRounds(table, tuple(rounds), tuple(sketch_tours(table, rounds, fleet.headland)))
 
         return self._recall((fleet.tractors, fleet.headland, "sketched"), find)
 
@@ -137,7 +138,7 @@ class FormationSite:
             ordered = self._order(fleet, dropped)
             table = ordered.table
             while True:
-                tours = share_lines(table, ordered.rounds, fleet.tractors, fleet.headland, self.check)
+                tours = share_lines(table, ordered.rounds, fleet.headland, self.check)
                 if tours:
                     return OrderedRounds(table, tuple(join_rounds(table, ordered.rounds)), tuple(tours))
                 ordered = self._order_on(table, fleet, dropped)  # what a whole drive has struck is no move any more

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -16,12 +17,17 @@ import numpy.typing as npt
 from strategies.formations.passing import Floats
 from strategies.formations.rounds import ColumnRound, RoundPlace, get_row, place_tractors
 from strategies.moves.move import Move
-from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.driven_search import (
+    ListMoves,
+    PoseProblem,
+    Tours,
+    search_driven_tours,
+    search_estimated_tours,
+)
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem
 
 ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
-NEAR_ROUNDS = 8  # directed rounds whose moves from a round are found before the first search
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +59,9 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
 
     `ends` says whether the formation comes from the entrance, and goes home from it.
     """
-    _find_near(table, rounds, ends)
-    tours = search_driven_tours(
-        table,
-        lambda costs: _pose_problem(table, rounds, ends, costs),
-        lambda tours: _list_tour_moves(table, rounds, ends, tours[0]),
-        lambda tours: True,
-    )
+    pose_problem, list_moves = _pose(table, rounds, ends)
+    sketched, _ = search_estimated_tours(table, pose_problem, list_moves)
+    tours = search_driven_tours(table, pose_problem, list_moves, lambda tours: True, start=sketched)
     joined: list[list[int]] = [[]]
     for node in tours[0] if tours else ():
         if joined[-1] and not _are_joined(table, rounds, joined[-1][-1], node):
@@ -82,9 +84,7 @@ def join_rounds(table: MoveTable, order: Sequence[DirectedRound]) -> list[Direct
 
 def sketch_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
     """About the best order of all rounds, by estimated moves, where nobody is in anybody's way: nothing is driven."""
-    _find_near(table, rounds, ends)
-    problem = _pose_problem(table, rounds, ends, table.estimate_costs())
-    (tour,) = search_programmes(problem, problem.kicks, 1)
+    ((tour,), _) = search_estimated_tours(table, *_pose(table, rounds, ends))
     order = list[DirectedRound]()
     for number, node in enumerate(tour):
         one, way = rounds[node // 2], node % 2
@@ -96,11 +96,13 @@ def sketch_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[b
     return order
 
 
-def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:
-    """Estimate the moves from every round to those nearest: a wide turn over a round between may be the quickest."""
-    nearest = np.argsort(_pose_problem(table, rounds, ends, table.cost_s).move_s, axis=1, kind="stable")
-    near = [(a, b) for a, row in enumerate(nearest[:, :NEAR_ROUNDS].tolist()) for b in row if a // 2 != b // 2]
-    table.estimate([pair for a, b in near for pair in _list_moves(rounds, a, b)])
+def _pose(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> tuple[PoseProblem, ListMoves]:
+    """The problem of the order of rounds, and the moves of its tours, as searches take them."""
+
+    def list_moves(tours: Tours) -> list[tuple[int, int]]:
+        return [move for tour in tours for move in _list_tour_moves(table, rounds, ends, tour)]
+
+    return partial(_pose_problem, table, rounds, ends), list_moves
 
 
 def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from strategies.formations.passing import Floats
 from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
@@ -96,6 +97,10 @@ class _Pieces:
             stage=self._list_stages(order),
         )
 
+    def list_moves(self, tours: list[list[int]]) -> list[tuple[int, int]]:
+        """The moves that tours of the search use, as pairs of nodes of the table."""
+        return list_pairs(self.table, [self.expand(tour).nodes for tour in tours])
+
     def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
         """Columns left over follow the rounds, headland sides come before or after both."""
         headland = 0 if order == HEADLAND_FIRST else 3
@@ -113,19 +118,26 @@ class _Pieces:
         return FormationTour(tuple(before), chain, tuple(after))
 
 
+def sketch_tours(table: MoveTable, rounds: Sequence[DirectedRound], order: str) -> list[FormationTour]:
+    """The tours of all tractors by estimated moves: nothing is driven, and nobody is in anybody's way.
+
+    Raises StrategyError where some tractor does not get to the rounds.
+    """
+    pieces = _cut_pieces(table, rounds)
+    found, _ = search_estimated_tours(table, partial(pieces.pose_problem, order, None), pieces.list_moves)
+    return _expand_tours(pieces, found)
+
+
 def share_lines(
-    table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str, stands_in_way: StandsInWay
+    table: MoveTable, rounds: Sequence[DirectedRound], order: str, stands_in_way: StandsInWay
 ) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left.
 
     None at all where a drive of a whole tour strikes a move between rounds, which then need another order. Raises
     StrategyError where some tractor does not get to the rounds.
     """
-    chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
-    in_rounds = {node // 2 for chain in chains for node in chain}
-    lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
-    pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
-    barred = BarredPlaces(table, stands_in_way, tractors) if table.site.lane is None else None
+    pieces = _cut_pieces(table, rounds)
+    barred = BarredPlaces(table, stands_in_way, len(pieces.chains)) if table.site.lane is None else None
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         expanded = [pieces.expand(tour) for tour in tours]
@@ -133,21 +145,31 @@ def share_lines(
             return False
         return False not in [prove_mission(table, tour.nodes) for tour in expanded]
 
-    found = search_driven_tours(
-        table,
-        lambda costs: pieces.pose_problem(order, barred, costs),
-        lambda tours: list_pairs(table, [pieces.expand(tour).nodes for tour in tours]),
-        can_be_driven,
-    )
-    if not all(table.is_proven(u, v) for chain in chains for u, v in pairwise(chain)):
+    found = search_driven_tours(table, partial(pieces.pose_problem, order, barred), pieces.list_moves, can_be_driven)
+    if not all(table.is_proven(u, v) for chain in pieces.chains for u, v in pairwise(chain)):
         return []
-    best = [pieces.expand(tour) for tour in found]
-    if not best or not all(tour.rounds for tour in best):
-        raise StrategyError(
-            f"No path leads {tractors} tractors to tracks they could work side by side; use fewer tractors, or "
-            "split-field or interleaved."
-        )
+    best = _expand_tours(pieces, found)
     return [_keep_connected(table, tour) for tour in best]
+
+
+def _cut_pieces(table: MoveTable, rounds: Sequence[DirectedRound]) -> _Pieces:
+    """The ways of all tractors through rounds, and the lines in none of these."""
+    tractors = range(len(rounds[0].one.columns))
+    chains = tuple(tuple(node for each in rounds for node in each.list_nodes(k)) for k in tractors)
+    in_rounds = {node // 2 for chain in chains for node in chain}
+    lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
+    return _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
+
+
+def _expand_tours(pieces: _Pieces, found: list[list[int]]) -> list[FormationTour]:
+    """Tours of the search as nodes of the table; raises StrategyError where one does not lead through the rounds."""
+    tours = [pieces.expand(tour) for tour in found]
+    if not tours or not all(tour.rounds for tour in tours):
+        raise StrategyError(
+            f"No path leads {len(pieces.chains)} tractors to tracks they could work side by side; use fewer tractors, "
+            "or split-field or interleaved."
+        )
+    return tours
 
 
 def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:

@@ -1,4 +1,5 @@
-"""Tours whose moves were all driven well: search, drive what the tours use, strike what fails, search on."""
+"""Tours by estimated moves, and tours whose moves were all driven well: search, drive what they use, strike what fails,
+search on."""
 
 from __future__ import annotations
 
@@ -14,15 +15,45 @@ from strategies.programmes.order_search import OrderProblem, compute_cost_s, sea
 
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
+PoseProblem = Callable[[Floats], OrderProblem]
+ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
 
 MOST_ROUNDS = 80  # of searching and driving
+NEAR_NODES = 8  # whose moves from a node are estimated first
+ESTIMATE_ROUNDS = 3  # of searching and asking what the moves of the tours cost
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
+
+
+def search_estimated_tours(table: MoveTable, pose_problem: PoseProblem, list_moves: ListMoves) -> tuple[Tours, float]:
+    """The best tours by moves that were estimated, and their cost: nothing is driven.
+
+    `pose_problem` and `list_moves` as in `search_driven_tours`.
+    """
+    table.estimate(list_moves(_list_near(pose_problem(table.cost_s))))
+    tours: Tours | None = None
+    for number in range(ESTIMATE_ROUNDS):
+        tours = search_programmes(pose_problem(table.estimate_costs()), 0, 1 + number, tours)
+        if not table.estimate(list_moves(tours)):
+            break
+    problem = pose_problem(np.where(table.is_estimated, table.cost_s, NO_MOVE_S))
+    tours = search_programmes(problem, problem.kicks, 1, tours)
+    return tours, compute_cost_s(problem, tours)
+
+
+def _list_near(problem: OrderProblem) -> Tours:
+    """Pairs of near nodes of lines that the same tractor may work."""
+    lines = np.arange(len(problem.move_s)) // 2
+    may_follow = (problem.allowed.T.astype(int) @ problem.allowed)[np.ix_(lines, lines)] > 0
+    move_s = np.where(may_follow & (lines[:, None] != lines), problem.move_s, NO_MOVE_S)
+    nearest = np.argsort(move_s, axis=1, kind="stable")[:, :NEAR_NODES]
+    near: Tours = np.argwhere(np.take_along_axis(move_s, nearest, axis=1) < NO_MOVE_S).tolist()
+    return [[a, int(nearest[a, place])] for a, place in near]
 
 
 def search_driven_tours(
     table: MoveTable,
-    pose_problem: Callable[[Floats], OrderProblem],
-    list_moves: Callable[[Tours], Sequence[tuple[int, int]]],
+    pose_problem: PoseProblem,
+    list_moves: ListMoves,
     can_be_driven: Callable[[Tours], bool],
     seed: int = 1,
     start: Tours | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -77,6 +78,13 @@ class MoveTable:
         """The best move between two nodes that no drive has refused; None if none is known."""
         options = self._options.get((u, v))
         return options[0] if options else None
+
+    def sum_drive_s(self, pairs: Sequence[tuple[int, int]]) -> float:
+        """Seconds of the moves between pairs of nodes without charges: as found or driven, else as estimated."""
+        moves = [self.get_move(*pair) for pair in pairs]
+        unknown = [pair for pair, move in zip(pairs, moves, strict=True) if move is None]
+        estimated_s = self.moves.estimates.estimate_s(unknown, is_charged=False) if unknown else []
+        return math.fsum([*estimated_s, *(move.drive_s for move in moves if move is not None)])
 
     def is_proven(self, u: int, v: int) -> bool:
         """Whether the move between two nodes was driven well."""

@@ -49,9 +49,8 @@ def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
     if not tour:
         return 0.0
     work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
-    moves = (table.get_move(*pair) for pair in list_pairs(table, [tour]))
-    driven_s = sum(move.drive_s for move in moves if move is not None)
-    return work_m / table.site.rules.work_speed_mps + driven_s + table.moves.drives.rest_s
+    moves_s = table.sum_drive_s(list_pairs(table, [tour]))
+    return work_m / table.site.rules.work_speed_mps + moves_s + table.moves.drives.rest_s
 
 
 def list_pairs(table: MoveTable | SiteMoves, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:

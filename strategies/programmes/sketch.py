@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.driven_search import search_estimated_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import compute_cost_s, search_programmes
-from strategies.programmes.programme import Floats, list_pairs, pose_problem
-
-ROUNDS = 3  # of searching and asking what the moves of the tours cost
+from strategies.programmes.programme import Floats, compute_tour_s, list_pairs, pose_problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +40,9 @@ def sketch_programme(
     stage = np.array(stages, np.int64)
     may = np.ones((tractors, count), bool) if allowed is None else allowed
     extra_s = np.zeros(count) if served_s is None else served_s
-    tours: list[list[int]] | None = None
-    for number in range(ROUNDS):
-        problem = pose_problem(moves, table.estimate_costs(), stage, may, extra_s)
-        tours = search_programmes(problem, 0, 1 + number, tours)
-        if not table.estimate(list_pairs(moves, tours)):
-            break
-    problem = pose_problem(moves, np.where(table.is_estimated, table.cost_s, NO_MOVE_S), stage, may, extra_s)
-    tours = search_programmes(problem, problem.kicks, 1, tours)
-    return Sketch(tours, [_time_tour(table, tour) for tour in tours], compute_cost_s(problem, tours))
-
-
-def _time_tour(table: MoveTable, tour: Sequence[int]) -> float:
-    """Seconds of a tour as driven, without stops."""
-    pairs = list_pairs(table, [tour])
-    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
-    moves_s = table.moves.estimates.estimate_s(pairs, is_charged=False).sum() if pairs else 0.0
-    return float(work_m / table.site.rules.work_speed_mps + moves_s)
+    tours, cost_s = search_estimated_tours(
+        table,
+        lambda costs: pose_problem(moves, costs, stage, may, extra_s),
+        lambda tours: list_pairs(moves, tours),
+    )
+    return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)

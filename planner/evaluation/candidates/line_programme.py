@@ -25,9 +25,9 @@ from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
 from strategies.formations.compose import (
-    bound_formation_s,
     compose_formation,
     describe_formation_share,
+    sketch_formation,
 )
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
@@ -153,8 +153,8 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
             formation = compose_formation(site, tractors, order, rule)
             return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
-        least_s = bound_formation_s(site, tractors, order, rule)
-        return SketchedPlan(order, [SKETCHED_SHARE * seconds for seconds in least_s], compose)
+        tractor_s = sketch_formation(site, tractors, order, rule).compute_tractor_s()
+        return SketchedPlan(order, [SKETCHED_SHARE * seconds for seconds in tractor_s], compose)
 
     return form_up
 
