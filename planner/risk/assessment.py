@@ -43,7 +43,7 @@ from vehicle.model.tractor import Implement, Tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.sim.world import World
 
-DEFAULT_DRIVES = 8
+DEFAULT_DRIVES = 4
 MAX_SPEED_FACTOR = 3.0  # times the planned speed: no leg is simulated faster
 TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1

@@ -181,11 +181,13 @@ def enforce_planned_order(run: SimulationRun, tractor: Tractor, implement: Imple
 
 def _find_shared_ground(segments: _GroundSegments) -> tuple[IntArray, IntArray]:
     """Pairs of segments of two tractors that share ground: indices of the earlier and of the later ones."""
-    first, second = shapely.STRtree(segments.ground).query(segments.ground, predicate="intersects")
+    first, second = shapely.STRtree(segments.ground).query(segments.ground)
     is_before = (segments.tractor[first] != segments.tractor[second]) & (
         segments.end_s[first] <= segments.start_s[second]
     )
-    return first[is_before], second[is_before]
+    first, second = first[is_before], second[is_before]
+    share = shapely.intersects(segments.ground[first], segments.ground[second])
+    return first[share], second[share]
 
 
 def _find_waiting_cuts(segments: _GroundSegments) -> dict[tuple[int, int], list[LegCut]]:

@@ -21,6 +21,7 @@ ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
 MOST_ROUNDS = 80  # of searching and driving
 NEAR_NODES = 8  # whose moves from a node are estimated first
 ESTIMATE_ROUNDS = 3  # of searching and asking what the moves of the tours cost
+REFINING = 4  # times fewer perturbations once tours are known
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
 
@@ -72,7 +73,7 @@ def search_driven_tours(
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
         problem, before = pose_problem(table.estimate_costs()), tours if number else None
-        tours = search_programmes(problem, problem.kicks if is_settled else 0, seed + number, tours)
+        tours = search_programmes(problem, problem.kicks // REFINING if is_settled else 0, seed + number, tours)
         if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             if can_be_driven(best):
                 return best

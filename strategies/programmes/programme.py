@@ -9,16 +9,19 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from strategies.moves.drives import BRAKE_M, SETTLE_M
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_legs import build_tour_parts
+from strategies.programmes.tour_legs import build_run_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.site.site import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
+
+SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,20 +104,37 @@ def make_programme(
 
 
 def prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
-    """Whether a drive of a whole tour keeps to the ground; what it loses itself by is struck.
+    """Whether a tour keeps to the ground over lines too short to settle on; moves at which it does not are struck.
 
-    Lines that are too short to settle on pass on how they were begun, which a move driven alone does not show.
+    Such lines pass on how they were begun, which a move driven alone does not show.
     """
-    stretch = _keep_connected(table, tour)
-    if not stretch:
-        return True
-    parts = build_tour_parts(table, stretch)
-    owners = [pair for pair, legs in parts for _ in legs]
-    lost = [owners[leg] for leg in table.moves.find_lost_legs([leg for _, legs in parts for leg in legs])]
-    for u, v in dict.fromkeys(lost):
+    runs = [run for run in _list_short_runs(table, _keep_connected(table, tour)) if not table.is_run_proven(run)]
+    lost = dict.fromkeys(pair for run in runs for pair in _find_lost_moves(table, run))
+    for u, v in lost:
         if table.is_proven(u, v):
             table.strike(u, v)
     return not lost
+
+
+def _list_short_runs(table: MoveTable, tour: Sequence[int]) -> list[tuple[int, ...]]:
+    """Stretches of a tour from one line to settle on to the next, over one or more that are shorter."""
+    gate = [] if table.site.lane is None else [table.gate]
+    runs: list[list[int]] = [[]]
+    for node in [*gate, *tour, *gate]:
+        runs[-1].append(node)
+        if node == table.gate or table.lines[node // 2].measure_path_m(node % 2) >= SETTLED_M:
+            runs.append([node])
+    return [tuple(run) for run in runs if len(run) > 2]
+
+
+def _find_lost_moves(table: MoveTable, run: Sequence[int]) -> list[tuple[int, int]]:
+    """The moves of a stretch of a tour at which a drive of it leaves the ground."""
+    parts = build_run_parts(table, run)
+    owners = [pair for pair, legs in parts for _ in legs]
+    lost = [owners[leg] for leg in table.moves.find_lost_legs([leg for _, legs in parts for leg in legs])]
+    if not lost:
+        table.note_proven_run(run)
+    return lost
 
 
 def pose_problem(

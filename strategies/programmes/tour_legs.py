@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from strategies.lines.work_line import cut_line
-from strategies.moves.drives import build_path_legs
+from strategies.moves.drives import build_path_legs, build_work_leg
 from strategies.moves.move import Move
 from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
@@ -24,21 +24,54 @@ Pair = tuple[int, int]
 
 def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
     """The mission of a tractor that works the nodes of a tour in order."""
-    return make_mission([leg for _, legs in build_tour_parts(table, tour) for leg in legs])
-
-
-def build_tour_parts(table: MoveTable, tour: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
-    """The legs of a tour, each part with the move that it is, or that led to the line it works."""
-    pairs = list(pairwise([table.gate, *tour, table.gate]))
-    parts, join_m = [(pairs[0], build_way_in(table, tour[0]))], 0.0
-    for came, (node, following) in pairwise(pairs):
+    pairs, legs, join_m = list(pairwise([table.gate, *tour, table.gate])), build_way_in(table, tour[0]), 0.0
+    for node, following in pairs[1:]:
         is_last = following == table.gate
         move = None if is_last and table.site.lane is None else table.get_move(node, following)
-        parts.append((came, split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)))
+        legs += split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)
         if move is not None and not is_last:
-            parts.append(((node, following), build_move(table, following, move)))
+            legs += build_move(table, following, move)
             join_m = move.join_m
-    return [*parts, (pairs[-1], build_way_out(table, tour[-1]))]
+    return make_mission([*legs, *build_way_out(table, tour[-1])])
+
+
+def build_run_parts(table: MoveTable, nodes: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
+    """The legs of the moves between nodes, with lines between two moves, and what is driven of the first and the last.
+
+    Each part comes with the move that it is, or that led to the line it works.
+    """
+    pairs, join_m = list(pairwise(nodes)), 0.0
+    parts = [(pairs[0], _build_begin(table, *pairs[0]))]
+    for number, (u, v) in enumerate(pairs):
+        move = _require_move(table, u, v)
+        if number:
+            parts.append((pairs[number - 1], split_work_leg(table, u, move.leave_m, join_m)))
+        if table.gate not in (u, v):
+            parts.append(((u, v), build_move(table, v, move)))
+        join_m = move.join_m
+    return [*parts, (pairs[-1], _build_end(table, *pairs[-1]))]
+
+
+def _build_begin(table: MoveTable, u: int, v: int) -> list[Leg]:
+    """What is driven before a move: the end of its line, or the way in."""
+    if u == table.gate:
+        return build_way_in(table, v)
+    points = table.moves.cut_before(u, _require_move(table, u, v).leave_m)
+    return [build_work_leg(table.site, points, table.lines[u // 2].task)]
+
+
+def _build_end(table: MoveTable, u: int, v: int) -> list[Leg]:
+    """What is driven after a move: the begin of the line it leads to, or the way out."""
+    if v == table.gate:
+        return build_way_out(table, u)
+    points = table.moves.cut_after(v, _require_move(table, u, v).join_m)
+    return [build_work_leg(table.site, points, table.lines[v // 2].task)]
+
+
+def _require_move(table: MoveTable, u: int, v: int) -> Move:
+    move = table.get_move(u, v)
+    assert move is not None  # a programme uses moves that exist
+    return move
 
 
 def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
@@ -65,8 +98,7 @@ def build_way_in(table: MoveTable, node: int) -> list[Leg]:
     lane, line = table.site.lane, table.lines[node // 2]
     if lane is None:
         return []
-    move = table.get_move(table.gate, node)
-    assert move is not None  # a programme uses moves that exist
+    move = _require_move(table, table.gate, node)
     path = join_paths([lane.build_path_in(), move.path], move.kind)
     legs = build_path_legs(table.site, path, replace(line.task, kind=ENTER))
     return add_wait_points(legs, ROUTE_WAIT_M)
@@ -76,7 +108,6 @@ def build_way_out(table: MoveTable, node: int) -> list[Leg]:
     lane = table.site.lane
     if lane is None:
         return []
-    move = table.get_move(node, table.gate)
-    assert move is not None
+    move = _require_move(table, node, table.gate)
     path = join_paths([move.path, lane.build_path_out()], move.kind)
     return add_wait_points(build_path_legs(table.site, path, LegTask(LEAVE)), ROUTE_WAIT_M)

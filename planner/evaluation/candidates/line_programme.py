@@ -45,7 +45,7 @@ from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
-SKETCHED_SHARE = 0.99  # of what estimated moves take: a search that goes on finds programmes quicker by so much
+SKETCHED_SHARE = 1.0  # of what estimated moves take: a search that goes on finds programmes quicker by so much
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
