@@ -24,10 +24,13 @@ Pair = tuple[int, int]
 NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
-DEAR_S = 12.0  # a move that takes so much longer than its way is also sought with the ends of lines cut back
-CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left, and from the line begun
+CUTS_M = (
+    (4.0, 0.0),
+    (0.0, 4.0),
+    (4.0, 4.0),
+    (8.0, 8.0),
+)  # from the line left and from the line begun, for want of room
 MOST_CUT_SHARE = 0.4
-ALIKE_M = 1e-6  # and radians: nearer poses are one
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
 
 
@@ -100,15 +103,9 @@ class MoveEstimates:
         most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
         body, ground, kept = site.body, site.ground, site.kept
         a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
-        places, alike = np.unique(_see_from(a_poses, b_poses), axis=0, return_inverse=True)
-        alike = alike.reshape(-1)
-        order = np.argsort(alike, kind="stable")
-        pairs, found_s = pairs[order], np.empty((len(pairs), 2))
-        found_s[order] = compute_move_costs(
-            a_poses[order],
-            places[alike[order]],
-            alike[order],
-            self.plain_s[tuple(pairs.T)] + DEAR_S,
+        found_s: Floats = compute_move_costs(
+            a_poses,
+            _see_from(a_poses, b_poses),
             most_cuts_m[pairs],
             np.array([(0.0, 0.0), *CUTS_M]),
             np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
@@ -127,10 +124,7 @@ class MoveEstimates:
 
 
 def _see_from(a_poses: Floats, b_poses: Floats) -> Floats:
-    """Poses b as seen from poses a, both (k, 3), the same for those that lie alike."""
+    """Poses b as seen from poses a, both (k, 3)."""
     cosine, sine = np.cos(a_poses[:, 2]), np.sin(a_poses[:, 2])
     east, north, turn = (b_poses - a_poses).T
-    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
-    places = np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])
-    alike: Floats = np.round(places / ALIKE_M) * ALIKE_M
-    return alike
+    return np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])

@@ -41,6 +41,7 @@ class MoveTable:
     is_estimated: npt.NDArray[np.bool_] = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
+    _cut: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
@@ -85,8 +86,8 @@ class MoveTable:
         """Seconds of the moves between pairs of nodes without charges: as found or driven, else as estimated."""
         moves = [self.get_move(*pair) for pair in pairs]
         unknown = [pair for pair, move in zip(pairs, moves, strict=True) if move is None]
-        estimated_s = self.moves.estimates.estimate_s(unknown, is_charged=False) if unknown else []
-        return math.fsum([*estimated_s, *(move.drive_s for move in moves if move is not None)])
+        estimated_s = float(self.moves.estimates.estimate_s(unknown, is_charged=False).sum()) if unknown else 0.0
+        return estimated_s + math.fsum(move.drive_s for move in moves if move is not None)
 
     def is_proven(self, u: int, v: int) -> bool:
         """Whether the move between two nodes was driven well."""
@@ -164,10 +165,12 @@ class MoveTable:
         self._update_cost(u, v)
 
     def find(self, u: int, v: int) -> bool:
-        """Find the moves between two nodes, by a search where nothing else helps; whether there is one."""
+        """Find moves between two nodes: in closed form, else with lines cut back, else by a search; whether any is."""
         if (u, v) not in self._options:
-            moves = [*self.moves.list_options(u, v), *self.moves.list_more_options(u, v)]
-            self._options[u, v] = sorted(moves, key=attrgetter("cost_s"))
+            self._options[u, v] = list(self.moves.list_options(u, v))
+        if not self._options[u, v] and (u, v) not in self._cut:
+            self._cut.add((u, v))
+            self._options[u, v] = list(self.moves.list_cut_moves(u, v))
         if not self._options[u, v] and self._may_search(u, v):
             self._searched.add((u, v))
             found = self.moves.search(u, v)
@@ -184,7 +187,8 @@ class MoveTable:
         if options:
             self.cost_s[u, v] = max(0.0, options[0].cost_s)
         else:
-            self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if self._may_search(u, v) else NO_MOVE_S
+            may_find = (u, v) not in self._cut or self._may_search(u, v)
+            self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if may_find else NO_MOVE_S
 
     def _may_search(self, u: int, v: int) -> bool:
         """Whether a search may still find a move: not where others to or from the same place were in vain."""

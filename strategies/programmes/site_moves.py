@@ -7,7 +7,6 @@ all programmes of a site may share it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -21,7 +20,7 @@ from strategies.moves.drives import BRAKE_M, SETTLE_M, MoveDrives, Passage, buil
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import CUTS_M, DEAR_S, MOST_CUT_SHARE, MoveEstimates
+from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -46,7 +45,7 @@ class SiteMoves:
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
-    _more_options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     _driven: dict[Move, Move | None] = field(default_factory=dict)
 
@@ -71,13 +70,11 @@ class SiteMoves:
             self._options[u, v] = tuple(self._list_options(u, v))
         return self._options[u, v]
 
-    def list_more_options(self, u: int, v: int) -> tuple[Move, ...]:
-        """Those with the ends of lines cut back for them, where all others are dear."""
-        if (u, v) not in self._more_options:
-            least_s = min((one.cost_s for one in self.list_options(u, v)), default=math.inf)
-            is_dear = self.gate not in (u, v) and least_s > self.estimates.plain_s[u, v] + DEAR_S
-            self._more_options[u, v] = tuple(self._list_cut_moves(u, v) if is_dear else ())
-        return self._more_options[u, v]
+    def list_cut_moves(self, u: int, v: int) -> tuple[Move, ...]:
+        """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged."""
+        if (u, v) not in self._cut_moves:
+            self._cut_moves[u, v] = () if self.gate in (u, v) else tuple(self._list_cut_moves(u, v))
+        return self._cut_moves[u, v]
 
     def search(self, u: int, v: int) -> Move | None:
         """A move by search, if need be between lines cut back by the turning radius."""
@@ -111,14 +108,14 @@ class SiteMoves:
         return sorted(options, key=attrgetter("cost_s"))
 
     def _list_cut_moves(self, u: int, v: int) -> list[Move]:
-        """Moves between lines whose ends are cut back for them; what is left unworked is charged."""
         cuts = [(cut, self._cut_ends(u, v, *cut)) for cut in CUTS_M]
-        return [
+        found = [
             self._charge_cuts(move, *cut)
             for cut, ends in cuts
             if ends is not None
             for move in self.finder.list_moves(*ends, most=2)
         ]
+        return sorted(found, key=attrgetter("cost_s"))
 
     def _search(self, u: int, v: int) -> Move | None:
         found = self.finder.search(self.ends[u], self.begins[v])
