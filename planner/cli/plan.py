@@ -431,14 +431,14 @@ def _render_plan_outputs(
     from reports.plan.shortfall_wording import list_shortfall_sentences
 
     best = result.ranking.best
-    drive = None if best is None else result.pictures[best.strategy, best.tractors]
+    drive = None if best is None or not (html or png) else result.pictures[best.strategy, best.tractors]
     results: list[tuple[Path, OutputContent]] = []
     with use_reader():
         sentences = [] if is_answer_seen else list_shortfall_sentences(result.ranking)
     for sentence in sentences:
         print_sentence(sentence, err=True)
     field_picture = None
-    if drive is None and (html or png or save):
+    if best is None and (html or png or save):
         from planner.pipeline.outputs.pictures import build_refused_picture
 
         field_picture = build_refused_picture(result.context, result.ranking)

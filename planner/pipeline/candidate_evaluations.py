@@ -1,4 +1,4 @@
-"""Candidates evaluated in waves on an executor, and what came of them."""
+"""Candidates evaluated on an executor, and what came of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.candidates.incumbents import find_incumbents
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_drives import PlanDrive
@@ -33,20 +32,18 @@ class CandidateEvaluations:
     plans: dict[int, Plan] = field(default_factory=dict)
     driven: dict[int, TaskOutcome] = field(default_factory=dict)
 
-    def evaluate_wave(self, wave: Sequence[int]) -> None:
-        """Evaluate candidates against the best plans of earlier waves."""
+    def evaluate(self, prunes: bool) -> None:
+        """Evaluate all candidates, with `prunes` only those that may be the quickest of their number of tractors."""
         outcomes = iter_outcomes(
             self.executor,
             self.packed_context,
-            [self.candidates[index] for index in wave],
+            self.candidates,
             self.progress,
-            incumbents=find_incumbents(self.results),
+            prunes=prunes,
             with_pictures=self.with_pictures,
-            done_before=len(self.results),
-            total=len(self.candidates),
         )
-        for position, outcome in outcomes:
-            self._keep_outcome(wave[position], outcome)
+        for index, outcome in outcomes:
+            self._keep_outcome(index, outcome)
 
     def _keep_outcome(self, index: int, outcome: TaskOutcome) -> None:
         self.results[index] = outcome.result

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import shapely
 
 from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.incumbents import order_candidates
+from planner.evaluation.candidates.incumbents import prunes_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import FieldChoice
 from planner.evaluation.preparation import prepare_context
@@ -69,8 +70,16 @@ class PlanningResult(ShownResult):
     context: PlanningContext
     ranking: PlanRanking
     run: SimulationRun | None
-    pictures: Mapping[tuple[str, int], PlanDrive]
+    driven_pictures: Mapping[tuple[str, int], PlanDrive] | None = None
     plans: Mapping[tuple[str, int], Plan] = field(default_factory=dict)
+
+    @cached_property
+    def pictures(self) -> Mapping[tuple[str, int], PlanDrive]:
+        """Pictures of drives, drawn when they are asked for."""
+        best = self.ranking.best
+        if self.driven_pictures is not None or best is None or self.run is None:
+            return self.driven_pictures or {}
+        return {(best.strategy, best.tractors): build_run_picture(self.context, self.run, best)}
 
     def get_view(self) -> ResultView:
         """The ranking with the map of the best plan."""
@@ -204,13 +213,9 @@ def plan(
 
 def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluations, simulate_all: bool) -> None:
     """Evaluate every candidate once; those that time does not suffice for are refused."""
-    candidates = evaluations.candidates
-    try:
-        for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-            evaluations.evaluate_wave(wave)
-    except TimeSpentError:
-        pass
-    if len(evaluations.results) < len(candidates):
+    with suppress(TimeSpentError):
+        evaluations.evaluate(prunes=not simulate_all and prunes_candidates(context))
+    if len(evaluations.results) < len(evaluations.candidates):
         context.time_share.lift()
         evaluations.refuse_rest()
 
@@ -258,14 +263,13 @@ def _build_result(
     results = [evaluations.results[index] for index in range(len(candidates))]
     ranking = add_machine_names(rank_plans(context, results), cost_terms)
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
-    pictures_by_plan = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
+    driven_pictures = None
+    if evaluations.with_pictures:
+        driven_pictures = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
     plans_by_key = {keys[index]: evaluations.plans[index] for index in sorted(evaluations.plans)}
     best = _find_best_outcome(ranking, evaluations)
     if best is None or best.run is None:
-        return PlanningResult(context, ranking, None, pictures_by_plan, plans_by_key)
-    best_key = best.result.strategy, best.result.tractors
-    if not evaluations.with_pictures:
-        pictures_by_plan = {best_key: build_run_picture(context, best.run, best.result)}
+        return PlanningResult(context, ranking, None, driven_pictures, plans_by_key)
     if context.criteria is not None:
         check_and_shares = check_best_plan(
             best.run,
@@ -276,7 +280,7 @@ def _build_result(
             load=context.physics.driven_load,
         )
         ranking = replace(ranking, check_sentences=describe_check(*check_and_shares))
-    return PlanningResult(context, ranking, best.run, pictures_by_plan, plans_by_key)
+    return PlanningResult(context, ranking, best.run, driven_pictures, plans_by_key)
 
 
 def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> PlanRanking:
@@ -304,4 +308,4 @@ def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) 
     best_candidate = next(
         each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
     )
-    return evaluate_task(evaluations.packed_context, [best_candidate])[0]
+    return evaluate_task(evaluations.packed_context, [best_candidate])[0][1]

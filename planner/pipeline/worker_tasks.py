@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from threading import current_thread
@@ -14,9 +14,7 @@ from threading import current_thread
 import numpy as np
 
 from planner.errors import WorkerError, mark_parameter
-from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.incumbents import group_candidates
-from planner.evaluation.candidates.pruning import Incumbent
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
@@ -57,29 +55,23 @@ def pack_context(context: PlanningContext) -> bytes:
 
 
 def evaluate_task(
-    packed_context: bytes,
-    candidates: Sequence[Candidate],
-    with_pictures: bool = False,
-    incumbents: Mapping[int, Incumbent] | None = None,
-) -> list[TaskOutcome]:
-    """Evaluate candidates in turn in a packed context, save those that cannot beat the incumbent of their count.
+    packed_context: bytes, candidates: Sequence[Candidate], with_pictures: bool = False, prunes: bool = False
+) -> list[tuple[int, TaskOutcome]]:
+    """Evaluate candidates of one number of tractors in a packed context, with their numbers; see simulate_candidates.
 
     Where time does not suffice for all, those that it sufficed for; raises TimeSpentError without any.
     """
-    context, outcomes = _unpack_context(packed_context), list[TaskOutcome]()
+    context, outcomes = _unpack_context(packed_context), list[tuple[int, TaskOutcome]]()
     try:
-        for one in candidates:
-            outcomes.append(_evaluate(context, one, with_pictures, (incumbents or {}).get(one.tractors)))
+        for number, one in simulate_candidates(context, candidates, prunes):
+            outcomes.append((number, _build_outcome(context, one, with_pictures)))
     except TimeSpentError:
         if not outcomes:
             raise
     return outcomes
 
 
-def _evaluate(
-    context: PlanningContext, candidate: Candidate, with_pictures: bool, incumbent: Incumbent | None
-) -> TaskOutcome:
-    evaluation = simulate_candidate(context, candidate, incumbent)
+def _build_outcome(context: PlanningContext, evaluation: CandidateEvaluation, with_pictures: bool) -> TaskOutcome:
     result, run = evaluation.result, evaluation.run
     if run is None or run.outcome != DONE:
         return TaskOutcome(result)
@@ -110,24 +102,26 @@ def iter_outcomes(
     candidates: Sequence[Candidate],
     progress: Progress | None = None,
     *,
-    incumbents: Mapping[int, Incumbent] | None = None,
+    prunes: bool = False,
     with_pictures: bool = False,
-    done_before: int = 0,
-    total: int = 0,
 ) -> Iterator[tuple[int, TaskOutcome]]:
-    """Yield (index, outcome) of candidates as tasks finish.
+    """Yield (index, outcome) of candidates as tasks finish, one for every number of tractors, the largest first.
 
-    `progress` is called with (done, total); `done_before` candidates of the `total` were evaluated earlier.
+    `progress` is called with (done, total). With `prunes` only what may be the quickest of its number is driven.
     """
-    groups, done = group_candidates(candidates), done_before
-    tasks = [(packed_context, [candidates[number] for number in group], with_pictures, incumbents) for group in groups]
+    counts = sorted({one.tractors for one in candidates}, reverse=True)
+    groups = [[index for index, one in enumerate(candidates) if one.tractors == count] for count in counts]
+    tasks, done = (
+        [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups],
+        0,
+    )
     try:
         for task, outcomes in iter_completed(executor, evaluate_task, tasks):
-            for index, outcome in zip(groups[task], outcomes, strict=False):
+            for number, outcome in outcomes:
                 done += 1
                 if progress:
-                    progress(done, total or len(candidates))
-                yield index, outcome
+                    progress(done, len(candidates))
+                yield groups[task][number], outcome
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
 

@@ -99,7 +99,7 @@ class PlanResult(ShownResult):
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something or leaves the field.
-        bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
+        bound_s: estimated time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
         energy_kwh, energy_kwh_per_ha: kilowatt-hours from the batteries of electric tractors; None for others.

@@ -66,7 +66,10 @@ def list_columns(table: MoveTable) -> list[Column]:
     for number, line in enumerate(table.lines):
         if line.task.kind == SWATH and line.both_ways and _is_straight(line):
             pieces.setdefault(line.task.number or 0, []).append(number)
-    return [column for swath in sorted(pieces) for column in _join_pieces(table, swath, pieces[swath])]
+    orders = {swath: _order_pieces(table, pieces[swath]) for swath in sorted(pieces)}
+    joints = [joint for order in orders.values() for joint in pairwise(order)]
+    table.prove([pair for joint in joints for pair in _list_ways(*joint)])
+    return [column for swath, order in orders.items() for column in _join_pieces(table, swath, order)]
 
 
 def _is_straight(line: WorkLine) -> bool:
@@ -75,14 +78,23 @@ def _is_straight(line: WorkLine) -> bool:
     return bool(np.abs(away_m).max() <= STRAIGHT_M)
 
 
-def _join_pieces(table: MoveTable, swath: int, numbers: Sequence[int]) -> Iterator[Column]:
-    """The columns of one swath: a piece goes on in the next where the implement stays down both ways."""
+def _order_pieces(table: MoveTable, numbers: Sequence[int]) -> list[int]:
+    """The pieces of one swath along its first direction."""
     heading = table.lines[numbers[0]].get_begin(FIRST)[2]
     ahead = np.array([math.cos(heading), math.sin(heading)])
-    order = sorted(numbers, key=lambda number: round(float(table.lines[number].paths[0][0] @ ahead), 3))
+    return sorted(numbers, key=lambda number: round(float(table.lines[number].paths[0][0] @ ahead), 3))
+
+
+def _list_ways(before: int, after: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """From one line to the next along their first direction, and back."""
+    return (2 * before, 2 * after), (2 * after + 1, 2 * before + 1)
+
+
+def _join_pieces(table: MoveTable, swath: int, order: Sequence[int]) -> Iterator[Column]:
+    """The columns of one swath: a piece goes on in the next where the implement stays down both ways."""
     parts = [[order[0]]]
     for before, after in pairwise(order):
-        if _stays_down(table, 2 * before, 2 * after) and _stays_down(table, 2 * after + 1, 2 * before + 1):
+        if all(_stays_down(table, *way) for way in _list_ways(before, after)):
             parts[-1].append(after)
         else:
             parts.append([after])
@@ -94,7 +106,7 @@ def _join_pieces(table: MoveTable, swath: int, numbers: Sequence[int]) -> Iterat
 
 def _stays_down(table: MoveTable, u: int, v: int) -> bool:
     """Whether the best move between two nodes was driven well with the implement down."""
-    move = table.get_move(u, v) if table.prove([(u, v)]) else None
+    move = table.get_move(u, v) if table.is_proven(u, v) else None
     return move is not None and move.is_work
 
 

@@ -81,7 +81,7 @@ class MoveEstimates:
         new = [pair for pair in dict.fromkeys(pairs) if pair not in self._known]
         if new:
             for pair, raised in zip(new, self._estimate_raised_s(np.array(new, np.int64)).tolist(), strict=True):
-                cost_s, drive_s = min(tuple(raised), self._find_work_s(*pair))
+                cost_s, drive_s = min([tuple(raised), *self._list_work_s(*pair)])
                 found = (
                     (max(cost_s, 0.0), drive_s)
                     if np.isfinite(cost_s)
@@ -115,12 +115,12 @@ class MoveEstimates:
         )
         return found_s
 
-    def _find_work_s(self, u: int, v: int) -> tuple[float, float]:
-        """Seconds of the best move with the implement down, charged and as driven; infinite without one."""
-        if len(self.ends) - 1 in (u, v):
-            return np.inf, np.inf
+    def _list_work_s(self, u: int, v: int) -> list[tuple[float, float]]:
+        """Seconds of moves with the implement down, charged and as driven."""
+        if len(self.ends) - 1 in (u, v) or self.lines[u // 2].group != self.lines[v // 2].group:
+            return []
         found = list_work_moves(self.site, self.finder, self.lines[u // 2], u % 2, self.lines[v // 2], v % 2)
-        return min(((one.cost_s, one.drive_s) for one in found), default=(np.inf, np.inf))
+        return [(one.cost_s, one.drive_s) for one in found]
 
 
 def _see_from(a_poses: Floats, b_poses: Floats) -> Floats:

@@ -21,8 +21,8 @@ from pathlib import Path
 
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
-from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate, simulate_candidates
+from planner.evaluation.candidates.incumbents import prunes_candidates
 from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import list_candidates
 from planner.request.option_texts import parse_counts
@@ -96,12 +96,10 @@ def _plans(row: Row, where: Field, scenario: PlanRequest, ledger: Ledger) -> Non
         site = prepare_context(scenario, where)
     row.tracks = len(site.layout.swaths)
     todo = list_candidates(scenario)
-    results: dict[int, PlanResult] = {}
-    for wave in order_candidates(site, todo):
-        known = find_incumbents(results)
-        for number in wave:
-            results[number] = simulate_candidate(site, todo[number], known.get(todo[number].tractors)).result
-            row.plans.append(results[number])
+    for count in scenario.tractors:
+        alike = [one for one in todo if one.tractors == count]
+        for _, evaluation in simulate_candidates(site, alike, prunes_candidates(site)):
+            row.plans.append(evaluation.result)
 
 
 def print_row(row: Row, counts: tuple[int, ...]) -> None:

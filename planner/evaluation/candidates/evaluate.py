@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, sketch_plans
+from planner.evaluation.candidates.incumbents import find_incumbent
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_composed
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
@@ -48,15 +49,51 @@ class CandidateEvaluation:
     run: SimulationRun | None
 
 
+def simulate_candidates(
+    context: PlanningContext, candidates: Sequence[Candidate], prunes: bool
+) -> Iterator[tuple[int, CandidateEvaluation]]:
+    """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
+
+    With `prunes` one that cannot beat those before it is not driven.
+    """
+    results, sketches = list[PlanResult](), [_sketch(context, one) for one in candidates]
+    for number in sorted(range(len(candidates)), key=lambda number: (_get_least_s(sketches[number]), number)):
+        incumbent = find_incumbent(results) if prunes else None
+        evaluation = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
+        results.append(evaluation.result)
+        yield number, evaluation
+
+
+def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
+    """The plans of a candidate as sketched, or why there are none."""
+    try:
+        return sketch_plans(context, get_strategy(candidate.strategy), candidate.tractors)
+    except StrategyError as refusal:
+        return refusal
+
+
+def _get_least_s(sketches: list[SketchedPlan] | StrategyError) -> float:
+    return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].least_s)
+
+
 def simulate_candidate(
     context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None
 ) -> CandidateEvaluation:
-    """Compose, drive and measure one candidate; a refusal becomes a result with its reason.
+    """Sketch, compose, drive and measure one candidate; a refusal becomes a result with its reason.
 
     A candidate whose plans cannot beat the incumbent is not driven.
     """
+    return _simulate_sketched(context, candidate, _sketch(context, candidate), incumbent)
+
+
+def _simulate_sketched(
+    context: PlanningContext,
+    candidate: Candidate,
+    sketches: list[SketchedPlan] | StrategyError,
+    incumbent: Incumbent | None,
+) -> CandidateEvaluation:
     try:
-        outcome = _run_unless_pruned(context, candidate, incumbent)
+        outcome = _run_unless_pruned(context, sketches, incumbent)
     except StrategyError as refusal:
         result = PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, str(refusal))
         return CandidateEvaluation(result, None)
@@ -67,20 +104,21 @@ def simulate_candidate(
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
     """Compose and drive one candidate; raises StrategyError if its strategy cannot work the field."""
-    outcome = _run_unless_pruned(context, candidate, None)
+    outcome = _run_unless_pruned(context, _sketch(context, candidate), None)
     assert isinstance(outcome, CandidateRun)  # nothing prunes without an incumbent
     return outcome
 
 
 def _run_unless_pruned(
-    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
+    context: PlanningContext, sketches: list[SketchedPlan] | StrategyError, incumbent: Incumbent | None
 ) -> CandidateRun | PrunedCandidate:
     """The run of the programme that finishes the field first; of those that cannot be driven the first if none can.
 
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
     nobody waited.
     """
-    sketches = sketch_plans(context, get_strategy(candidate.strategy), candidate.tractors)
+    if isinstance(sketches, StrategyError):
+        raise sketches
     driver, best, best_s = ProgrammeDriver(context), None, math.inf
     losers, refusals = list[PrunedCandidate](), list[StrategyError]()
     for sketch in sketches:

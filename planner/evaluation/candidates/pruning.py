@@ -1,4 +1,4 @@
-"""Which composed plans are not driven, because they lose to the incumbent even if nobody waits."""
+"""Which plans are not composed or not driven, because they lose to the incumbent even if nobody waits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Incumbent:
 
 @dataclass(frozen=True)
 class PrunedCandidate:
-    """A candidate whose plans all take at least `bound_s`, longer than the incumbent."""
+    """A candidate whose plans all take about `bound_s` or more, longer than the incumbent."""
 
     bound_s: float
     incumbent: Incumbent
@@ -60,7 +60,7 @@ def build_pruned_result(pruned: PrunedCandidate, context: PlanningContext, strat
     """The result of a candidate that is not simulated."""
     incumbent = pruned.incumbent
     reason = (
-        f"skipped: even its best case ({pruned.bound_s:.0f} s) is slower than {incumbent.strategy} "
+        f"skipped: by estimate ({pruned.bound_s:.0f} s) it is slower than {incumbent.strategy} "
         f"({incumbent.finish_s:.0f} s)"
     )
     return PlanResult(strategy, tractors, context.request.turn, False, reason, bound_s=round(pruned.bound_s, 3))

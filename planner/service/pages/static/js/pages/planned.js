@@ -109,7 +109,7 @@ function columnsOf(plans, { scenario, currency }, action) {
   ];
 }
 
-const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, t`${plural(rows.length, "plan")} not simulated, as others are faster even in their best case.`);
+const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, t`${plural(rows.length, "plan")} not simulated, as others are estimated to be faster.`);
 
 const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, t`${plural(rows.length, "plan")} not possible, with the reason`),
   sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);
