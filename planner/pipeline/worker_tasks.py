@@ -111,10 +111,8 @@ def iter_outcomes(
     """
     counts = sorted({one.tractors for one in candidates}, reverse=True)
     groups = [[index for index, one in enumerate(candidates) if one.tractors == count] for count in counts]
-    tasks, done = (
-        [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups],
-        0,
-    )
+    tasks = [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups]
+    done = 0
     try:
         for task, outcomes in iter_completed(executor, evaluate_task, tasks):
             for number, outcome in outcomes:
