@@ -7,7 +7,6 @@ from bisect import insort
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from operator import attrgetter
 from statistics import median
 
 import numpy as np
@@ -115,24 +114,28 @@ class MoveTable:
 
         From and to places where moves failed others are likely to fail as well.
         """
-        usual_s = max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
         shares = self._failures / (1.0 + self._failures)
-        more_s = usual_s + DETOUR_S * np.add.outer(shares[0], shares[1])
+        more_s = self._compute_usual_s() + DETOUR_S * np.add.outer(shares[0], shares[1])
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
+    def _compute_usual_s(self) -> float:
+        """By how much moves are usually dearer than expected."""
+        return max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
+
     def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
-        """Find and drive the moves of all pairs of nodes until the cheapest of each was driven well; whether all have
-        one.
+        """Find and drive the moves of all pairs of nodes until one of each was driven well that is likely to be the
+        cheapest; whether all have one.
 
         A move that a drive refuses does not exist; of others the time is as driven, and beginning the next line beside
         it is charged.
         """
         todo = {pair: float(self.cost_s[pair]) for pair in pairs if pair not in self._proven}
         undriven = [pair for pair in todo if self.find(*pair) and not self._is_settled(pair)]
+        usual_s = self._compute_usual_s()
         while undriven:
             self.moves.drive([(*pair, self._options[pair][0]) for pair in undriven])
             for pair in undriven:
-                self._take_drive(pair)
+                self._take_drive(pair, usual_s)
             undriven = [pair for pair in undriven if not self._is_settled(pair)]
         for pair, before_s in todo.items():
             self._update_cost(*pair)
@@ -143,13 +146,13 @@ class MoveTable:
             )
         return all(pair in self._proven for pair in pairs)
 
-    def _take_drive(self, pair: tuple[int, int]) -> None:
-        """Replace the cheapest move of a pair by what a drive made of it."""
+    def _take_drive(self, pair: tuple[int, int], usual_s: float) -> None:
+        """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem."""
         options = self._options[pair]
         proven = self.moves.get_driven(*pair, options.pop(0))
         if proven is not None:
             self._driven.add(proven)
-            insort(options, proven, key=attrgetter("cost_s"))
+            insort(options, proven, key=lambda one: one.cost_s + (0.0 if one in self._driven else usual_s))
 
     def _is_settled(self, pair: tuple[int, int]) -> bool:
         """Whether the cheapest move of a pair was driven, or none is left."""
