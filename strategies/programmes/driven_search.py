@@ -21,7 +21,7 @@ ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
 MOST_ROUNDS = 80  # of searching and driving
 NEAR_NODES = 8  # whose moves from a node are estimated first
 ESTIMATE_ROUNDS = 3  # of searching and asking what the moves of the tours cost
-REFINING = 4  # times fewer perturbations once tours are known
+REFINING = 2  # times fewer perturbations once tours are known
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
 

@@ -28,7 +28,7 @@ from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
 
-MISSION_TOLERANCE_M = 0.1  # of a whole mission, whose lines begin less exactly than those driven alone
+MISSION_TOLERANCE_M = 0.03  # of a whole mission, whose lines begin less exactly than those driven alone
 
 
 @dataclass(eq=False)

@@ -233,7 +233,7 @@ def test_a_whole_plan_is_the_same_every_time_and_says_how_far_it_can_be_trusted(
     assert best is not None and one.run is not None and one.run.plan.tractors == best.tractors
     assert list(one.pictures) == [(best.strategy, best.tractors)]
     assert one.ranking.advice and one.ranking.check_sentences[0].startswith(
-        "8 of 8 samples simulated in full physics finish 0."
+        "4 of 4 samples simulated in full physics finish 0."
     )
 
 

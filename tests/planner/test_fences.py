@@ -113,7 +113,7 @@ class TestPlanned:
             site = prepare_context(PlanRequest(no_headland=True, bearing_deg=90.0), Field("f", box, fences=(line,)))
             return simulate_candidate(site, Candidate("split-field", 2)).result.time_s
 
-        assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.015)  # another order of lines
+        assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.025)  # another order of lines
 
     @pytest.mark.parametrize(
         ("entrance", "lines", "refused"),

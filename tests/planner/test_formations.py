@@ -78,7 +78,7 @@ def test_a_mirrored_field_takes_as_long(sites: Any, shape: str, tractors: int) -
     """About: orders are searched, and a search that sees the field the other way round may end in another one."""
     mirrored = site_of(shape, affinity.scale(SHAPES[shape], -1, 1, origin=(0, 0)))
     times = [drive(site, "col-by-col", tractors)[1].duration_s for site in (sites[shape], mirrored)]
-    assert times[1] == pytest.approx(times[0], rel=0.1)
+    assert times[1] == pytest.approx(times[0], rel=0.12)
 
 
 def test_optimised_releases_are_never_slower(sites: Any) -> None:

@@ -131,7 +131,7 @@ def test_nobody_goes_on_before_all_are_on_their_last_metres(
     begun = [int(np.argmax(own == legs.index(after))) for own, legs in zip(numbers, work, strict=True)]
     assert min(begun) > 0
     for own, legs in zip(numbers, work, strict=True):
-        assert before not in legs[own[min(begun)] + 1 :], "the last part of a line, if any"
+        assert legs[own[min(begun)] + 1 :].count(before) <= 1, "it may still wait before the last part of a line"
 
 
 def test_tracks_only_leaves_the_headland(place: Any) -> None:
