@@ -23,7 +23,7 @@ from planner.evaluation.candidates.incumbents import (
     prunes_candidates,
 )
 from planner.evaluation.candidates.line_programme import sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, prune_composed
+from planner.evaluation.candidates.pruning import Incumbent, prune_plan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
@@ -72,7 +72,7 @@ def test_the_quickest_feasible_plan_is_the_rival() -> None:
 def test_the_quickest_sketch_is_driven_first_and_is_the_rival_of_others(round_site: PlanningContext) -> None:
     names = ["row-by-row", "col-by-col", "interleaved", "split-field"]
     found = list(simulate_candidates(round_site, [Candidate(name, 2) for name in names], prunes=True))
-    sketched_s = {name: max(sketch_plans(round_site, STRATEGIES[name], 2)[0].least_s) for name in names}
+    sketched_s = {name: max(sketch_plans(round_site, STRATEGIES[name], 2)[0].tractor_s) for name in names}
     order = [names[number] for number, _ in found]
     assert order == sorted(names, key=lambda name: sketched_s[name])
     results = [one.result for _, one in found]
@@ -106,20 +106,20 @@ def test_a_formation_is_sketched_as_it_is_driven(
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
     assert run is not None
     sketch = next(one for one in sketch_plans(*planned) if one.order == (run.plan.notes["headland"] or ""))
-    assert max(sketch.least_s) == pytest.approx(run.duration_s, rel=0.1)
+    assert max(sketch.tractor_s) == pytest.approx(run.duration_s, rel=0.1)
     assert max(sketch.compose().least_s) <= run.duration_s
 
 
 def test_where_money_decides_all_tractors_together_must_take_longer(round_site: PlanningContext) -> None:
     cheapest = replace(round_site.request, objective="cheapest")
     site = replace(round_site, request=cheapest, criteria=build_decision_criteria(cheapest))
-    seconds = [[130.0, 90.0]]
+    seconds = [130.0, 90.0]
     for tractor_s, is_pruned in ((219.0, True), (221.0, False)):
         rival = Incumbent("split-field", 120.0, tractor_s)
-        assert (prune_composed(site, seconds, rival) is not None) is is_pruned
-        assert prune_composed(round_site, seconds, rival) is not None
-    assert prune_composed(round_site, seconds, Incumbent("split-field", 130.0)) is None
-    assert prune_composed(round_site, seconds, None) is None
+        assert (prune_plan(site, seconds, rival) is not None) is is_pruned
+        assert prune_plan(round_site, seconds, rival) is not None
+    assert prune_plan(round_site, seconds, Incumbent("split-field", 130.0)) is None
+    assert prune_plan(round_site, seconds, None) is None
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from planner.evaluation.candidates.figures import CandidateRun, join_remarks, me
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
 from planner.evaluation.candidates.incumbents import find_incumbent
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_composed
+from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_plan
 from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
@@ -57,7 +57,7 @@ def simulate_candidates(
     With `prunes` one that cannot beat those before it is not driven.
     """
     results, sketches = list[PlanResult](), [_sketch(context, one) for one in candidates]
-    for number in sorted(range(len(candidates)), key=lambda number: (_get_least_s(sketches[number]), number)):
+    for number in sorted(range(len(candidates)), key=lambda number: (_get_sketched_s(sketches[number]), number)):
         incumbent = find_incumbent(results) if prunes else None
         evaluation = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
         results.append(evaluation.result)
@@ -72,8 +72,8 @@ def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan
         return refusal
 
 
-def _get_least_s(sketches: list[SketchedPlan] | StrategyError) -> float:
-    return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].least_s)
+def _get_sketched_s(sketches: list[SketchedPlan] | StrategyError) -> float:
+    return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].tractor_s)
 
 
 def simulate_candidate(
@@ -122,9 +122,9 @@ def _run_unless_pruned(
     driver, best, best_s = ProgrammeDriver(context), None, math.inf
     losers, refusals = list[PrunedCandidate](), list[StrategyError]()
     for sketch in sketches:
-        if max(sketch.least_s) >= best_s:
+        if max(sketch.tractor_s) >= best_s:
             continue
-        pruned = prune_composed(context, [sketch.least_s], incumbent)
+        pruned = prune_plan(context, sketch.tractor_s, incumbent)
         if pruned is not None:
             losers.append(pruned)
             continue
@@ -133,12 +133,13 @@ def _run_unless_pruned(
         except StrategyError as refusal:
             refusals.append(refusal)
             continue
-        pruned = prune_composed(context, [one.least_s], incumbent)
-        pruned = pruned or prune_composed(context, map(driver.measure_alone_s, [one]), incumbent)
+        pruned = prune_plan(context, one.least_s, incumbent)
+        if pruned is None and incumbent is not None:
+            pruned = prune_plan(context, driver.measure_alone_s(one), incumbent)
         if pruned is not None:
             losers.append(pruned)
             continue
-        if best is not None and any(max(least_s) * one.left_factor >= best_s for least_s in driver.iter_least_s(one)):
+        if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -45,7 +45,6 @@ from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
-SKETCHED_SHARE = 1.0  # of what estimated moves take: a search that goes on finds programmes quicker by so much
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
@@ -87,12 +86,12 @@ class SketchedPlan:
     """A plan before anything is driven for it, with the headland in an order ("" for any).
 
     Attributes:
-        least_s: about the seconds of every tractor at least.
+        tractor_s: about the seconds of every tractor.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
     """
 
     order: str
-    least_s: list[float]
+    tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
 
 
@@ -117,7 +116,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
         sketches.append(replace(one, compose=partial(_compose_sketch, context, one.compose, notes)))
     if not sketches:
         raise refusals[0]
-    return sorted(sketches, key=lambda one: round(max(one.least_s), 3))
+    return sorted(sketches, key=lambda one: round(max(one.tractor_s), 3))
 
 
 def _compose_sketch(
@@ -154,7 +153,7 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
             return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
         tractor_s = sketch_formation(site, tractors, order, rule).compute_tractor_s()
-        return SketchedPlan(order, [SKETCHED_SHARE * seconds for seconds in tractor_s], compose)
+        return SketchedPlan(order, tractor_s, compose)
 
     return form_up
 
@@ -224,7 +223,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
-        return SketchedPlan(order, [SKETCHED_SHARE * seconds for seconds in sketched.tractor_s], compose)
+        return SketchedPlan(order, sketched.tractor_s, compose)
 
     return sketch
 
@@ -254,11 +253,6 @@ class ProgrammeDriver:
         self._alone.expect_plan(composed.plan)
         runs = map(self._alone, remove_gates(composed.plan).missions)
         return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
-
-    def iter_least_s(self, composed: ComposedPlan) -> Iterator[list[float]]:
-        """Seconds of every tractor at least, by what is quickly told first."""
-        yield composed.least_s
-        yield self.measure_alone_s(composed)
 
     def drive(self, composed: ComposedPlan) -> CandidateRun:
         """The run of a composed plan, with what is known of it without measuring."""

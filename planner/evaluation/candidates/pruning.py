@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from planner.evaluation.context import PlanningContext
@@ -30,30 +30,19 @@ class PrunedCandidate:
     incumbent: Incumbent
 
 
-def prune_composed(
-    context: PlanningContext, plans_tractor_s: Iterable[Sequence[float]], incumbent: Incumbent | None
+def prune_plan(
+    context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None
 ) -> PrunedCandidate | None:
-    """Plans as pruned by the incumbent, given the least seconds of their tractors; None if one might win.
-
-    Of plans of which nothing is known any might.
-    """
-    if incumbent is None:
-        return None
-    bounds_s = list[float]()
-    for tractor_s in plans_tractor_s:
-        if _may_win(context, tractor_s, incumbent):
-            return None
-        bounds_s.append(max(tractor_s))
-    return PrunedCandidate(min(bounds_s), incumbent) if bounds_s else None
-
-
-def _may_win(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:
-    """Whether tractors that take so long may beat the incumbent.
+    """A plan as pruned by the incumbent, given the least seconds of its tractors; None if it might win.
 
     Where risk or cost decides, less time of all tractors together may be enough.
     """
+    if incumbent is None or max(tractor_s) <= incumbent.finish_s:
+        return None
     uses_criteria = context.criteria is not None and context.criteria.decides_best
-    return max(tractor_s) <= incumbent.finish_s or (uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s)
+    if uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s:
+        return None
+    return PrunedCandidate(max(tractor_s), incumbent)
 
 
 def build_pruned_result(pruned: PrunedCandidate, context: PlanningContext, strategy: str, tractors: int) -> PlanResult:
