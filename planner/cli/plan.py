@@ -380,9 +380,11 @@ def _simulate_plans(
         from planner.pipeline.planning import STAGES_S
         from planner.pipeline.planning import plan as simulate_all
         from planner.pipeline.ranking import list_candidates
+        from planner.pipeline.worker_tasks import group_candidates
 
         warm_up(bar, STAGES_S)
-        executor = opened.enter_context(executor_choice.open_executor(len(list_candidates(request))))
+        tasks = group_candidates(list_candidates(request))
+        executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
         return simulate_all(
             request,
             tractor=plan_inputs.tractor,

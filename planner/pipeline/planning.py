@@ -25,7 +25,7 @@ from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
-from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
+from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, group_candidates, pack_context
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
@@ -59,8 +59,8 @@ class PlanningResult(ShownResult):
     """The answer to a request; a notebook shows it as text, map and table.
 
     `run` is the run of `ranking.best`, None if no plan is feasible. `pictures`, by (strategy, tractors), are of the
-    best plan, or with `with_pictures` of every plan that was driven to its end. `plans` are the legs and gates of every
-    feasible plan that was simulated, by the same key.
+    best plan, drawn when asked for, or with `with_pictures` of every plan driven to its end (`driven_pictures`).
+    `plans` are the legs and gates of every feasible plan that was simulated, by the same key.
 
     `to_pandas()` has a row per plan, as the CSV; `to_geodataframe()` the lines of the best plan; `plot()` draws its
     map; `save("best.json")` writes the plan as `headland plan --save` does, and endings .html, .png and .csv write
@@ -172,8 +172,8 @@ def plan(
     a farm, `supply` is what its implement carries. `executor` simulates the candidates, by default in fresh processes
     on all cores; the result does not depend on it. `progress` is called with (done, total), `report_stage` with the
     stage in words (LAYING_OUT, SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a
-    request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that cannot
-    win is pruned with its lower bound, except on small fields and with `simulate_all`. A `time_share`, for executors in
+    request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that is
+    estimated to be slower is pruned, except on small fields and with `simulate_all`. A `time_share`, for executors in
     this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
     _check_type(request)
@@ -193,7 +193,7 @@ def plan(
     if executor is None:
         how: dict[str, Any] = {"progress": progress, "report_stage": report_stage}
         how |= {"with_pictures": with_pictures, "simulate_all": simulate_all}
-        with create_executor(len(candidates)) as executor:
+        with create_executor(len(group_candidates(candidates))) as executor:
             return plan(request, executor=executor, **how, **prepare.keywords)
     context = prepare(request, report_layouts=_start_stage(report_stage, LAYING_OUT))
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible

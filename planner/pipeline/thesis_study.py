@@ -11,7 +11,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.evaluation.preparation import prepare_context
 from planner.pipeline.executors import create_executor
-from planner.pipeline.worker_tasks import Progress, iter_outcomes, pack_context
+from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from reports.common.study_results import FleetStudy, ThesisClaim, ThesisTableRow
@@ -74,7 +74,7 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     """
     candidates = list(dict.fromkeys([row.candidate for row in list_thesis_times()] + [Candidate(SPLIT_FIELD, 1)]))
     if executor is None:
-        with create_executor(len(candidates)) as executor:
+        with create_executor(len(group_candidates(candidates))) as executor:
             return study(executor=executor, progress=progress)
     request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
     context = prepare_context(replace(request, strategies=(ROW_BY_ROW,)))

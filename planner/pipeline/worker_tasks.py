@@ -96,6 +96,12 @@ def _cache_context(packed_context: bytes, context: PlanningContext) -> PlanningC
     return context
 
 
+def group_candidates(candidates: Sequence[Candidate]) -> list[list[int]]:
+    """Numbers of the candidates of every task: one for every number of tractors, the largest first."""
+    counts = sorted({one.tractors for one in candidates}, reverse=True)
+    return [[index for index, one in enumerate(candidates) if one.tractors == count] for count in counts]
+
+
 def iter_outcomes(
     executor: Executor,
     packed_context: bytes,
@@ -109,8 +115,7 @@ def iter_outcomes(
 
     `progress` is called with (done, total). With `prunes` only what may be the quickest of its number is driven.
     """
-    counts = sorted({one.tractors for one in candidates}, reverse=True)
-    groups = [[index for index, one in enumerate(candidates) if one.tractors == count] for count in counts]
+    groups = group_candidates(candidates)
     tasks = [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups]
     done = 0
     try:

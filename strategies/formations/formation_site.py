@@ -141,7 +141,7 @@ class FormationSite:
                 tours = share_lines(table, ordered.rounds, fleet.headland, self.check)
                 if tours:
                     return OrderedRounds(table, tuple(join_rounds(table, ordered.rounds)), tuple(tours))
-                ordered = self._order_on(table, fleet, dropped)  # what a whole drive has struck is no move any more
+                ordered = self._order_on(table, fleet, dropped)  # what was struck is no move any more
 
         return self._recall((fleet.tractors, fleet.headland, dropped, "shared"), share)
 

@@ -22,7 +22,7 @@ from strategies.programmes.driven_search import search_driven_tours, search_esti
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
-from strategies.programmes.programme import list_pairs, prove_mission
+from strategies.programmes.programme import list_pairs, prove_short_runs
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.site.site import MISSED_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
@@ -133,7 +133,7 @@ def share_lines(
 ) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left.
 
-    None at all where a drive of a whole tour strikes a move between rounds, which then need another order. Raises
+    None at all where a drive over short lines strikes a move between rounds, which then need another order. Raises
     StrategyError where some tractor does not get to the rounds.
     """
     pieces = _cut_pieces(table, rounds)
@@ -143,7 +143,7 @@ def share_lines(
         expanded = [pieces.expand(tour) for tour in tours]
         if barred is not None and _bar_clashes(barred, expanded):
             return False
-        return False not in [prove_mission(table, tour.nodes) for tour in expanded]
+        return False not in [prove_short_runs(table, tour.nodes) for tour in expanded]
 
     found = search_driven_tours(table, partial(pieces.pose_problem, order, barred), pieces.list_moves, can_be_driven)
     if not all(table.is_proven(u, v) for chain in pieces.chains for u, v in pairwise(chain)):

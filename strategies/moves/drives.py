@@ -137,7 +137,7 @@ class MoveDrives:
         """The legs of a move with the lines that are driven with it, in its place or at the origin."""
         path = replace(move.path, start=key[0])
         before, after = (np.frombuffer(seen).reshape(-1, 2) for seen in key[3:])
-        legs = build_path_legs(self.site, path, LegTask(TURN), is_work=move.is_work)
+        legs = build_path_legs(self.site, path, LegTask(SWATH if move.is_work else TURN), is_work=move.is_work)
         if len(before):
             legs.insert(0, build_work_leg(self.site, _place_at(path.start, before), LegTask(SWATH)))
         if len(after):

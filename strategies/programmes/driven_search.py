@@ -73,7 +73,8 @@ def search_driven_tours(
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
         problem, before = pose_problem(table.estimate_costs()), tours if number else None
-        tours = search_programmes(problem, problem.kicks // REFINING if is_settled else 0, seed + number, tours)
+        kicks = problem.kicks if tours is None else problem.kicks // REFINING
+        tours = search_programmes(problem, kicks if is_settled else 0, seed + number, tours)
         if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             if can_be_driven(best):
                 return best

@@ -24,12 +24,7 @@ Pair = tuple[int, int]
 NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
-CUTS_M = (
-    (4.0, 0.0),
-    (0.0, 4.0),
-    (4.0, 4.0),
-    (8.0, 8.0),
-)  # from the line left and from the line begun, for want of room
+CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left and that begun, for want of room
 MOST_CUT_SHARE = 0.4
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
 

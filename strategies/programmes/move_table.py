@@ -31,7 +31,7 @@ class MoveTable:
         moves: what is known of the site, shared by all searches.
         cost_s: (n + 1, n + 1) seconds from the end of a node to the begin of another, with charges; NO_MOVE_S where
             there is none.
-        is_estimated: (n + 1, n + 1) which costs are more than guesses.
+        is_estimated: (n + 1, n + 1) which costs are more than guesses by distance.
         excesses_s: by how much moves were dearer than expected, of all that were driven.
     """
 
@@ -185,13 +185,14 @@ class MoveTable:
         return bool(self._options[u, v])
 
     def _update_cost(self, u: int, v: int) -> None:
-        """The cost of the best move between two nodes that is left; dear where only a search may find one."""
+        """The cost of the best move between two nodes that is left; dear where none is known yet."""
         options = self._options[u, v]
         if options:
             self.cost_s[u, v] = max(0.0, options[0].cost_s)
         else:
             may_find = (u, v) not in self._cut or self._may_search(u, v)
             self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if may_find else NO_MOVE_S
+        self.is_estimated[u, v] = True
 
     def _may_search(self, u: int, v: int) -> bool:
         """Whether a search may still find a move: not where others to or from the same place were in vain."""

@@ -87,7 +87,7 @@ def make_programme(
     def can_be_driven(tours: list[list[int]]) -> bool:
         if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
             return False
-        return False not in [prove_mission(table, tour) for tour in tours]
+        return False not in [prove_short_runs(table, tour) for tour in tours]
 
     best = search_driven_tours(
         table,
@@ -103,26 +103,27 @@ def make_programme(
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
+def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:
     """Whether a tour keeps to the ground over lines too short to settle on; moves at which it does not are struck.
 
     Such lines pass on how they were begun, which a move driven alone does not show.
     """
     runs = [run for run in _list_short_runs(table, _keep_connected(table, tour)) if not table.is_run_proven(run)]
     lost = dict.fromkeys(pair for run in runs for pair in _find_lost_moves(table, run))
-    for u, v in lost:
-        if table.is_proven(u, v):
-            table.strike(u, v)
+    for pair in lost:
+        table.strike(*pair)
     return not lost
 
 
 def _list_short_runs(table: MoveTable, tour: Sequence[int]) -> list[tuple[int, ...]]:
-    """Stretches of a tour from one line to settle on to the next, over one or more that are shorter."""
+    """Stretches of a tour from one line to settle on to the next, over one or more that are driven for less."""
     gate = [] if table.site.lane is None else [table.gate]
-    runs: list[list[int]] = [[]]
-    for node in [*gate, *tour, *gate]:
+    nodes, runs = [*gate, *tour, *gate], list[list[int]]([[]])
+    moves = [None, *(table.get_move(*pair) for pair in pairwise(nodes)), None]
+    for node, came, goes in zip(nodes, moves, moves[1:], strict=False):
         runs[-1].append(node)
-        if node == table.gate or table.lines[node // 2].measure_path_m(node % 2) >= SETTLED_M:
+        cut_m = (0.0 if came is None else came.join_m) + (0.0 if goes is None else goes.leave_m)
+        if node == table.gate or table.lines[node // 2].measure_path_m(node % 2) - cut_m >= SETTLED_M:
             runs.append([node])
     return [tuple(run) for run in runs if len(run) > 2]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
@@ -16,7 +17,15 @@ import numpy.typing as npt
 
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import WorkLine, cut_line
-from strategies.moves.drives import BRAKE_M, SETTLE_M, MoveDrives, Passage, build_work_leg, measure_settling
+from strategies.moves.drives import (
+    BRAKE_M,
+    ROOM_TOLERANCE_M,
+    SETTLE_M,
+    MoveDrives,
+    Passage,
+    build_work_leg,
+    measure_settling,
+)
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
@@ -27,8 +36,6 @@ from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
-
-MISSION_TOLERANCE_M = 0.03  # of a whole mission, whose lines begin less exactly than those driven alone
 
 
 @dataclass(eq=False)
@@ -108,13 +115,18 @@ class SiteMoves:
         return sorted(options, key=attrgetter("cost_s"))
 
     def _list_cut_moves(self, u: int, v: int) -> list[Move]:
-        cuts = [(cut, self._cut_ends(u, v, *cut)) for cut in CUTS_M]
-        found = [
-            self._charge_cuts(move, *cut)
-            for cut, ends in cuts
-            if ends is not None
-            for move in self.finder.list_moves(*ends, most=2)
-        ]
+        """With no more cut off than some move needs."""
+        found = list[Move]()
+        for _, cuts in groupby(CUTS_M, key=sum):
+            ends = [(cut, self._cut_ends(u, v, *cut)) for cut in cuts]
+            found += [
+                self._charge_cuts(move, *cut)
+                for cut, poses in ends
+                if poses is not None
+                for move in self.finder.list_moves(*poses, most=2)
+            ]
+            if found:
+                break
         return sorted(found, key=attrgetter("cost_s"))
 
     def _search(self, u: int, v: int) -> Move | None:
@@ -161,7 +173,7 @@ class SiteMoves:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
         run = self.site.drive(Plan((Mission(tuple(legs)),)))
         numbers = run.get_leg_numbers(0)
-        is_off = measure_proof_rooms(self.site, run.get_poses(0)) < -MISSION_TOLERANCE_M
+        is_off = measure_proof_rooms(self.site, run.get_poses(0)) < -ROOM_TOLERANCE_M
         is_off[-1] |= run.outcome != DONE
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost

@@ -38,7 +38,7 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
 def build_run_parts(table: MoveTable, nodes: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
     """The legs of the moves between nodes, with lines between two moves, and what is driven of the first and the last.
 
-    Each part comes with the move that it is, or that led to the line it works.
+    Each part comes with the move that it is, or that led to the line it works; the first with that which follows it.
     """
     pairs, join_m = list(pairwise(nodes)), 0.0
     parts = [(pairs[0], _build_begin(table, *pairs[0]))]

@@ -140,4 +140,4 @@ def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPa
         first, second = (min(some, key=get_finished_field_s) for some in feasible)
         assert replace(first, rank=None) == replace(second, rank=None)
     for key in told:
-        assert not whole[key].feasible or (some[key].bound_s or 0.0) < (whole[key].time_s or 0.0)
+        assert not whole[key].feasible or (some[key].bound_s or 0.0) < 1.1 * (whole[key].time_s or 0.0)

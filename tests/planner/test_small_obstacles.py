@@ -17,6 +17,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest
+from strategies.moves.drives import ROOM_TOLERANCE_M
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
@@ -51,9 +52,9 @@ def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> No
     assert [(t.start_m, t.end_m) for t in among.layout.swaths] == [(t.start_m, t.end_m) for t in plain.layout.swaths]
     before, after = (simulate_candidate(site, Candidate("split-field", 1)) for site in (plain, among))
     assert before.run is not None and after.run is not None and after.result.feasible
-    assert after.result.time_s == pytest.approx(before.result.time_s, rel=0.05)
+    assert after.result.time_s == pytest.approx(before.result.time_s, rel=0.1)
     for obstacle in (POLE, STONE):
-        assert nearest_m(after.run, among, obstacle.shape) >= among.request.margin_m - 0.1, "by a tenth of a second"
+        assert nearest_m(after.run, among, obstacle.shape) >= among.request.margin_m - ROOM_TOLERANCE_M
     found = measure_coverage(after.run, among)
     assert found.worked_m2 + found.unworked_m2 == pytest.approx(among.layout.field.area_m2, abs=0.1)
     taken = sum(obstacle.shape.area for obstacle in (POLE, STONE))

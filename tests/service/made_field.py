@@ -138,7 +138,7 @@ def result() -> dict[str, Any]:
         "feasible": False,
         "reason": "Three tractors abreast have no room to turn on a headland of 9 m.",
     }
-    not_tried = {**refused, "strategy": "col-by-col", "reason": "skipped: its best case is slower", "bound_s": 900.0}
+    not_tried = {**refused, "strategy": "col-by-col", "reason": "skipped: by estimate it is slower", "bound_s": 900.0}
     return {
         "field": {"name": "north field", "area_ha": 0.72},
         "scenario": {"tractor": "Yanmar EG105"},

@@ -1,1 +1,1 @@
-"""Candidates of a request: variants of their plans, lower bounds, pruning, simulation and figures."""
+"""Candidates of a request: sketches of their plans, pruning, simulation and figures."""

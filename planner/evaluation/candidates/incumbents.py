@@ -37,9 +37,7 @@ def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
     if not feasible:
         return None
     best = min(feasible, key=lambda one: (round(get_finished_field_s(one), 3), one.strategy))
-    return Incumbent(best.strategy, round(get_finished_field_s(best), 3), _compute_tractor_s(best))
-
-
-def _compute_tractor_s(plan: PlanResult) -> float:
-    """Seconds of all tractors together, including the time that the missed ground would take."""
-    return round((plan.tractor_time_s or 0.0) * (get_finished_field_s(plan) / plan.time_s if plan.time_s else 1.0), 3)
+    finish_s = get_finished_field_s(best)
+    left_factor = finish_s / best.time_s if best.time_s else 1.0
+    tractor_s = (best.tractor_time_s or 0.0) * left_factor
+    return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor)

@@ -1,4 +1,4 @@
-"""Which plans are not composed or not driven, because they lose to the incumbent even if nobody waits."""
+"""Which plans are not composed or not driven, because they are likely to lose to the incumbent even if nobody waits."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from reports.common.plan_results import PlanResult
 class Incumbent:
     """The quickest feasible plan with as many tractors: its strategy and seconds to finish the field.
 
-    `tractor_s` is the sum over its tractors, each until it is done.
+    `tractor_s` is the sum over its tractors, each until it is done; `left_factor` by how much both are more than
+    driven, for the ground that it leaves.
     """
 
     strategy: str
     finish_s: float
     tractor_s: float = 0.0
+    left_factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,14 +35,14 @@ class PrunedCandidate:
 def prune_plan(
     context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None
 ) -> PrunedCandidate | None:
-    """A plan as pruned by the incumbent, given the least seconds of its tractors; None if it might win.
+    """A plan as pruned by the incumbent, given about the least seconds of its tractors; None if it might win.
 
-    Where risk or cost decides, less time of all tractors together may be enough.
+    It is taken to leave as much ground. Where risk or cost decides, less time of all tractors together may be enough.
     """
-    if incumbent is None or max(tractor_s) <= incumbent.finish_s:
+    if incumbent is None or max(tractor_s) * incumbent.left_factor <= incumbent.finish_s:
         return None
     uses_criteria = context.criteria is not None and context.criteria.decides_best
-    if uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s:
+    if uses_criteria and math.fsum(tractor_s) * incumbent.left_factor < incumbent.tractor_s:
         return None
     return PrunedCandidate(max(tractor_s), incumbent)
 

@@ -16,7 +16,7 @@ from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import PlanningResult
 from planner.pipeline.planning import plan as simulate_all
 from planner.pipeline.ranking import list_candidates
-from planner.pipeline.worker_tasks import warm_up_simulation
+from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext
 from planner.service.sandbox.request_checks import build_request_plan_inputs
 from planner.service.store.job_queue import ResultFile
@@ -163,7 +163,7 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
     _load_simulator(job)
     request = question.request
     simulates_all = bool(job.request.get("all"))
-    with create_executor(len(list_candidates(request)), job.processes) as executor:
+    with create_executor(len(group_candidates(list_candidates(request))), job.processes) as executor:
         planned = simulate_all(
             request,
             tractor=question.tractor,
