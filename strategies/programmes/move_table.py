@@ -7,7 +7,6 @@ from bisect import insort
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from statistics import median
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
 
+USUAL_SHARE = 0.75  # of moves: tours use those whose cost is expected too low
 MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up
 
 
@@ -119,8 +119,8 @@ class MoveTable:
         return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def _compute_usual_s(self) -> float:
-        """By how much moves are usually dearer than expected."""
-        return max(0.0, median(self.excesses_s)) if self.excesses_s else 0.0
+        """By how much moves that tours use are usually dearer than expected, at most."""
+        return max(0.0, float(np.quantile(self.excesses_s, USUAL_SHARE))) if self.excesses_s else 0.0
 
     def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
         """Find and drive the moves of all pairs of nodes until one of each was driven well that is likely to be the
