@@ -112,7 +112,7 @@ class MoveEstimates:
 
     def _list_work_s(self, u: int, v: int) -> list[tuple[float, float]]:
         """Seconds of moves with the implement down, charged and as driven."""
-        if len(self.ends) - 1 in (u, v) or self.lines[u // 2].group != self.lines[v // 2].group:
+        if len(self.ends) - 1 in (u, v):
             return []
         found = list_work_moves(self.site, self.finder, self.lines[u // 2], u % 2, self.lines[v // 2], v % 2)
         return [(one.cost_s, one.drive_s) for one in found]

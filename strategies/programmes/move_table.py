@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +43,6 @@ class MoveTable:
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
-    _proven_runs: set[tuple[Hashable, ...]] = field(default_factory=set)
     _failures: Floats = field(init=False)
     _searched_in_vain: dict[tuple[str, int], int] = field(default_factory=dict)
 
@@ -91,17 +89,6 @@ class MoveTable:
     def is_proven(self, u: int, v: int) -> bool:
         """Whether the move between two nodes was driven well."""
         return (u, v) in self._proven
-
-    def note_proven_run(self, nodes: Sequence[int]) -> None:
-        """Note that the present moves between nodes keep to the ground one after another."""
-        self._proven_runs.add(self._describe_run(nodes))
-
-    def is_run_proven(self, nodes: Sequence[int]) -> bool:
-        """Whether the present moves between nodes were noted."""
-        return self._describe_run(nodes) in self._proven_runs
-
-    def _describe_run(self, nodes: Sequence[int]) -> tuple[Hashable, ...]:
-        return (*nodes, *(self.get_move(*pair) for pair in pairwise(nodes)))
 
     def get_proven_mask(self) -> npt.NDArray[np.bool_]:
         """For all pairs of nodes (n + 1, n + 1) whether their move was driven well."""

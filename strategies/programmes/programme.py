@@ -108,7 +108,7 @@ def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:
 
     Such lines pass on how they were begun, which a move driven alone does not show.
     """
-    runs = [run for run in _list_short_runs(table, _keep_connected(table, tour)) if not table.is_run_proven(run)]
+    runs = _list_short_runs(table, _keep_connected(table, tour))
     lost = dict.fromkeys(pair for run in runs for pair in _find_lost_moves(table, run))
     for pair in lost:
         table.strike(*pair)
@@ -128,14 +128,15 @@ def _list_short_runs(table: MoveTable, tour: Sequence[int]) -> list[tuple[int, .
     return [tuple(run) for run in runs if len(run) > 2]
 
 
-def _find_lost_moves(table: MoveTable, run: Sequence[int]) -> list[tuple[int, int]]:
-    """The moves of a stretch of a tour at which a drive of it leaves the ground."""
-    parts = build_run_parts(table, run)
-    owners = [pair for pair, legs in parts for _ in legs]
-    lost = [owners[leg] for leg in table.moves.find_lost_legs([leg for _, legs in parts for leg in legs])]
-    if not lost:
-        table.note_proven_run(run)
-    return lost
+def _find_lost_moves(table: MoveTable, run: Sequence[int]) -> tuple[tuple[int, int], ...]:
+    """The moves of a stretch of a tour at which a drive of it leaves the ground; each is driven once for a site."""
+    known, key = table.moves.lost_in_runs, (*run, *(table.get_move(*pair) for pair in pairwise(run)))
+    if key not in known:
+        parts = build_run_parts(table, run)
+        owners = [pair for pair, legs in parts for _ in legs]
+        legs = [leg for _, legs in parts for leg in legs]
+        known[key] = tuple(owners[number] for number in table.moves.find_lost_legs(legs))
+    return known[key]
 
 
 def pose_problem(

@@ -7,7 +7,7 @@ all programmes of a site may share it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import attrgetter
@@ -44,6 +44,7 @@ class SiteMoves:
 
     Attributes:
         ends, begins: poses of the guided point where nodes end and begin; the entrance comes last.
+        lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
     """
 
     site: Site
@@ -51,6 +52,7 @@ class SiteMoves:
     finder: MoveFinder = field(init=False)
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
+    lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
