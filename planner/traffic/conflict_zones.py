@@ -304,11 +304,6 @@ def find_conflict_zones(
     )
 
 
-def assume_no_conflicts(trajectories: Sequence[SoloTrajectory]) -> ConflictZones:
-    """The trajectories as if nobody were in anybody's way."""
-    return _build_zones(list(trajectories), {})
-
-
 def _drop_idle_holds(trajectory: SoloTrajectory, used: npt.NDArray[np.bool_], gated: set[int]) -> SoloTrajectory:
     """The trajectory without hold points before segments that are in nobody's way."""
     counts = np.add.reduceat(np.append(used, False), np.asarray(trajectory.holds), dtype=np.int64)

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from planner.traffic.conflict_zones import ConflictZones, assume_no_conflicts, find_conflict_zones
+from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.timetable_search import GAP_AHEAD_S, GAP_BEHIND_S, MAX_CHAIN, fill_timetable
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
@@ -132,16 +132,7 @@ class TrafficRules:
     cache: TrajectoryCache = field(default_factory=TrajectoryCache)
 
 
-@dataclass(frozen=True)
-class ScheduledPlan:
-    """A plan with gates so that no tractors meet, its predicted duration, and the duration if each drove alone."""
-
-    plan: Plan
-    predicted_s: float
-    solo_s: float
-
-
-def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> ScheduledPlan | None:
+def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan | None:
     """The plan with gates so that no tractors meet; None if no order was found.
 
     `slack` times the usual time is kept between two that use the same place one after the other.
@@ -158,10 +149,7 @@ def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Schedu
     table = precedence.find_timetable()
     if table is None:
         return None
-    solo_timetable = PrecedenceSearch(plan, assume_no_conflicts(zones.trajectories)).find_timetable()
-    solo_s = table.duration_s if solo_timetable is None else solo_timetable.duration_s
-    scheduled = _add_gates(_drop_gates(plan, precedence.deadlock_avoidance.dropped_gates), table.gates)
-    return ScheduledPlan(scheduled, table.duration_s, solo_s)
+    return _add_gates(_drop_gates(plan, precedence.deadlock_avoidance.dropped_gates), table.gates)
 
 
 def _drop_gates(plan: Plan, dropped: list[tuple[int, int, LegGate]]) -> Plan:

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.geometry.overlays import Areas, clip_all_areas, subtract_area, unite_areas
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
 from strategies.lines.work_line import (
     Floats,
@@ -70,8 +70,8 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     """
     lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
-    lines += _settle_all(site, _list_swaths(site, shapely.difference(due, _unite_strips(site, lines))))
-    lines += _settle_all(site, _list_leftover(site, shapely.difference(due, _unite_strips(site, lines)), lines))
+    lines += _settle_all(site, _list_swaths(site, subtract_area(due, _unite_strips(site, lines))))
+    lines += _settle_all(site, _list_leftover(site, subtract_area(due, _unite_strips(site, lines)), lines))
     return keep_uncovered(site, lines)
 
 
@@ -90,7 +90,11 @@ def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
 
 
 def _unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
-    return shapely.union_all([line.build_strip(site.width_m) for line in lines])
+    return unite_areas(_build_strips(site, lines))
+
+
+def _build_strips(site: Site, lines: Sequence[WorkLine]) -> Areas:
+    return np.array([line.build_strip(site.width_m) for line in lines], dtype=np.object_)
 
 
 def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
@@ -256,13 +260,13 @@ def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:
     """The lines without those whose strip others cover nearly all of; the least needed goes first."""
     if not lines:
         return []
-    strips = shapely.intersection([line.build_strip(site.width_m) for line in lines], site.work_ground)
+    strips = clip_all_areas(_build_strips(site, lines), site.work_ground)
     areas_m2, overlaps, is_kept = shapely.area(strips), _list_overlaps(strips), np.ones(len(lines), bool)
     full_m2 = np.array([site.width_m * line.length_m for line in lines])
 
     def measure_own_m2(number: int) -> float:
-        shared = shapely.union_all([overlap for k, overlap in overlaps[number].items() if is_kept[k]])
-        return float(areas_m2[number] - shared.area)
+        shared = [overlap for k, overlap in overlaps[number].items() if is_kept[k]]
+        return float(areas_m2[number] - unite_areas(np.array(shared, dtype=np.object_)).area)
 
     own_m2 = np.array([measure_own_m2(number) for number in range(len(lines))])
     while True:
@@ -276,11 +280,11 @@ def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:
     return [replace(line, own_m2=float(own_m2[k])) for k, line in enumerate(lines) if is_kept[k]]
 
 
-def _list_overlaps(strips: npt.NDArray[np.object_]) -> list[dict[int, shapely.Geometry]]:
+def _list_overlaps(strips: Areas) -> list[dict[int, shapely.Geometry]]:
     """For every strip the ground that it shares with each of the others, where that is more than a sliver."""
     first, second = shapely.STRtree(strips).query(strips, predicate="intersects")
     first, second = first[first < second], second[first < second]
-    shared = shapely.intersection(strips[first], strips[second])
+    shared = clip_all_areas(strips[first], strips[second])
     overlaps: list[dict[int, shapely.Geometry]] = [{} for _ in strips]
     for a, b, ground in zip(first.tolist(), second.tolist(), shared.tolist(), strict=True):
         if ground.area > SLIVER_M2:

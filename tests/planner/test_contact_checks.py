@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fields import Field
+from fields.geometry.overlays import clip_area, drop_slivers, extract_polygons
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_checks import (
     FenceIntrusionCheck,
@@ -18,7 +19,6 @@ from planner.evaluation.ground.contact_checks import (
     find_poses_within_reach,
 )
 from planner.evaluation.ground.coverage import _find_wide_pieces
-from planner.evaluation.ground.overlays import clip_area, drop_slivers, extract_polygons
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.evaluation.preparation import prepare_context
 from planner.request.plan_request import PlanRequest

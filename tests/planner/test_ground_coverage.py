@@ -12,9 +12,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field
+from fields.geometry import overlays
 from fields.geometry.open_edges import EdgeOverhang
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground import overlays
 from planner.evaluation.ground.coverage import (
     compute_guided_path,
     count_reversals,

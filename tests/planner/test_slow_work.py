@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.traffic.conflict_repair import _describe_slow_work
+from planner.traffic.giving_way import _describe_slow_work
 from vehicle.records import REC_SPEED, REC_STATUS, RECORD_COLUMNS, TURNING, WORKING
 
 

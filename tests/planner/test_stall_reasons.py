@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.traffic.conflict_repair import resolve_conflicts
+from planner.traffic.giving_way import resolve_conflicts
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import STALL, SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
@@ -19,6 +19,10 @@ def drive(plan: Plan) -> SimulationRun:
     return simulate(plan, TRACTOR, Implement(), max_time_s=900.0)
 
 
+def schedule_nothing(plan: Plan, slack: float) -> None:
+    """Nobody gives way."""
+
+
 def build_leg(start: tuple[float, float], end: tuple[float, float], *gates: LegGate) -> Leg:
     return Leg(np.array([start, end]), 1.4, gates=gates)
 
@@ -27,7 +31,7 @@ def test_one_tractor_that_cannot_follow_its_path_is_not_said_to_wait() -> None:
     """Its second leg is so slow that it does not get a centimetre on in two minutes."""
     slow = replace(build_leg((12.0, 0.0), (40.0, 0.0)), speed_mps=1e-5)
     plan = Plan((Mission((build_leg((0.0, 0.0), (12.0, 0.0)), slow)),))
-    run, reason = resolve_conflicts(plan, drive)
+    run, reason = resolve_conflicts(plan, drive, schedule_nothing)
     assert run.outcome == STALL and reason is not None
     assert (
         reason.startswith("tractor 1 stands still at (1")
@@ -39,4 +43,7 @@ def test_one_tractor_that_cannot_follow_its_path_is_not_said_to_wait() -> None:
 def test_two_that_wait_for_each_other_are_said_to() -> None:
     first = Mission((build_leg((0.0, 0.0), (9.0, 0.0), LegGate(1, 0, 3.0)),))
     second = Mission((build_leg((0.0, 9.0), (9.0, 9.0), LegGate(0, 0, 3.0)),))
-    assert resolve_conflicts(Plan((first, second)), drive)[1] == "tractors wait for each other and none moves any more"
+    assert (
+        resolve_conflicts(Plan((first, second)), drive, schedule_nothing)[1]
+        == "tractors wait for each other and none moves any more"
+    )

@@ -8,9 +8,9 @@ from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.request.plan_request import MIN_CLEARANCE_M
-from planner.traffic.conflict_repair import Scheduler, Simulate
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
-from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
+from planner.traffic.giving_way import Scheduler, Simulate
+from planner.traffic.precedence import TrafficRules, schedule_plan
 from strategies.programmes.waiting_places import StandingCheck
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
@@ -53,7 +53,7 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
         context.trajectory_cache,
     )
 
-    def schedule(plan: Plan, slack: float) -> ScheduledPlan | None:
+    def schedule(plan: Plan, slack: float) -> Plan | None:
         context.time_share.check()
         solo_runs.expect_plan(plan)
         return schedule_plan(plan, rules, slack)

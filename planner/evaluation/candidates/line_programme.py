@@ -23,7 +23,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
-from planner.traffic.conflict_repair import resolve_conflicts
+from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import (
     compose_formation,
     describe_formation_share,
@@ -256,7 +256,7 @@ class ProgrammeDriver:
 
     def drive(self, composed: ComposedPlan) -> CandidateRun:
         """The run of a composed plan, with what is known of it without measuring."""
-        run, reason = resolve_conflicts(composed.plan, self._simulate, schedule=self._schedule)
+        run, reason = resolve_conflicts(composed.plan, self._simulate, self._schedule)
         table = composed.programme.table
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overlays import (
+from fields.geometry.overlays import (
     Areas,
     clip_area,
     drop_slivers,
@@ -23,6 +22,7 @@ from planner.evaluation.ground.overlays import (
     subtract_area,
     unite_areas,
 )
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_results import UnworkedPiece
 from vehicle.jit import compile_function

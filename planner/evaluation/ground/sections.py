@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.evaluation.ground.overlays import (
+from fields.geometry.overlays import (
     ROUNDING_SHARE,
     Areas,
     clip_all_areas,

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from fields.geometry.overlays import Areas
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overlays import Areas
 from planner.evaluation.ground.sections import STILL_M, SweptPart, build_swept_polygons, switch_sections, take_share
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import SimulationRun

@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from fields.geometry.field import MIN_FENCE_MARGIN_M
+from fields.geometry.overlays import GRID_M, extract_polygons
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overlays import GRID_M, extract_polygons
 from reports.common.language import mark_text
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts

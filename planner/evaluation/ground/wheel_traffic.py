@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.geometry.overlays import Areas, clip_area, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overlays import Areas, clip_area, subtract_area, unite_areas
 from planner.evaluation.ground.swept_area import (
     Points,
     Rows,

@@ -34,8 +34,8 @@ from planner.fleet.replanning.reassignment import (
     compute_leg_end_pose,
     find_remaining_pieces,
 )
-from planner.traffic.conflict_repair import resolve_conflicts
-from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
+from planner.traffic.giving_way import resolve_conflicts
+from planner.traffic.precedence import TrafficRules, schedule_plan
 from strategies.path_planning.paths import Pose
 from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
 from strategies.programmes.site_moves import SiteMoves
@@ -363,14 +363,14 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
         world = World(single, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
         return world.run(max_time_s=compute_patience_s(single))
 
-    def schedule_traffic(tried_plan: Plan, slack: float) -> ScheduledPlan | None:
+    def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
         return schedule_plan(
             tried_plan, TrafficRules(context.tractor, context.implement, clearance_m, beside_m, simulate_alone), slack
         )
 
     try:
         run, conflict = resolve_conflicts(
-            plan, lambda p: rehearsal.simulate(p, compute_patience_s(p)), schedule=schedule_traffic
+            plan, lambda p: rehearsal.simulate(p, compute_patience_s(p)), schedule_traffic
         )
     except HeadlandError as refusal:
         raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None

@@ -13,13 +13,13 @@ from shapely.geometry.polygon import orient
 from fields.geometry.field import Field
 from fields.geometry.field_lines import GuidanceLine, HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
+from fields.geometry.overlays import GRID_M
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from fields.terrain.slopes import choose_contour_interval_m, compute_gradients, compute_hill_shade, trace_contours
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
-from planner.evaluation.ground.overlays import GRID_M
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths

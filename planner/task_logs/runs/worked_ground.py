@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
-from planner.evaluation.ground.overlays import clip_area, extract_polygons, subtract_area, unite_areas
+from fields.geometry.overlays import clip_area, extract_polygons, subtract_area, unite_areas
 from planner.task_logs.runs.phases import find_true_segments
 from planner.task_logs.runs.run_records import STANDING_MPS, Array, ProjectedRun
 from reports.task_logs.run_results import GroundCoverage, Points
