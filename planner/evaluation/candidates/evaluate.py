@@ -23,6 +23,7 @@ from planner.evaluation.candidates.slope_figures import (
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
+from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.risk.assessment import add_risk_estimate
 from reports.common.plan_results import PlanResult
 from strategies.path_planning.errors import StrategyError
@@ -171,6 +172,8 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> CandidateEvaluation:
     """The figures of a run, with those of its samples."""
     result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
+    largest = describe_largest_piece(context, result.largest_missed)
+    result = replace(result, remark=join_remarks(largest, result.remark))
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,

@@ -272,8 +272,10 @@ def describe_left(programme: Programme, context: PlanningContext) -> str | None:
         return None
     largest = max(left, key=lambda line: line.own_m2)
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
-    count = "1 line of work is" if len(left) == 1 else f"{len(left)} lines of work are"
+    where, count = describe_position(x_m, y_m, context), "1 line of work is"
+    if len(left) > 1:
+        where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
-        f"{count} left, {area_m2:.0f} m2 in all, the largest {describe_position(x_m, y_m, context)}: not worth the "
-        "drive for this machine; a smaller turning radius or a narrower implement may help"
+        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine; a smaller turning radius or a "
+        "narrower implement may help"
     )

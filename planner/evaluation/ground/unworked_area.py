@@ -11,17 +11,21 @@ import shapely
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import GRID_M, extract_polygons
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.contact_places import describe_position
 from reports.common.language import mark_text
+from reports.common.plan_results import UnworkedPiece
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
+HECTARES_FROM_M2 = 1000.0
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
+MENTIONED_SHARE = 0.0025  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 
 
@@ -56,6 +60,19 @@ def find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
     areas.append(UnworkedArea("estimate: tips of rounded corners", _estimate_corner_loss_m2(context), ()))
     return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)
+
+
+def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None) -> str | None:
+    """Area, place and reason of the largest piece that a plan leaves; None where it is small."""
+    if piece is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
+        return None
+    place = shapely.Point(piece.x_m, piece.y_m)
+    reason = next(
+        (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()),
+        "reached by no pass of this plan",
+    )
+    area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
+    return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"
 
 
 def build_worked_ground(context: PlanningContext) -> shapely.Geometry:
