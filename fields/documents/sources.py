@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first
 from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.raw_document import (
@@ -44,11 +44,8 @@ def read_single_file(path: str, label: str) -> FieldDocument | None:
     if not names:
         return None
     if len(names) > 1:
-        shown_names = ", ".join(names[:MAX_SHOWN_FILES]) + (
-            f" and {len(names) - MAX_SHOWN_FILES} more" if len(names) > MAX_SHOWN_FILES else ""
-        )
         raise FieldError(
-            f"{quote_path(path)} holds {len(names)} field files ({shown_names}); "
+            f"{quote_path(path)} holds {len(names)} field files ({join_first(names, MAX_SHOWN_FILES)}); "
             f"{'name one of them' if members.path.is_dir() else 'unpack it and name one of them'}."
         )
     field_format = SINGLE_FILE_FORMATS[PurePosixPath(names[0]).suffix.lower()]

@@ -14,7 +14,7 @@ import shapely
 from fields.errors import FieldError
 from fields.formats.features import BOUNDARY, Feature, build_document
 from fields.formats.gdal import GPX_DRIVER, WGS84, name_guidance_lines, read_layers
-from fields.formats.guidance import DegreePoints, FileContents, GuidanceFormat, PlanGuidance
+from fields.formats.guidance import DEGREE_DECIMALS, DegreePoints, FileContents, GuidanceFormat, PlanGuidance
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
@@ -70,7 +70,6 @@ FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
 
 
 GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
-DEGREE_DECIMALS = 9
 
 
 def _write_gpx(guidance: PlanGuidance) -> FileContents:
@@ -85,10 +84,9 @@ def _write_gpx(guidance: PlanGuidance) -> FileContents:
         add_child(route, "number", str(number))
         _add_points(route, "rtept", line.points)
     if guidance.boundary is not None:
-        ring = guidance.boundary.rings[0]
         track = add_child(root, "trk")
         add_child(track, "name", guidance.field)
-        _add_points(add_child(track, "trkseg"), "trkpt", np.concatenate([ring, ring[:1]]))
+        _add_points(add_child(track, "trkseg"), "trkpt", guidance.boundary.closed_rings[0])
     return {"guidance.gpx": serialise_xml(root)}
 
 

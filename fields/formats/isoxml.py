@@ -18,17 +18,17 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from shapely import Polygon
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first
 from fields.feature_words import ENTRANCE, OBSTACLE, REFILL, find_word_meaning
 from fields.formats.archive import ArchiveMembers, is_archive, read_file_beside
-from fields.formats.features import Feature, build_document
+from fields.formats.features import Feature, build_document, build_feature
 from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
+    DEGREE_DECIMALS,
     DegreePoints,
     FileContents,
     GuidanceArea,
@@ -69,8 +69,7 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
         features += partfield_features
         empty += [] if partfield_features else [_get_partfield_name(element)]
     if empty:
-        remainder = f" and {len(empty) - MAX_SHOWN_NAMES} more" if len(empty) > MAX_SHOWN_NAMES else ""
-        notes.append(f"Partfields without a boundary are skipped: {', '.join(empty[:MAX_SHOWN_NAMES])}{remainder}.")
+        notes.append(f"Partfields without a boundary are skipped: {join_first(empty, MAX_SHOWN_NAMES)}.")
     if not features:
         raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
     return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
@@ -135,10 +134,10 @@ def _read_partfield(element: Element, notes: list[str]) -> list[Feature]:
         elif kind in OBSTACLE_TYPES:
             rings = _read_rings(polygon, (OUTER_RING, INNER_RING), name, notes)
             properties = {"role": "obstacle", "kind": OBSTACLE_TYPES[kind], "name": (polygon.get("B") or "").strip()}
-            features += [_build_feature("Polygon", rings, properties)] if rings else []
+            features += [build_feature("Polygon", rings, properties)] if rings else []
         elif kind == HEADLAND_TYPE:
             edges = _read_rings(polygon, (INNER_RING,), name, notes) or _read_rings(polygon, (OUTER_RING,), name, notes)
-            features += [_build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
+            features += [build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
     boundaries = [one for one in features if one["properties"].get("role") == "boundary"]
     if not boundaries:
         return []
@@ -174,7 +173,7 @@ def _read_boundary(polygon: Element, identity: dict[str, str], notes: list[str])
     for ring, shape in zip(outer, shapes, strict=True):
         holes = [one for one in inner if len(outer) == 1 or (shape.is_valid and shape.contains(Polygon(one)))]
         placed += len(holes)
-        parts.append(_build_feature("Polygon", [ring, *holes], {**identity, "role": "boundary"}))
+        parts.append(build_feature("Polygon", [ring, *holes], {**identity, "role": "boundary"}))
     if placed < len(inner):
         notes.append(
             f"Skipped in '{identity['name']}': {count_noun(len(inner) - placed, 'inner ring')} outside its outer rings."
@@ -255,10 +254,10 @@ def _read_points(element: Element) -> list[Feature]:
     for point in element.findall("PNT"):
         place = _parse_position(point)
         if place is not None and point.get("A") == ENTRANCE_TYPE:
-            features.append(_build_feature("Point", place, {"role": "entrance"}))
+            features.append(build_feature("Point", place, {"role": "entrance"}))
         elif place is not None and point.get("A") == OBSTACLE_POINT_TYPE:
             features.append(
-                _build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
+                build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
             )
         elif (
             place is not None
@@ -270,7 +269,7 @@ def _read_points(element: Element) -> list[Feature]:
                 REFILL,
             )
         ):
-            features.append(_build_feature("Point", place, {"name": (point.get("B") or "").strip()}))
+            features.append(build_feature("Point", place, {"name": (point.get("B") or "").strip()}))
     return features
 
 
@@ -283,7 +282,7 @@ def _read_obstacle_lines(element: Element, name: str, notes: list[str]) -> list[
         if len(points) > 1:
             width_m = (int(width_mm) if width_mm.isdecimal() and int(width_mm) else DEFAULT_LINE_WIDTH_MM) / 1000.0
             properties = {"role": "obstacle", "name": (line.get("B") or "").strip(), "width_m": width_m}
-            features.append(_build_feature("LineString", points, properties))
+            features.append(build_feature("LineString", points, properties))
     return features
 
 
@@ -315,7 +314,7 @@ def _read_line(line: Element, name: str) -> Feature | None:
     points = [one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None]
     if len(points) < 2:
         return None
-    return _build_feature("LineString", points, {"role": "guidance", "name": name})
+    return build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
 def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
@@ -327,20 +326,12 @@ def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feat
     start = next((one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None), None)
     if start is None:
         return None
-    return _build_feature(
+    return build_feature(
         "LineString", [start, extend_position(start, heading_deg, 100.0)], {"role": "guidance", "name": name}
     )
 
 
-def _build_feature(kind: str, coordinates: object, properties: dict[str, Any]) -> Feature:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
-
-
-def _has_taskdata_file(names: frozenset[str]) -> bool:
-    return TASKDATA_FILE in names
-
-
-FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, _has_taskdata_file)
+FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASKDATA_FILE in names)
 
 
 TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
@@ -351,7 +342,6 @@ PNT_OTHER, PNT_ENTRANCE, PNT_A, PNT_B, PNT_BETWEEN = "2", "3", "6", "7", "9"
 GPN_AB, GPN_CURVE = "1", "3"
 GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
 """Extension of a pattern to both sides and ends; origin of its points (not measured)."""
-DEGREE_DECIMALS = 9
 FALLBACK_NAME = "Field"
 
 
@@ -359,9 +349,9 @@ def _write_version_4(guidance: PlanGuidance) -> FileContents:
     root, partfield = _build_partfield(guidance, "4")
     if guidance.boundary is not None and guidance.headland_interior:
         headland = add_child(partfield, "PLN", A=PLN_HEADLAND, B="Headland")
-        _add_ring(headland, LSG_OUTER, guidance.boundary.rings[0])
+        _add_ring(headland, LSG_OUTER, guidance.boundary.closed_rings[0])
         for area in guidance.headland_interior:
-            _add_ring(headland, LSG_INNER, area.rings[0])
+            _add_ring(headland, LSG_INNER, area.closed_rings[0])
     if guidance.entrance is not None:
         _add_point(partfield, PNT_ENTRANCE, *guidance.entrance, name="Entrance")
     patterns = count(1)
@@ -410,14 +400,13 @@ def _find_software_version() -> str:
 
 def _add_polygon(partfield: Element, kind: str, area: GuidanceArea) -> None:
     polygon = add_child(partfield, "PLN", A=kind, B=build_designator(area.name, FALLBACK_NAME))
-    for place, ring in enumerate(area.rings):
+    for place, ring in enumerate(area.closed_rings):
         _add_ring(polygon, LSG_INNER if place else LSG_OUTER, ring)
 
 
 def _add_ring(polygon: Element, kind: str, ring: DegreePoints) -> None:
-    """A ring that ends where it begins."""
     line = add_child(polygon, "LSG", A=kind)
-    for longitude, latitude in (*ring.tolist(), ring[0].tolist()):
+    for longitude, latitude in ring.tolist():
         _add_point(line, PNT_OTHER, longitude, latitude)
 
 

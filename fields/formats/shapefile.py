@@ -142,7 +142,6 @@ FIELD_FORMAT = FieldFormat(
 )
 
 
-WRITTEN_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 FIXED_DATE = "1980-01-01"
 """Date in dBASE tables, fixed so that the same plan gives the same bytes."""
 MAX_TEXT_BYTES = 254
@@ -161,7 +160,7 @@ def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
         names = [area.name for area in guidance.obstacles]
         areas = [_build_polygon(area) for area in guidance.obstacles]
         files |= _write_layer("obstacles", areas, {"name": names, "role": ["obstacle"] * len(names)})
-    edges = [shapely.linestrings(np.concatenate([r, r[:1]])) for area in guidance.headland_interior for r in area.rings]
+    edges = [shapely.linestrings(ring) for area in guidance.headland_interior for ring in area.closed_rings]
     if edges:
         files |= _write_layer("headland", edges, {"role": ["headland"] * len(edges)})
     if guidance.entrance is not None:
@@ -170,20 +169,19 @@ def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
 
 
 def _write_lines(guidance: PlanGuidance) -> dict[str, bytes]:
-    lines = guidance.lines
-    if not lines:
+    if not guidance.lines:
         return {}
     columns: dict[str, list[Any]] = {
-        "name": [line.name for line in lines],
-        "role": ["guidance" for _ in lines],
-        "tractor": [line.tractor for line in lines],
-        "order": [line.order for line in lines],
-        "kind": [line.kind for line in lines],
-        "what": [line.description for line in lines],
-        "bearing": [round(line.bearing_deg, 6) for line in lines],
-        "length_m": [round(line.length_m, 3) for line in lines],
+        "name": [line.name for line in guidance.lines],
+        "role": ["guidance" for _ in guidance.lines],
+        "tractor": [line.tractor for line in guidance.lines],
+        "order": [line.order for line in guidance.lines],
+        "kind": [line.kind for line in guidance.lines],
+        "what": [line.description for line in guidance.lines],
+        "bearing": [round(line.bearing_deg, 6) for line in guidance.lines],
+        "length_m": [round(line.length_m, 3) for line in guidance.lines],
     }
-    return _write_layer("lines", [shapely.linestrings(line.points) for line in lines], columns)
+    return _write_layer("lines", [shapely.linestrings(line.points) for line in guidance.lines], columns)
 
 
 def _build_polygon(area: GuidanceArea) -> shapely.Polygon:
@@ -207,7 +205,7 @@ def _write_layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns
             encoding="UTF-8",
             DBF_DATE_LAST_UPDATE=FIXED_DATE,
         )
-        parts = [place.with_suffix(ending) for ending in WRITTEN_EXTENSIONS]
+        parts = [place.with_suffix(ending) for ending in PART_EXTENSIONS]
         return {part.name: part.read_bytes() for part in parts if part.exists()}
 
 

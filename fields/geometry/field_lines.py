@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, mark_parameter, shorten_value, suggest_name
+from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.coordinates import FieldFrame, parse_position
-from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)
@@ -22,7 +22,7 @@ GRID_M = 1e-6
 
 
 def read_fences(
-    chosen: RawPolygon,
+    chosen: RawShape,
     lines: Iterable[RawShape],
     frame: FieldFrame,
     shape: shapely.Polygon,
@@ -168,11 +168,10 @@ def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) 
     """
     matches = [one for one in lines if one.name.lower() == name.strip().lower()]
     if not matches:
-        known_names = ", ".join(f"'{one.name}'" for one in lines[:MAX_SHOWN_LINES]) or "none"
-        remainder = f" and {len(lines) - MAX_SHOWN_LINES} more" if len(lines) > MAX_SHOWN_LINES else ""
+        known_names = join_first([f"'{one.name}'" for one in lines], MAX_SHOWN_LINES) or "none"
         raise FieldError(
             f"{label} has no line '{name}' for {mark_parameter('guidance_line')}"
-            f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}{remainder}.",
+            f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}.",
             parameter="guidance_line",
         )
     bearings = [one.bearing_deg for one in matches]

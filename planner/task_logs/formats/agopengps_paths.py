@@ -46,7 +46,7 @@ def _is_recorded_path(name: str) -> bool:
 
 
 def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -> LoggedRun:
-    plane = agopengps.read_plane(members[field_file], label)
+    plane = agopengps.parse_plane(agopengps.split_lines(members[field_file]), label)
     lines = agopengps.split_lines(members[name])
     rows, unread_lines = [], 0
     for line in lines:
