@@ -15,9 +15,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from fields.errors import FieldError
-from fields.formats.features import build_document
-from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, name_guidance_lines, read_layers
-from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
+from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, build_layer_document, read_layers
+from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import MAX_BYTES, read_bytes, read_start
 
 FORMAT_NAME = "a GeoPackage or FlatGeobuf"
@@ -57,14 +56,7 @@ def parse_geopackage(content: bytes, label: str) -> FieldDocument:
 
 
 def _read_gdal_document(source: Path | bytes, label: str, driver: str) -> FieldDocument:
-    layers = read_layers(source, label, FORMAT_NAME, (driver,))
-    return build_document(
-        name_guidance_lines(layers.features),
-        label,
-        crs=layers.crs or UNKNOWN_CRS,
-        source="GeoPackage",
-        notes=tuple(layers.notes),
-    )
+    return build_layer_document(read_layers(source, label, FORMAT_NAME, (driver,)), label, "GeoPackage")
 
 
 def _has_pending_journal(path: str) -> bool:

@@ -24,7 +24,7 @@ from shapely import Polygon
 
 from fields.errors import FieldError, join_first
 from fields.feature_words import ENTRANCE, OBSTACLE, REFILL, find_word_meaning
-from fields.formats.archive import ArchiveMembers, is_archive, read_file_beside
+from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.features import Feature, build_document, build_feature
 from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
@@ -108,7 +108,8 @@ def _read_file_roots(place: Path, label: str) -> Iterator[Element]:
     if root.tag != "ISO11783_TaskData":
         raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
     yield root
-    yield from _read_external_roots(root, label, partial(read_file_beside, place))
+    beside = ArchiveMembers(place.parent, 0)
+    yield from _read_external_roots(root, label, partial(beside.read_member_beside, place.name))
 
 
 def _read_external_roots(root: Element, label: str, read_beside: Callable[[str], bytes | None]) -> Iterator[Element]:

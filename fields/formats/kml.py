@@ -12,8 +12,7 @@ import numpy as np
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, is_archive
-from fields.formats.features import build_document
-from fields.formats.gdal import KML_DRIVERS, WGS84, name_guidance_lines, read_layers
+from fields.formats.gdal import KML_DRIVERS, WGS84, LayerFeatures, build_layer_document, read_layers
 from fields.formats.guidance import (
     DEGREE_DECIMALS,
     DegreePoints,
@@ -46,13 +45,13 @@ def parse_kml(content: bytes, label: str) -> FieldDocument:
 
 
 def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
-    features, notes = [], []
+    document = LayerFeatures(crs=WGS84)
     for content in texts:
         check_xml_root(content, label, "KML", ROOT_TAGS)
         layers = read_layers(content, label, "KML", KML_DRIVERS)
-        features += layers.features
-        notes += layers.notes
-    return build_document(name_guidance_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
+        document.features += layers.features
+        document.notes += layers.notes
+    return build_layer_document(document, label, "KML")
 
 
 def _unpack_kmz(path: str, label: str) -> list[bytes]:

@@ -18,19 +18,18 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
-from fields.formats.features import build_document
 from fields.formats.gdal import (
     SHAPEFILE_DRIVER,
     LayerFeatures,
     UnknownCrsError,
-    name_guidance_lines,
+    build_layer_document,
     name_layer,
     read_layers,
     restrict_gdal_drivers,
 )
 from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
 from fields.formats.markup import remove_forbidden
-from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
+from fields.raw_document import FieldDocument, FieldFormat
 
 FORMAT_NAME = "a Shapefile"
 PART_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
@@ -43,14 +42,7 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
     members, names = find_shapefiles(place)
     if members.path != place:
         _check_complete(members, place.stem, label)
-    layers = _read_members(members, names, label)
-    return build_document(
-        name_guidance_lines(layers.features),
-        label,
-        crs=layers.crs or UNKNOWN_CRS,
-        source="Shapefile",
-        notes=tuple(layers.notes),
-    )
+    return build_layer_document(_read_members(members, names, label), label, "Shapefile")
 
 
 def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:

@@ -12,7 +12,7 @@ import shapely
 from fields.errors import FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
-from fields.geometry.outline_cleaning import clean_outline
+from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -122,7 +122,7 @@ def compute_workable_ground(
         buffer_geometry(geometry, half_m + margin_m)
         for (geometry, half_m), margin_m in zip(shapes, margins_m, strict=True)
     ]
-    blocked = _collect_polygons(shapely.union_all(buffered, grid_size=GRID_M))
+    blocked = list_polygons(shapely.union_all(buffered, grid_size=GRID_M))
     tree = shapely.STRtree(buffered)
     part_margins_m = [max(margins_m[number] for number in tree.query(part, "intersects")) for part in blocked]
     small = [
@@ -131,7 +131,7 @@ def compute_workable_ground(
         if _is_small(part, outline, margin_m, max_small_m)
     ]
     large = [part for part in blocked if not any(part is one for one in small)]
-    parts = _collect_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
+    parts = list_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
     if not parts:
         return WorkableGround(shapely.Polygon(), shapely.Polygon(), (), ())
     largest = max(parts, key=lambda part: part.area)
@@ -146,8 +146,7 @@ def _shrink_from_obstacles(
 ) -> shapely.Polygon:
     """The largest piece of the ground beyond a distance from obstacles; all the ground if too little would remain."""
     buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
-    parts = _collect_polygons(shapely.difference(ground, buffered, grid_size=GRID_M))
-    largest = max(parts, key=lambda part: part.area, default=shapely.Polygon())
+    largest = find_largest_polygon(shapely.difference(ground, buffered, grid_size=GRID_M))
     return largest if largest.area >= MIN_REMAINING_SHARE * ground.area else ground
 
 
@@ -155,11 +154,6 @@ def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, 
     """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
     across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
     return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
-
-
-def _collect_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
-    """The polygons among the parts of a geometry."""
-    return [part for part in shapely.get_parts(shape) if part.geom_type == AREA]
 
 
 MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away

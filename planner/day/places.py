@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
+from fields.geometry.geodesy import measure_distance_m, project
 from planner.day.input_file import YARD, DayField, DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
@@ -157,16 +157,13 @@ def _collect_road_lengths(roads: Sequence[DayRoad], names: Sequence[str]) -> dic
 
 
 def _measure_straight_km(start: DayPlace, end: DayPlace) -> float:
-    from pyproj import Geod
-
     for place in (start, end):
         if place.lon_lat is None:
             wanted = "lon and lat of the yard" if place.name == YARD else f"lon and lat of {place.name!r}"
             raise RequestError(
                 f"The road between {end.name!r} and {start.name!r} is missing; give it under [[roads]], or {wanted}."
             )
-    (lon, lat), (to_lon, to_lat) = start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)
-    km = float(Geod(ellps="WGS84").inv(lon, lat, to_lon, to_lat)[2]) / M_PER_KM
+    km = measure_distance_m(start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)) / M_PER_KM
     if km > MAX_ROAD_KM and YARD in (start.name, end.name):
         field = end.name if start.name == YARD else start.name
         raise RequestError(

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+import shapely
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
-from fields.formats.gdal import SHAPEFILE_DRIVER, LayerTable, read_table, restrict_gdal_drivers
+from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
@@ -74,43 +74,19 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
 
 
 def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:
-    """Columns by lower-case names, positions in degrees, and a note on the encoding."""
-    import shapely
-
-    table = _read_table(members, name)
+    """Columns by lower-case names, positions in degrees, and a note on the encoding; raises FieldError, LogError."""
+    parts = pack_component_files(find_component_files(members, name, "it"))
+    (table,) = read_tables(parts, "it", "a Shapefile", (SHAPEFILE_DRIVER,), with_heights=False)
     points = shapely.from_wkb(table.shapes, on_invalid="ignore")
-    geometry_types = {one.geom_type for one in points if one is not None}
-    if geometry_types != {"Point"}:
+    if {one.geom_type for one in points if one is not None} != {"Point"}:
         raise LogError("its shapes are not points; name the Shapefile of logged points.")
     lonlat = np.column_stack([shapely.get_x(points), shapely.get_y(points)])
     if table.crs is None:
         raise LogError("it has no .prj with its coordinate system; export it with one.")
     if not is_wgs84_longitude_latitude(table.crs):
-        lonlat = _convert_to_degrees(lonlat, table.crs)
+        is_finite = np.isfinite(lonlat).all(axis=1)
+        lonlat[is_finite] = project(lonlat[is_finite], table.crs, WGS84)
     return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
-
-
-def _read_table(members: ArchiveMembers, name: str) -> LayerTable:
-    """The table of a Shapefile, read with GDAL restricted to its driver; raises FieldError, LogError."""
-    from pyogrio.errors import DataLayerError, DataSourceError
-
-    parts = find_component_files(members, name, "it")
-    try:
-        with warnings.catch_warnings(), restrict_gdal_drivers(SHAPEFILE_DRIVER):
-            warnings.simplefilter("ignore")  # rows with unreadable numbers are dropped later
-            return read_table(pack_component_files(parts))
-    except UnboundLocalError:  # raised by pyogrio if GDAL cannot describe a coordinate system
-        raise LogError("its .prj names an unknown coordinate system; export it again.") from None
-    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError, IndexError) as error:
-        if isinstance(error, FieldError):
-            raise
-        raise LogError("it cannot be read as a Shapefile; export it again.") from None
-
-
-def _convert_to_degrees(points: Array, crs: str) -> Array:
-    is_finite = np.isfinite(points).all(axis=1)
-    points[is_finite] = project(points[is_finite], crs, WGS84)
-    return points
 
 
 def _parse_times(columns: Mapping[str, Sequence[Any]]) -> tuple[Array, str]:

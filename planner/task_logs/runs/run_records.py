@@ -10,6 +10,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.geometry.geodesy import find_utm_crs, project
+from fields.geometry.outline_cleaning import find_largest_polygon
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -180,8 +181,8 @@ def _project_outline(run: LoggedRun, crs: str) -> shapely.Polygon | None:
         return None
     rings = [project(ring, WGS84, crs) for ring in run.outline]
     shape = shapely.make_valid(shapely.Polygon(rings[0], rings[1:]))
-    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
-    return max(parts, key=lambda part: part.area) if parts else None
+    largest = find_largest_polygon(shape)
+    return None if largest.is_empty else largest
 
 
 def reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
