@@ -21,6 +21,7 @@ from fields.formats.archive import ArchiveMembers
 from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
+from fields.text_files import parse_number
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import WGS84, Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
@@ -130,7 +131,7 @@ def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> 
     if name is None:
         return None
     notes.append(f"the work state is from column {name}: working if above 0")
-    values = np.array([_parse_number(value) for value in columns[name]])
+    values = np.array([parse_number(value) for value in columns[name]])
     return np.asarray(values > 0.0)
 
 
@@ -139,7 +140,7 @@ def _compute_median_width_m(columns: Mapping[str, Sequence[Any]], metadata: dict
     if "swathwidth" not in columns:
         return None
     unit = _find_unit(metadata, "swathwidth") or "ft"
-    values = np.array([_parse_number(value) for value in columns["swathwidth"]])
+    values = np.array([parse_number(value) for value in columns["swathwidth"]])
     values = values[np.isfinite(values) & (values > 0.0)]
     return float(np.median(values)) * UNIT_LENGTHS_M.get(str(unit), UNIT_LENGTHS_M["ft"]) if len(values) else None
 
@@ -152,20 +153,13 @@ def _find_elevation_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, 
     if unit_m is None:
         notes.append("heights of the column Elevation are not used, as their unit is not stated")
         return None
-    return unit_m * np.array([_parse_number(value) for value in columns[ELEVATION_COLUMN]])
+    return unit_m * np.array([parse_number(value) for value in columns[ELEVATION_COLUMN]])
 
 
 def _find_unit(metadata: dict[str, Any], column: str) -> str:
     """The unit that the metadata give a column, "" without one."""
     attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
     return str(next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == column), None) or "")
-
-
-def _parse_number(value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return math.nan
 
 
 def _read_metadata(members: ArchiveMembers, name: str, stem: str) -> dict[str, Any]:
