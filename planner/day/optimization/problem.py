@@ -14,6 +14,7 @@ from functools import cached_property
 HASTE_COST_PER_S = 1e-6  # money per second and field, so that of equally expensive days the earlier one is better
 COST_TOLERANCE = 1e-9  # money; smaller differences count as equal
 Route = tuple[int, ...]
+Routes = tuple[Route, ...]
 
 
 @dataclass(frozen=True)
@@ -129,12 +130,17 @@ class DayProblem:
         return total
 
 
-def make_empty_routes(problem: DayProblem) -> tuple[Route, ...]:
+@dataclass(frozen=True)
+class DayProof:
+    """What a proof found: better routes (None: none or no better), and a lower bound of the cost."""
+
+    routes: Routes | None
+    lower_bound: float
+
+
+def make_empty_routes(problem: DayProblem) -> Routes:
     """A day on which no fleet works."""
     return ((),) * problem.fleet_count
-
-
-Routes = tuple[Route, ...]
 
 
 @dataclass(frozen=True)

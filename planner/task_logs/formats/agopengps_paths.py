@@ -64,14 +64,13 @@ def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -
     notes = [NO_CLOCK_NOTE, *([f"{count_noun(unread_lines, 'unreadable line')} skipped"] if unread_lines else [])]
     lonlat = np.array([plane.to_degrees(east, north) for east, north in table[:, :2]])
     folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
-    stem = PurePosixPath(name).stem
     run = LoggedRun(
-        stem,
-        "AgOpenGPS",
-        lonlat,
-        np.concatenate([[0.0], np.cumsum(duration_s)]),
-        speed,
-        table[:, 3] > 0.5,
+        name=PurePosixPath(name).stem,
+        log_format="AgOpenGPS",
+        lonlat=lonlat,
+        time_s=np.concatenate([[0.0], np.cumsum(duration_s)]),
+        speed_mps=speed,
+        is_working=table[:, 3] > 0.5,
         field=folder,
         outline=tuple(np.array(ring) for ring in agopengps.read_boundary_degrees(members, field_file, plane)),
         notes=tuple(notes),

@@ -59,15 +59,15 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
     if "works" in columns:
         is_working = np.array([cell.lower() in TRUE_TEXTS for cell in table.list_cells(columns["works"])])
     run = LoggedRun(
-        Path(path).stem,
-        "CSV",
-        np.column_stack([table.list_numbers(columns[name]) for name in ("longitude", "latitude")]),
-        time_s,
-        _find_numbers(table, columns, "speed_mps"),
-        is_working,
-        float(values["width_m"]) if "width_m" in values else None,
-        start,
-        str(values.get("field", "")) or Path(path).stem,
+        name=Path(path).stem,
+        log_format="CSV",
+        lonlat=np.column_stack([table.list_numbers(columns[name]) for name in ("longitude", "latitude")]),
+        time_s=time_s,
+        speed_mps=_find_numbers(table, columns, "speed_mps"),
+        is_working=is_working,
+        width_m=float(values["width_m"]) if "width_m" in values else None,
+        start=start,
+        field=str(values.get("field", "")) or Path(path).stem,
         elevation_m=_find_numbers(table, columns, "elevation_m"),
     )
     return LogContents((remove_unusable_rows(run),))

@@ -60,10 +60,10 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     elevation_m = _find_elevation_m(columns, metadata, notes)
     order = np.argsort(time_s, kind="stable")
     run = LoggedRun(
-        stem,
-        "Shapefile",
-        lonlat[order],
-        time_s[order],
+        name=stem,
+        log_format="Shapefile",
+        lonlat=lonlat[order],
+        time_s=time_s[order],
         is_working=None if works is None else works[order],
         width_m=_compute_median_width_m(columns, metadata),
         start=start,
