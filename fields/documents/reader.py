@@ -28,7 +28,7 @@ from fields.geometry.coordinates import (
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
 from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
-from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
+from fields.geometry.obstacles import parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
 from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import FieldDocument, GeoShape, RawShape
@@ -77,7 +77,8 @@ def read_field(
     check_area(shape, label)
     multiple_fields = len(document.polygons) > 1
     inside = find_inside_polygons(document, polygon, frame, shape) if multiple_fields else []
-    obstacles, obstacle_remarks = _read_obstacles(document, frame, shape, multiple_fields, label)
+    parsed_obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    obstacles, obstacle_remarks = select_obstacles(parsed_obstacles, shape, multiple_fields, label)
     field_names = [source.name, *(key for raw in document.polygons for key in raw.keys)]
     solid = [one.shape for one in obstacles]
     roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
@@ -297,14 +298,6 @@ def _read_ground_zones(
     return tuple(zones), tuple(remarks)
 
 
-def _read_obstacles(
-    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
-) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
-    """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
-    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
-    return select_obstacles(obstacles, shape, multiple_fields, label)
-
-
 def _read_single_point(
     places: tuple[Any, ...], role: str, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[float, float] | None:
@@ -322,8 +315,6 @@ def _read_single_point(
 
 def _choose_name(raw: RawShape, stem: str) -> str:
     """Name for the field: its own, else its id, else that of the file."""
-    properties: dict[str, Any] = raw.properties
-    for key in ("name", "Name"):
-        if isinstance(properties.get(key), str) and properties[key].strip():
-            return replace_unprintable(properties[key].strip())
-    return replace_unprintable(raw.keys[0] if raw.keys else stem)
+    names = [raw.properties[key] for key in ("name", "Name") if isinstance(raw.properties.get(key), str)]
+    name = next(filter(None, map(str.strip, names)), None)
+    return replace_unprintable(name or (raw.keys[0] if raw.keys else stem))

@@ -195,20 +195,11 @@ def find_field_format(path: str) -> FieldFormat | None:
     Raises:
         FieldError: an archive cannot be opened, or not safely.
     """
-    names = list_names(path)
-    if names:
-        return next((form for form in FIELD_FORMATS if form.holds(names)), None) or _find_archive_format_by_extension(
-            names, path
-        )
-    extension = Path(path).suffix.lower()
-    if Path(path).name.lower() == agopengps.FIELD_FILE:
-        return agopengps.FIELD_FORMAT
-    field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
-    return field_format or (
-        None if extension in FOREIGN_EXTENSIONS or (path and Path(path).is_dir()) else FIELD_FORMATS[0]
-    )
-
-
-def _find_archive_format_by_extension(names: frozenset[str], path: str) -> FieldFormat | None:
-    """The format of an archive that is recognised by its extension only, such as KMZ."""
-    return next((form for form in FIELD_FORMATS if Path(path).suffix.lower() in form.extensions), None)
+    names, place = list_names(path), Path(path)
+    held = next((form for form in FIELD_FORMATS if form.holds(names)), None)
+    if held is None and place.name.lower() == agopengps.FIELD_FILE:
+        held = agopengps.FIELD_FORMAT
+    extension = place.suffix.lower()
+    by_extension = held or next((form for form in FIELD_FORMATS if extension in form.extensions), None)
+    is_foreign = bool(names) or extension in FOREIGN_EXTENSIONS or (path and place.is_dir())
+    return by_extension or (None if is_foreign else FIELD_FORMATS[0])

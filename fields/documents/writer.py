@@ -67,29 +67,21 @@ def build_field_geojson(field: Field) -> str:
         features.append(build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))
     for obstacle in field.obstacles:
         features.append(_build_obstacle_feature(field, obstacle))
+    lines: list[tuple[shapely.Geometry, dict[str, Any]]] = []
     for one in field.edge_overhangs:  # before fences, which hold wherever both are
         merged = one.part if one.part.geom_type == "LineString" else shapely.line_merge(one.part)
-        for part in shapely.get_parts(merged):
-            points = _convert_to_file_system(field, shapely.get_coordinates(part))
-            features.append(build_feature(LINE, points, {"edge": OPEN_EDGE, OVERHANG: one.overhang_m}))
-    for fence in field.fences:
-        features.append(
-            build_feature(LINE, _convert_to_file_system(field, shapely.get_coordinates(fence)), {"edge": FENCE})
-        )
-    for line in field.guidance_lines:
-        points = _convert_to_file_system(field, shapely.get_coordinates(line.line))
-        features.append(build_feature(LINE, points, {"role": "guidance", "name": line.name}))
-    for edge in field.headland_edges:
-        features.append(
-            build_feature(
-                LINE, _convert_to_file_system(field, shapely.get_coordinates(edge.line)), {"role": "headland"}
-            )
-        )
+        edge = {"edge": OPEN_EDGE, OVERHANG: one.overhang_m}
+        lines += [(part, edge) for part in shapely.get_parts(merged)]
+    lines += [(fence, {"edge": FENCE}) for fence in field.fences]
+    lines += [(line.line, {"role": "guidance", "name": line.name}) for line in field.guidance_lines]
+    lines += [(headland.line, {"role": "headland"}) for headland in field.headland_edges]
+    for line, line_properties in lines:
+        points = _convert_to_file_system(field, shapely.get_coordinates(line))
+        features.append(build_feature(LINE, points, line_properties))
     for role, place in (("entrance", field.entrance), ("refill", field.service_point)):
         if place is not None:
-            features.append(
-                build_feature("Point", _convert_to_file_system(field, np.array([place]))[0], {"role": role})
-            )
+            point = _convert_to_file_system(field, np.array([place]))[0]
+            features.append(build_feature("Point", point, {"role": role}))
     header: dict[str, Any] = {"frame": LOCAL_METRES, "origin_m": list(field.origin_m)}
     if field.crs is not None:
         header |= {"frame": WGS84, "crs": field.crs}

@@ -172,13 +172,8 @@ def _parse_old_ab_lines(lines: list[str], unread_counts: list[int]) -> Iterator[
         numbers = parse_numbers(numbers_text, 3)
         if numbers is not None:
             heading_rad, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
-            yield (
-                name,
-                [
-                    (east, north),
-                    (east + AB_LINE_LENGTH_M * math.sin(heading_rad), north + AB_LINE_LENGTH_M * math.cos(heading_rad)),
-                ],
-            )
+            end = east + AB_LINE_LENGTH_M * math.sin(heading_rad), north + AB_LINE_LENGTH_M * math.cos(heading_rad)
+            yield name, [(east, north), end]
         else:
             unread_counts.append(1)
 
@@ -248,18 +243,9 @@ def _write_agopengps(guidance: PlanGuidance) -> FileContents:
     rings = (
         () if guidance.boundary is None else (*guidance.boundary.rings, *(one.rings[0] for one in guidance.obstacles))
     )
+    start = f"{plane.latitude_deg:.{START_DECIMALS}f},{plane.longitude_deg:.{START_DECIMALS}f}"
     files = {
-        "Field.txt": [
-            FIRST_LINE,
-            "$FieldDir",
-            name,
-            "$Offsets",
-            "0,0",
-            "Convergence",
-            "0",
-            "StartFix",
-            f"{plane.latitude_deg:.{START_DECIMALS}f},{plane.longitude_deg:.{START_DECIMALS}f}",
-        ],
+        "Field.txt": [FIRST_LINE, "$FieldDir", name, "$Offsets", "0,0", "Convergence", "0", "StartFix", start],
         "Boundary.txt": ["$Boundary", *(row for ring in rings for row in ("False", *_format_ring(plane, ring)))],
         "Headland.txt": ["$Headland", *_format_headland(plane, guidance)],
         "TrackLines.txt": ["$TrackLines", *(row for line in tractor.lines for row in _format_line(plane, line))],
@@ -296,40 +282,22 @@ def _format_headland(plane: LocalPlane, guidance: PlanGuidance) -> list[str]:
     """
     if guidance.boundary is None or not guidance.headland_interior:
         return []
-    edges = max(guidance.headland_interior, key=lambda one: _compute_area_m2(plane, one.rings[0])).rings
+    edges = max(
+        guidance.headland_interior, key=lambda one: shapely.Polygon(_convert_to_metres(plane, one.rings[0])).area
+    ).rings
     holes = [*guidance.boundary.rings[1:], *(one.rings[0] for one in guidance.obstacles)]
     rings = [_format_ring(plane, edges[0])]
     for hole in holes:
-        surrounding = next((edge for edge in edges[1:] if _is_within(hole[0], edge)), None)
+        surrounding = next((edge for edge in edges[1:] if shapely.contains_xy(shapely.Polygon(edge), *hole[0])), None)
         rings.append(["0"] if surrounding is None else _format_ring(plane, surrounding))
     return [row for rows in rings for row in rows]
-
-
-def _compute_area_m2(plane: LocalPlane, ring: DegreePoints) -> float:
-    """Area within a ring, square metres."""
-    return float(shapely.Polygon(_convert_to_metres(plane, ring)).area)
-
-
-def _is_within(point: DegreePoints, ring: DegreePoints) -> bool:
-    """Whether a point is within a ring (crossings of a ray)."""
-    (x, y), ends = point, np.roll(ring, -1, axis=0)
-    spans = (ring[:, 1] > y) != (ends[:, 1] > y)
-    starts, ends = ring[spans], ends[spans]
-    cuts = starts[:, 0] + (y - starts[:, 1]) / (ends[:, 1] - starts[:, 1]) * (ends[:, 0] - starts[:, 0])
-    return int((cuts > x).sum()) % 2 == 1
 
 
 def _format_line(plane: LocalPlane, line: GuidedLine) -> list[str]:
     """Name, heading in radians, A, B, nudge, mode, visible, and the points of a curve with their headings."""
     ends = _convert_to_metres(plane, line.points)
-    name = simplify_to_ascii(line.name)
-    head = [
-        name,
-        f"{_compute_heading_rad(ends[0], ends[-1]):.8f}",
-        _format_point(ends[0]),
-        _format_point(ends[-1]),
-        "0",
-    ]
+    heading = f"{_compute_heading_rad(ends[0], ends[-1]):.8f}"
+    head = [simplify_to_ascii(line.name), heading, _format_point(ends[0]), _format_point(ends[-1]), "0"]
     if line.is_straight:
         return [*head, str(AB_MODE), "True", "0"]
     points = _insert_points(ends, CURVE_SPACING_M)

@@ -15,6 +15,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from fields.errors import FieldError
+from fields.formats.features import replace_unprintable
 from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, build_layer_document, read_layers
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import MAX_BYTES, read_bytes, read_start
@@ -107,21 +108,18 @@ def _refuse_active_content(database: sqlite3.Connection, label: str) -> None:
     if len(rows) > MAX_TABLES:
         raise FieldError(f"{label} has more than {MAX_TABLES} tables; extract those of the farm first.")
     for kind, name, sql in rows:
+        shown_name = replace_unprintable(str(name)[:40])
         virtual = kind == "table" and not re.match(r"\s*CREATE\s+TABLE\b", str(sql), re.IGNORECASE)
         if kind == "view" or (virtual and not INDEX_SQL.match(str(sql))):
             kind_name = "view" if kind == "view" else "virtual table"
-            raise FieldError(_explain_active_content(label, f"the {kind_name} '{_shorten_name(name)}'"))
+            raise FieldError(_explain_active_content(label, f"the {kind_name} '{shown_name}'"))
         if kind == "table" and not virtual and _has_computed_columns(database, str(name)):
-            raise FieldError(_explain_active_content(label, f"a computed column in '{_shorten_name(name)}'"))
+            raise FieldError(_explain_active_content(label, f"a computed column in '{shown_name}'"))
 
 
 def _has_computed_columns(database: sqlite3.Connection, name: str) -> bool:
     columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
     return any(hidden in COMPUTED_COLUMN_KINDS for (hidden,) in columns)
-
-
-def _shorten_name(name: object) -> str:
-    return "".join(each if each.isprintable() else "?" for each in str(name)[:40])
 
 
 def _explain_active_content(label: str, reason: str) -> str:

@@ -40,7 +40,7 @@ from fields.formats.guidance import (
 from fields.formats.markup import add_child, parse_root, serialise_xml
 from fields.geometry.geodesy import compute_rings_area_m2, extend_position
 from fields.raw_document import FieldDocument, FieldFormat
-from fields.text_files import count_noun, read_bytes
+from fields.text_files import count_noun, parse_number, read_bytes
 
 TASKDATA_FILE = "taskdata.xml"
 BOUNDARY_TYPE, MAINFIELD_TYPE, OBSTACLE_TYPES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
@@ -200,11 +200,10 @@ def _remove_duplicates(boundaries: list[Feature]) -> list[Feature]:
 def _compare_areas(element: Element, boundaries: list[Feature], name: str, notes: list[str]) -> None:
     """Add a note if the stated area of a partfield differs from that of its boundary."""
     try:
+        outlines = [each["geometry"]["coordinates"] for each in boundaries]
         stated_m2 = float(element.get("D") or 0.0)
-        area_m2 = sum(compute_rings_area_m2(each["geometry"]["coordinates"]) for each in boundaries)
-        swapped_area_m2 = sum(
-            compute_rings_area_m2(each["geometry"]["coordinates"], swap_axes=True) for each in boundaries
-        )
+        area_m2 = sum(map(compute_rings_area_m2, outlines))
+        swapped_area_m2 = sum(compute_rings_area_m2(rings, swap_axes=True) for rings in outlines)
     except ValueError:
         return
     if stated_m2 <= 0.0 or area_m2 <= 0.0 or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
@@ -242,10 +241,7 @@ def _read_positions(line: Element, notes: list[str], name: str) -> list[list[flo
 
 
 def _parse_position(point: Element) -> list[float] | None:
-    try:
-        place = [float(point.get("D") or ""), float(point.get("C") or "")]
-    except ValueError:
-        return None
+    place = [parse_number(point.get("D")), parse_number(point.get("C"))]
     return place if all(map(math.isfinite, place)) else None
 
 
@@ -253,24 +249,15 @@ def _read_points(element: Element) -> list[Feature]:
     """Point features: the entrance, obstacles, and flags that are named like either."""
     features = []
     for point in element.findall("PNT"):
-        place = _parse_position(point)
-        if place is not None and point.get("A") == ENTRANCE_TYPE:
+        place, kind, name = _parse_position(point), point.get("A"), point.get("B") or ""
+        if place is None:
+            continue
+        if kind == ENTRANCE_TYPE:
             features.append(build_feature("Point", place, {"role": "entrance"}))
-        elif place is not None and point.get("A") == OBSTACLE_POINT_TYPE:
-            features.append(
-                build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
-            )
-        elif (
-            place is not None
-            and point.get("A") in FLAG_TYPES
-            and find_word_meaning(point.get("B") or "").use
-            in (
-                OBSTACLE,
-                ENTRANCE,
-                REFILL,
-            )
-        ):
-            features.append(build_feature("Point", place, {"name": (point.get("B") or "").strip()}))
+        elif kind == OBSTACLE_POINT_TYPE:
+            features.append(build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": name}))
+        elif kind in FLAG_TYPES and find_word_meaning(name).use in (OBSTACLE, ENTRANCE, REFILL):
+            features.append(build_feature("Point", place, {"name": name.strip()}))
     return features
 
 
@@ -312,7 +299,7 @@ def _read_guidance_lines(element: Element, field: str, notes: list[str]) -> list
 
 
 def _read_line(line: Element, name: str) -> Feature | None:
-    points = [one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None]
+    points = [one for one in map(_parse_position, line.findall("PNT")) if one is not None]
     if len(points) < 2:
         return None
     return build_feature("LineString", points, {"role": "guidance", "name": name})
@@ -320,16 +307,12 @@ def _read_line(line: Element, name: str) -> Feature | None:
 
 def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
     """An A+ line: point A and a point 100 m away in its heading (attribute G, degrees from north)."""
-    try:
-        heading_deg = float(pattern.get("G") or "")
-    except ValueError:
+    heading_deg = parse_number(pattern.get("G"))
+    start = next((one for one in map(_parse_position, line.findall("PNT")) if one is not None), None)
+    if start is None or not math.isfinite(heading_deg):
         return None
-    start = next((one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None), None)
-    if start is None:
-        return None
-    return build_feature(
-        "LineString", [start, extend_position(start, heading_deg, 100.0)], {"role": "guidance", "name": name}
-    )
+    points = [start, extend_position(start, heading_deg, 100.0)]
+    return build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
 FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASKDATA_FILE in names)

@@ -211,7 +211,7 @@ def select_obstacles(
     distances = [(obstacle, float(outline.distance(obstacle.shape))) for obstacle in obstacles]
     selected = tuple(obstacle for obstacle, away_m in distances if away_m <= MAX_BESIDE_M)
     far_away = [(str(obstacle), away_m) for obstacle, away_m in distances if away_m > MAX_BESIDE_M]
-    close_beside = [(str(obstacle), away_m) for obstacle, away_m in distances if 0.0 < away_m <= MAX_BESIDE_M]
+    close_beside = [str(obstacle) for obstacle, away_m in distances if 0.0 < away_m <= MAX_BESIDE_M]
     if multiple_fields:
         verb = "is" if len(far_away) == 1 else "are"
         skipped = f"{count_noun(len(far_away), 'obstacle')} of {label} {verb} away from this field and {verb} skipped."
@@ -223,24 +223,16 @@ def select_obstacles(
             f"outside the field, {nearest_m:.0f} m away{'' if len(far_away) == 1 else ' or more'}; check the "
             "coordinates (easting or longitude first), or remove the role 'obstacle'."
         )
-    return selected, (*_describe_obstacles_outside(far_away), *_describe_obstacles_beside(close_beside))
-
-
-def _describe_obstacles_outside(far_away: Sequence[tuple[str, float]]) -> tuple[str, ...]:
-    """A sentence on obstacles outside a field, with the distance in metres of a single one."""
-    if not far_away:
-        return ()
-    is_single = len(far_away) == 1
-    names = _join_names([f"{name}, {away_m:.0f} m away," if is_single else name for name, away_m in far_away])
-    return (f"{names} {'lies' if is_single else 'lie'} outside the field and {'is' if is_single else 'are'} skipped.",)
-
-
-def _describe_obstacles_beside(close_beside: Sequence[tuple[str, float]]) -> tuple[str, ...]:
-    """A sentence on obstacles close beside a field."""
-    if not close_beside:
-        return ()
-    subject = f"{_join_names([name for name, _ in close_beside])} {'stands' if len(close_beside) == 1 else 'stand'}"
-    return (f"{subject} beside the field, not in it; machines that reach over the boundary keep clear.",)
+    remarks = []
+    if far_away:
+        is_single = len(far_away) == 1
+        names = _join_names([f"{name}, {away_m:.0f} m away," if is_single else name for name, away_m in far_away])
+        verbs = ("lies", "is") if is_single else ("lie", "are")
+        remarks.append(f"{names} {verbs[0]} outside the field and {verbs[1]} skipped.")
+    if close_beside:
+        subject = f"{_join_names(close_beside)} {'stands' if len(close_beside) == 1 else 'stand'}"
+        remarks.append(f"{subject} beside the field, not in it; machines that reach over the boundary keep clear.")
+    return selected, tuple(remarks)
 
 
 def _join_names(names: Sequence[str]) -> str:

@@ -25,6 +25,29 @@ class ElevationError(HeadlandError):
         super().__init__(sentence, parameter=parameter)
 
 
+@dataclass(frozen=True)
+class NodeFrame:
+    """Places of the nodes of a grid over a field, metres: the south-west one, the spacing, rows and columns."""
+
+    west_m: float
+    south_m: float
+    spacing_m: float
+    rows: int
+    columns: int
+
+    def list_places(self) -> FloatArray:
+        """All nodes, shape (rows * columns, 2), row by row from the south-west."""
+        xs = self.west_m + self.spacing_m * np.arange(self.columns)
+        ys = self.south_m + self.spacing_m * np.arange(self.rows)
+        return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+
+    def find_inside(self, region: shapely.Geometry) -> BoolArray:
+        """Whether each node is in a region, shape (rows, columns)."""
+        shapely.prepare(region)
+        x, y = self.list_places().T
+        return np.asarray(shapely.contains_xy(region, x, y)).reshape(self.rows, self.columns)
+
+
 @dataclass(frozen=True, eq=False)
 class ElevationGrid:
     """Heights at the nodes of a grid, metres in the plane of the field: x east, y north.
@@ -60,6 +83,11 @@ class ElevationGrid:
         object.__setattr__(self, "heights_m", heights)
 
     @property
+    def frame(self) -> NodeFrame:
+        """Places of its nodes."""
+        return NodeFrame(self.west_m, self.south_m, self.spacing_m, *self.heights_m.shape)
+
+    @property
     def xs_m(self) -> FloatArray:
         """Places of the columns, metres east."""
         return np.asarray(self.west_m + self.spacing_m * np.arange(self.heights_m.shape[1]))
@@ -73,29 +101,6 @@ class ElevationGrid:
     def bounds_m(self) -> tuple[float, float, float, float]:
         """West, south, east and north of the outermost nodes."""
         return self.west_m, self.south_m, float(self.xs_m[-1]), float(self.ys_m[-1])
-
-
-@dataclass(frozen=True)
-class NodeFrame:
-    """Places of the nodes of a grid over a field, metres: the south-west one, the spacing, rows and columns."""
-
-    west_m: float
-    south_m: float
-    spacing_m: float
-    rows: int
-    columns: int
-
-    def list_places(self) -> FloatArray:
-        """All nodes, shape (rows * columns, 2), row by row from the south-west."""
-        xs = self.west_m + self.spacing_m * np.arange(self.columns)
-        ys = self.south_m + self.spacing_m * np.arange(self.rows)
-        return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-
-    def find_inside(self, region: shapely.Geometry) -> BoolArray:
-        """Whether each node is in a region, shape (rows, columns)."""
-        shapely.prepare(region)
-        x, y = self.list_places().T
-        return np.asarray(shapely.contains_xy(region, x, y)).reshape(self.rows, self.columns)
 
 
 def lay_nodes(region: shapely.Geometry, spacing_m: float, margin_m: float) -> NodeFrame:
