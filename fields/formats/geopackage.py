@@ -113,13 +113,11 @@ def _refuse_active_content(database: sqlite3.Connection, label: str) -> None:
         if kind == "view" or (virtual and not INDEX_SQL.match(str(sql))):
             kind_name = "view" if kind == "view" else "virtual table"
             raise FieldError(_explain_active_content(label, f"the {kind_name} '{shown_name}'"))
-        if kind == "table" and not virtual and _has_computed_columns(database, str(name)):
+        if kind != "table" or virtual:
+            continue
+        columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (str(name),))
+        if any(hidden in COMPUTED_COLUMN_KINDS for (hidden,) in columns):
             raise FieldError(_explain_active_content(label, f"a computed column in '{shown_name}'"))
-
-
-def _has_computed_columns(database: sqlite3.Connection, name: str) -> bool:
-    columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
-    return any(hidden in COMPUTED_COLUMN_KINDS for (hidden,) in columns)
 
 
 def _explain_active_content(label: str, reason: str) -> str:

@@ -56,11 +56,14 @@ MAX_AREA_RATIO = 1.2
 
 def _read_isoxml(path: str, label: str) -> FieldDocument:
     place = Path(path)
-    roots = list(
-        _read_roots(ArchiveMembers(place), label)
-        if place.is_dir() or is_archive(place)
-        else _read_file_roots(place, label)
-    )
+    if place.is_dir() or is_archive(place):
+        members = ArchiveMembers(place)
+        mains = members.find_paths_by_name(TASKDATA_FILE)
+        if not mains:
+            raise FieldError(f"{label} contains no TASKDATA.XML; name the folder or archive that does.")
+        roots = [root for main in mains for root in read_taskdata_roots(members, main, label)]
+    else:
+        roots = list(_read_file_roots(place, label))
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []
@@ -73,15 +76,6 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
     if not features:
         raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
     return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
-
-
-def _read_roots(members: ArchiveMembers, label: str) -> Iterator[Element]:
-    """The root of every TASKDATA.XML and of the existing external files that they name."""
-    mains = members.find_paths_by_name(TASKDATA_FILE)
-    if not mains:
-        raise FieldError(f"{label} contains no TASKDATA.XML; name the folder or archive that does.")
-    for main in mains:
-        yield from read_taskdata_roots(members, main, label)
 
 
 def read_taskdata_roots(members: ArchiveMembers, taskdata_file: str, label: str) -> Iterator[Element]:
@@ -143,8 +137,10 @@ def _read_partfield(element: Element, notes: list[str]) -> list[Feature]:
     if not boundaries:
         return []
     _compare_areas(element, boundaries, name, notes)
+    outlines = [one["geometry"] for one in boundaries]  # terminals repeat the ring in a guidance group
+    unique = [one for place, one in enumerate(boundaries) if one["geometry"] not in outlines[:place]]
     return [
-        *_remove_duplicates(boundaries),
+        *unique,
         *(one for one in features if one not in boundaries),
         *_read_points(element),
         *_read_obstacle_lines(element, name, notes),
@@ -186,15 +182,6 @@ def _is_surrounding(ring: list[list[float]], rings: list[list[list[float]]]) -> 
     """Whether a ring contains all others."""
     shape = Polygon(ring)
     return shape.is_valid and all(one is ring or (one != ring and shape.covers(Polygon(one))) for one in rings)
-
-
-def _remove_duplicates(boundaries: list[Feature]) -> list[Feature]:
-    """Boundaries without duplicates: terminals repeat the ring in a guidance group."""
-    unique: list[Feature] = []
-    for boundary in boundaries:
-        if all(boundary["geometry"] != other["geometry"] for other in unique):
-            unique.append(boundary)
-    return unique
 
 
 def _compare_areas(element: Element, boundaries: list[Feature], name: str, notes: list[str]) -> None:

@@ -41,7 +41,10 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
     place = Path(path)
     members, names = find_shapefiles(place)
     if members.path != place:
-        _check_complete(members, place.stem, label)
+        files = (f"{place.stem}.shp", f"{place.stem}.shx")
+        missing = [file for file in files if not members.find_paths_by_name(file)]
+        if missing:
+            raise _build_missing_error(missing, label)
     return build_layer_document(_read_members(members, names, label), label, "Shapefile")
 
 
@@ -111,13 +114,6 @@ def pack_component_files(parts: Mapping[str, bytes]) -> bytes:
         for ending, content in parts.items():
             archive.writestr(f"fields{ending}", content)
     return buffer.getvalue()
-
-
-def _check_complete(members: ArchiveMembers, stem: str, label: str) -> None:
-    """Refuse a Shapefile without its geometry or its index."""
-    missing = [stem + ending for ending in (".shp", ".shx") if not members.find_paths_by_name(stem + ending)]
-    if missing:
-        raise _build_missing_error(missing, label)
 
 
 def _build_missing_error(missing: list[str], label: str) -> FieldError:

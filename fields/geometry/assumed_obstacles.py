@@ -258,9 +258,10 @@ def describe_assumed_obstacles(obstacles: Sequence[Obstacle]) -> tuple[str, ...]
     is_one = len(assumed) == 1
     subject = "1 feature without a role lies" if is_one else f"{len(assumed)} features without a role lie"
     example = assumed[0][1].name or str(assumed[0][0])
+    quoted = example if example.isalnum() else f'"{example}"'
     return (
         f"{subject} in the field and {'is avoided as an obstacle' if is_one else 'are avoided as obstacles'}: {listed}"
-        f"{remainder}. To leave one out, give its name or number: --ignore {_quote_option(example)}.",
+        f"{remainder}. To leave one out, give its name or number: --ignore {quoted}.",
     )
 
 
@@ -271,7 +272,3 @@ def _describe_obstacle(one: Obstacle) -> str:
     if one.geometry.geom_type == LINE:
         return f"{kind}, {one.geometry.length:.0f} m long and {2.0 * one.half_width_m:g} m wide"
     return f"{kind}, {one.geometry.area:.0f} m2"
-
-
-def _quote_option(name: str) -> str:
-    return name if name.isalnum() else f'"{name}"'

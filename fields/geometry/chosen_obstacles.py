@@ -94,13 +94,9 @@ def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
     numbers = [place for place, one in enumerate(field.obstacles) if wanted == str(one.number or place + 1)]
     if names or numbers:
         return names or numbers
-    raise FieldError(_explain_unknown_name(field, text))
-
-
-def _explain_unknown_name(field: Field, text: str) -> str:
     subject = f"{mark_parameter('ignored')} {shorten_value(text.strip())} names no obstacle of field '{field.name}'"
     if not field.obstacles:
-        return f"{subject}, which has none; leave it out."
+        raise FieldError(f"{subject}, which has none; leave it out.")
     close = suggest_name(text.strip(), [one.name for one in field.obstacles if one.name])
     shown = [f"{one.number or place} {one.name or one.kind}" for place, one in enumerate(field.obstacles, 1)]
-    return f"{subject}{close}; give a name or number out of: {join_first(shown, MAX_LISTED)}."
+    raise FieldError(f"{subject}{close}; give a name or number out of: {join_first(shown, MAX_LISTED)}.")

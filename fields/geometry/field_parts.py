@@ -42,10 +42,15 @@ def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[Fie
 
     A part is where the middle of a machine can be, and half its width around it. Small parts are left out.
     """
-    ground = _build_ground(field, margin_m)
+    boundary = field.original_boundary or field.boundary
+    margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
+    workable = compute_workable_ground(boundary, field.obstacles, margins_m)
+    ground = shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
     half_m = 0.5 * width_m
     cores = list_polygons(_shrink(ground, half_m))
-    regions = [_grow(core, half_m, ground) for core in cores]
+    grown = [_shrink(core, -half_m) for core in cores]
+    pieces = [find_largest_polygon(shapely.intersection(one, ground, grid_size=GRID_M)) for one in grown]
+    regions = [orient(piece, 1.0) for piece in pieces]
     least_m2 = max(MIN_PART_M2, MIN_PART_SHARE * field.area_m2)
     pairs = [(core, region) for core, region in zip(cores, regions, strict=True) if region.area >= least_m2]
     pairs.sort(key=lambda pair: (-round(pair[1].area, 3), pair[1].bounds))
@@ -108,22 +113,8 @@ def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapel
     return Neck(2.0 * low_m, place.x, place.y)
 
 
-def _build_ground(field: Field, margin_m: float) -> shapely.Geometry:
-    """All ground outside obstacles and their margins, in as many pieces as it has."""
-    boundary = field.original_boundary or field.boundary
-    margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
-    workable = compute_workable_ground(boundary, field.obstacles, margins_m)
-    return shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
-
-
 def _shrink(ground: shapely.Geometry, distance_m: float) -> shapely.Geometry:
     return ground.buffer(-distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
-
-
-def _grow(core: shapely.Polygon, distance_m: float, ground: shapely.Geometry) -> shapely.Polygon:
-    """The core with everything around it that lies in the ground, in one piece."""
-    grown = core.buffer(distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    return orient(find_largest_polygon(shapely.intersection(grown, ground, grid_size=GRID_M)), 1.0)
 
 
 def _find_piece(pieces: list[shapely.Polygon], place: shapely.Point) -> shapely.Polygon:

@@ -131,7 +131,8 @@ def _read_text_table(path: str) -> HeightPoints:
     """A table of comma-separated text, or Elevation.txt of AgOpenGPS, which has such a table below its header."""
     text = decode_table(read_bytes(path, "a table of points", ElevationError))
     lines = [line for line in text.splitlines() if line.strip()]
-    start = next((at for at, line in enumerate(lines[:20]) if _is_agopengps_header(line)), None)
+    heads = [tuple(cell.strip().lower() for cell in line.split(",")[:4]) for line in lines[:20]]
+    start = heads.index(AGOPENGPS_HEADER) if AGOPENGPS_HEADER in heads else None
     if start is not None:
         return _parse_agopengps(lines[start:], path)
     table = read_table(path, "a table of points", ElevationError)
@@ -151,10 +152,6 @@ def _read_text_table(path: str) -> HeightPoints:
     unit_m, remarks = _find_height_unit(height, path)
     numbers = np.array([table.list_numbers(name) for name in (names[0], names[1], height)])
     return _build_points(path, crs, numbers[:2].T, numbers[2] * unit_m, remarks)
-
-
-def _is_agopengps_header(line: str) -> bool:
-    return tuple(cell.strip().lower() for cell in line.split(",")[:4]) == AGOPENGPS_HEADER
 
 
 def _parse_agopengps(lines: list[str], path: str) -> HeightPoints:

@@ -187,20 +187,15 @@ def _fit_nodes(nodes: FloatArray, points: FloatArray, heights: FloatArray, lengt
         weighted = terms * weights[..., None]
         moments = np.matmul(weighted.transpose(0, 2, 1), terms)
         values = np.matmul(weighted.transpose(0, 2, 1), (heights[near] - base)[..., None])
-        is_fit = (distances[:, 0] <= MAX_DISTANCE_LENGTHS * length_m) & (
-            np.linalg.eigvalsh(_centre_moments(moments))[:, 0] >= MIN_SPREAD
-        )
+        middle = moments[:, 0, 1:3]
+        spread = moments[:, 1:3, 1:3] - middle[:, :, None] * middle[:, None, :]  # second moments about the middle
+        is_spread = np.linalg.eigvalsh(spread)[:, 0] >= MIN_SPREAD
+        is_fit = (distances[:, 0] <= MAX_DISTANCE_LENGTHS * length_m) & is_spread
         fitted = np.full(len(chunk), np.nan)
         if is_fit.any():
             fitted[is_fit] = np.linalg.solve(moments[is_fit] + ridge, values[is_fit])[:, 0, 0] + base
         parts.append(fitted)
     return np.concatenate(parts)
-
-
-def _centre_moments(moments: FloatArray) -> FloatArray:
-    """Second moments (n, 2, 2) of the places about their middle, from the moments of all terms."""
-    middle = moments[:, 0, 1:3]
-    return np.asarray(moments[:, 1:3, 1:3] - middle[:, :, None] * middle[:, None, :])
 
 
 def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, heights_m: FloatArray) -> float:

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
-from fields.terrain.elevation_grid import BoolArray, ElevationError, FloatArray
+from fields.terrain.elevation_grid import ElevationError, FloatArray
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
-from fields.text_files import quote_path, read_text
+from fields.text_files import parse_number, quote_path, read_text
 
 GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
 RASTER_SUFFIXES = (*GEOTIFF_SUFFIXES, *ASCII_SUFFIXES)
@@ -37,6 +37,7 @@ those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and 
 MIN_SKEW = 1e-6
 """Sine of the angle between rows and columns, below which cells lie on a line."""
 USUAL_NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+"""Marks of no data that files use without declaring them."""
 MAX_HEIGHT_M = 1e30
 """Beyond this a number is no height but a mark for no data, such as -3.4e38."""
 ASCII_KEYS = (
@@ -84,7 +85,8 @@ class Raster:
         for first in range(rows.start, rows.stop, strip):
             part = slice(first, min(first + strip, rows.stop))
             cells = self.cells[part, columns] if self.cells is not None else _read_window(self.path, part, columns)
-            parts.append(average_blocks(_drop_usual_no_data(cells) * self.unit_m, (step, step)))
+            is_mark = np.isin(cells, USUAL_NO_DATA) | (np.abs(cells) > MAX_HEIGHT_M)
+            parts.append(average_blocks(np.where(is_mark, np.nan, cells) * self.unit_m, (step, step)))
         return np.concatenate(parts)
 
     def find_cells(self, places: FloatArray) -> FloatArray:
@@ -247,12 +249,6 @@ def _explain_gdal_error(error: Exception, path: str) -> str:
     return f"damaged or cut off: {lines[0].replace(path, 'it')[:120]}"
 
 
-def _drop_usual_no_data(cells: FloatArray) -> FloatArray:
-    """The cells with NaN for marks of no data that the file does not declare."""
-    is_mark: BoolArray = np.isin(cells, USUAL_NO_DATA) | (np.abs(cells) > MAX_HEIGHT_M)
-    return np.where(is_mark, np.nan, cells)
-
-
 def _parse_ascii_grid(path: str) -> Raster:
     """An Esri ASCII grid: up to seven lines of names and numbers, then rows of heights from north to south."""
     text = read_text(path, "an ASCII grid", ElevationError)
@@ -261,7 +257,10 @@ def _parse_ascii_grid(path: str) -> Raster:
     for match in re.finditer(r"[ \t]*([A-Za-z_]+)[ \t]+(\S+)[ \t]*(?:\r?\n|\r|$)", text):
         if match.start() != place or match[1].lower() not in ASCII_KEYS:
             break
-        header[match[1].lower()] = _parse_header_number(match[1], match[2], path)
+        number = parse_number(match[2].replace(",", "."))
+        if math.isnan(number):
+            raise ElevationError(f"{quote_path(path)} has {match[1]} {match[2][:20]!r}; write a number.")
+        header[match[1].lower()] = number
         place = match.end()
     rows, columns, (width, depth), west, south = _check_ascii_header(header, path)
     cells = _parse_heights(text[place:].strip(), path)
@@ -293,13 +292,6 @@ def _parse_heights(text: str, path: str) -> FloatArray:
             return np.fromstring(text, dtype=np.float64, sep=" ")
     except (ValueError, DeprecationWarning):
         raise ElevationError(f"{quote_path(path)} has heights that are not numbers; export the grid again.") from None
-
-
-def _parse_header_number(key: str, text: str, path: str) -> float:
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise ElevationError(f"{quote_path(path)} has {key} {text[:20]!r}; write a number.") from None
 
 
 def _check_ascii_header(header: dict[str, float], path: str) -> tuple[int, int, tuple[float, float], float, float]:

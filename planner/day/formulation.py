@@ -141,15 +141,6 @@ def estimate_mean_time_and_cost(
     return math.ceil(seconds), float(compute_paid_per_sample(sample, terms).mean())
 
 
-def _estimate_start_delay_s(day: DayFile, farm: FarmFile) -> float:
-    """The start delay used in planning: 0, or its percentile `certainty_pct`."""
-    if day.certainty_pct is None:
-        return 0.0
-    settings = get_field_uncertainty(farm, with_late_start=True)
-    normal = NormalDist().inv_cdf(0.01 * day.certainty_pct)
-    return float(draw_lognormal(settings.start_delay_s, settings.start_delay_cv, np.array(normal)))
-
-
 def build_fleet_prices(day: DayFile, farm: FarmFile, fleet: int) -> CostTerms:
     """Prices of a fleet's field work; roads and transport by lorry are counted separately."""
     on_field = farm.prices.model_copy(update={"transport_per_tractor": 0.0})
@@ -193,28 +184,29 @@ def build_problem(
     values_at_risk = [
         get_loss_per_ha(day_field, farm) * field.area_ha for day_field, field in zip(day.fields, fields, strict=True)
     ]
+    start_delay_s = 0.0
+    if day.certainty_pct is not None:
+        settings = get_field_uncertainty(farm, with_late_start=True)
+        normal = np.array(NormalDist().inv_cdf(0.01 * day.certainty_pct))
+        start_delay_s = float(draw_lognormal(settings.start_delay_s, settings.start_delay_cv, normal))
+    # Work with a value of this day only costs nothing if it is skipped; other work is done on another day.
+    skip_cost = []
+    for number, (day_field, value) in enumerate(zip(day.fields, values_at_risk, strict=True)):
+        costs = [row_estimate[1] for row in estimates if (row_estimate := row[number]) is not None]
+        skip_cost.append(value + (0.0 if day_field.value_per_ha is not None else min(costs, default=0.0)))
     travel = [_compute_travel(day, farm, fleet, road_km) for fleet in range(len(day.fleets))]
     return DayProblem(
         work_s=tuple(tuple(None if estimate is None else estimate[0] for estimate in row) for row in estimates),
         work_cost=tuple(tuple(0.0 if estimate is None else estimate[1] for estimate in row) for row in estimates),
-        skip_cost=tuple(
-            values_at_risk[f] + _estimate_postponed_cost(day_field, [row[f] for row in estimates])
-            for f, day_field in enumerate(day.fields)
-        ),
+        skip_cost=tuple(skip_cost),
         value_at_risk=tuple(values_at_risk),
         windows=tuple(frame.find_work_windows(day_field.windows) for day_field in day.fields),
         travel_s=tuple(seconds for seconds, _ in travel),
         travel_cost=tuple(costs for _, costs in travel),
-        begin_s=frame.start_s + math.ceil(_estimate_start_delay_s(day, farm)),
+        begin_s=frame.start_s + math.ceil(start_delay_s),
         home_by_s=math.floor(frame.convert_to_working_s(frame.end_s)),
         rain=RainOnsets(tuple(_iterate_onsets(frame))),
     )
-
-
-def _estimate_postponed_cost(day_field: DayField, estimates: Iterable[tuple[int, float] | None]) -> float:
-    """The cost of the same work on another day; 0 for work with a value of this day only."""
-    prices = [estimate[1] for estimate in estimates if estimate is not None]
-    return 0.0 if day_field.value_per_ha is not None or not prices else min(prices)
 
 
 def _compute_travel(

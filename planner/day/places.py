@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
-from planner.day.input_file import YARD, DayField, DayFile, DayRoad
+from planner.day.input_file import YARD, DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
@@ -66,10 +66,15 @@ class DayPlace:
 
 def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]:
     """The places of the fields, in order; raises RequestError for two fields with the same name."""
-    places = [
-        DayPlace(field.name, _locate_field(day_field, field))
-        for day_field, field in zip(day.fields, fields, strict=True)
-    ]
+    places = []
+    for day_field, field in zip(day.fields, fields, strict=True):
+        lon_lat = None
+        if day_field.lon is not None and day_field.lat is not None:
+            lon_lat = day_field.lon, day_field.lat
+        elif field.crs is not None:
+            lon, lat = field.to_wgs84([locate_road_end(field)])[0].tolist()
+            lon_lat = lon, lat
+        places.append(DayPlace(field.name, lon_lat))
     names = [place.name for place in places]
     duplicate = next((name for name in names if names.count(name) > 1), None)
     if duplicate is not None:
@@ -123,15 +128,6 @@ def build_map_places(places: Sequence[DayPlace], fields: Sequence[Field]) -> tup
             outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(position_m)
         map_places.append(MapPlace(place.name, position_m[0], position_m[1], outline))
     return tuple(map_places)
-
-
-def _locate_field(day_field: DayField, field: Field) -> LonLat | None:
-    if day_field.lon is not None and day_field.lat is not None:
-        return day_field.lon, day_field.lat
-    if field.crs is None:
-        return None
-    lon, lat = field.to_wgs84([locate_road_end(field)])[0].tolist()
-    return lon, lat
 
 
 def _collect_road_lengths(roads: Sequence[DayRoad], names: Sequence[str]) -> dict[frozenset[str], float]:

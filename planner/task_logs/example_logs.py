@@ -71,9 +71,11 @@ def simulate_task_data(plan: str | Path, seed: int = 1, pace: float = EXAMPLE_PA
     truths = tuple(_simulate_log(saved_run, tractor, random, pace) for tractor in range(saved_run.saved.plan.tractors))
     names = [f"TLG{number:05d}" for number in range(1, len(truths) + 1)]
     files = {"TASKDATA.XML": _build_task_data(names, saved_run).encode()}
+    columns = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
+    header = f'<?xml version="1.0" encoding="UTF-8"?>\n<TIM A="" D="4"><PTN A="" B="" D=""/>{columns}</TIM>\n'
     for name, truth in zip(names, truths, strict=True):
         lonlat = project(truth.xy + np.array(saved_run.saved.origin_m), saved_run.saved.crs, WGS84)
-        files[f"{name}.xml"] = _build_header().encode()
+        files[f"{name}.xml"] = header.encode()
         files[f"{name}.bin"] = encode_records(truth.time_s, lonlat, _build_values(truth, width_m))
     return ExampleTaskData(files, truths, width_m)
 
@@ -154,11 +156,6 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
         )
         previous = current
     return b"".join(rows)
-
-
-def _build_header() -> str:
-    columns = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n<TIM A="" D="4"><PTN A="" B="" D=""/>{columns}</TIM>\n'
 
 
 def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:

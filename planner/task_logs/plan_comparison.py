@@ -16,7 +16,7 @@ from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, si
 from planner.task_logs.example_logs import find_work_state, locate_antenna
 from planner.task_logs.runs.phases import find_true_segments, summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
-from planner.task_logs.runs.run_records import Array, ProjectedRun, compute_course_deg, compute_speeds, reproject_run
+from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
 from planner.task_logs.runs.worked_ground import measure_coverage, trace_tool_lines
 from reports.task_logs.run_results import (
     STANDING,
@@ -27,7 +27,6 @@ from reports.task_logs.run_results import (
     ComparisonSide,
     GroundCoverage,
     PlanComparison,
-    Points,
     RunFigures,
     TimeDifference,
 )
@@ -53,7 +52,10 @@ def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> Pla
     projected_runs = [reproject_run(run, crs) for run in runs]
     planned = [build_planned_run(saved_run, tractor) for tractor in range(saved_run.saved.plan.tractors)]
     field, is_field_known = _find_compared_field(saved_run, projected_runs, planned)
-    field_runs = [run for run in projected_runs if _compute_inside_share(run, field) > MIN_INSIDE_SHARE]
+    near = field.buffer(NEAR_FIELD_M)
+    shapely.prepare(near)
+    shares = [float(shapely.contains_xy(near, *run.xy.T).mean()) for run in projected_runs]
+    field_runs = [run for run, share in zip(projected_runs, shares, strict=True) if share > MIN_INSIDE_SHARE]
     if not field_runs:
         name = saved_run.request.field_name
         raise RequestError(
@@ -126,12 +128,6 @@ def _find_compared_field(
     return hull, False
 
 
-def _compute_inside_share(run: ProjectedRun, field: shapely.Polygon) -> float:
-    near = field.buffer(NEAR_FIELD_M)
-    shapely.prepare(near)
-    return float(shapely.contains_xy(near, run.xy[:, 0], run.xy[:, 1]).mean())
-
-
 def _build_comparison_side(
     runs: Sequence[ProjectedRun], field: shapely.Polygon, width_m: float, tool_offset_m: float, is_field_known: bool
 ) -> ComparisonSide:
@@ -141,20 +137,16 @@ def _build_comparison_side(
     covered: GroundCoverage | None = (
         measure_coverage(runs, field, width, tool_offset_m) if is_field_known and has_work_state else None
     )
+    idle_lines = [
+        run.xy[max(first - 1, 0) : last + 1] for run in runs for first, last in find_true_segments(~run.is_working)
+    ]
     return ComparisonSide(
         len(runs),
         _sum_figures([summarise_run(run) for run in runs]),
         tuple(line for run in runs for line in trace_tool_lines(run, 0.0)) if has_work_state else (),
-        tuple(line for run in runs for line in _iterate_idle_lines(run)),
+        tuple(line for line in idle_lines if len(line) > 1),
         covered,
     )
-
-
-def _iterate_idle_lines(run: ProjectedRun) -> Iterator[Points]:
-    for first, last in find_true_segments(~run.is_working):
-        line: Array = run.xy[max(first - 1, 0) : last + 1]
-        if len(line) > 1:
-            yield line
 
 
 def _sum_figures(figures: Sequence[RunFigures]) -> RunFigures:

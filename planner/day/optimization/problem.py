@@ -97,8 +97,13 @@ class DayProblem:
         """Expected cost of a fleet's day with haste; None if the route is not feasible."""
         key = fleet, route
         if key not in self._cost_cache:
-            starts = self.schedule_starts(fleet, route)
-            self._cost_cache[key] = None if starts is None else self._compute_schedule_cost(fleet, route, starts)
+            starts, cost = self.schedule_starts(fleet, route), None
+            if starts is not None:
+                jobs = sum(
+                    self.compute_job_cost(fleet, field, start) for field, start in zip(route, starts, strict=True)
+                )
+                cost = jobs + self.compute_travel_cost(fleet, route)
+            self._cost_cache[key] = cost
         return self._cost_cache[key]
 
     def compute_job_cost(self, fleet: int, field: int, start_s: int) -> float:
@@ -106,10 +111,6 @@ class DayProblem:
         work = self.work_s[fleet][field] or 1
         lost = self.value_at_risk[field] * self.rain.estimate_undone_share(start_s, work)
         return self.work_cost[fleet][field] + lost + HASTE_COST_PER_S * (start_s + work - self.begin_s)
-
-    def _compute_schedule_cost(self, fleet: int, route: Route, starts: list[int]) -> float:
-        jobs = sum(self.compute_job_cost(fleet, field, start) for field, start in zip(route, starts, strict=True))
-        return jobs + self.compute_travel_cost(fleet, route)
 
     def compute_travel_cost(self, fleet: int, route: Route) -> float:
         """Travel cost of a route, with the return."""

@@ -38,7 +38,10 @@ def search_routes(
     options = [repair_routes(problem, make_empty_routes(problem), all_fields, regret) for regret in (True, False)]
     options += [] if start is None else [start]
     best = current = min(options, key=lambda routes: _compute_cost_or_inf(problem, routes))
-    random, iterations = create_generator(seed, "day"), _count_iterations(problem, effort)
+    removed_count = _compute_max_removed(problem)
+    priced = removed_count * (removed_count + 1) // 2 * (problem.field_count + problem.fleet_count)  # in an iteration
+    iterations = max(MIN_ITERATIONS, min(MAX_ITERATIONS, effort // max(priced, 1)))
+    random = create_generator(seed, "day")
     for iteration in range(iterations):
         removed = _choose_removed_fields(problem, current, random)
         partial_routes = tuple(tuple(field for field in route if field not in removed) for route in current)
@@ -57,13 +60,6 @@ def _compute_cost_or_inf(problem: DayProblem, routes: Routes) -> float:
     """Cost of a day, infinite if it is not feasible."""
     cost = problem.compute_day_cost(routes)
     return math.inf if cost is None else cost
-
-
-def _count_iterations(problem: DayProblem, effort: int) -> int:
-    """Number of iterations for an effort in priced routes."""
-    removed = _compute_max_removed(problem)
-    routes_per_iteration = removed * (removed + 1) // 2 * (problem.field_count + problem.fleet_count)
-    return max(MIN_ITERATIONS, min(MAX_ITERATIONS, effort // max(routes_per_iteration, 1)))
 
 
 def _compute_max_removed(problem: DayProblem) -> int:

@@ -29,8 +29,9 @@ def _read_paths(path: str, label: str) -> LogContents:
     runs, notes = [], []
     for field_file in [one for one in members if PurePosixPath(one).name.lower() == agopengps.FIELD_FILE]:
         folder = PurePosixPath(field_file).parent
-        paths = [one for one in members if PurePosixPath(one).parent == folder and _is_recorded_path(one)]
-        for name in paths:
+        for name in [one for one in members if PurePosixPath(one).parent == folder]:
+            if not PurePosixPath(name).name.lower().endswith((RECORDED_PATH_FILE, RECORDED_PATH_EXTENSION)):
+                continue
             try:
                 runs.append(_read_run(members, field_file, name, label))
             except (FieldError, LogError) as refusal:
@@ -38,11 +39,6 @@ def _read_paths(path: str, label: str) -> LogContents:
     if not runs and not notes:
         raise LogError(f"{label} has no recorded path (RecPath.txt); record one in AgOpenGPS, or name another folder.")
     return LogContents(tuple(runs), tuple(notes))
-
-
-def _is_recorded_path(name: str) -> bool:
-    last = PurePosixPath(name).name.lower()
-    return last == RECORDED_PATH_FILE or last.endswith(RECORDED_PATH_EXTENSION)
 
 
 def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -> LoggedRun:
@@ -87,8 +83,4 @@ def _parse_point(line: str) -> tuple[float, float, float, float] | None:
     return None if numbers is None else (numbers[0], numbers[1], numbers[3], float(last.lower() == "true"))
 
 
-def _has_field_file(names: frozenset[str]) -> bool:
-    return agopengps.FIELD_FILE in names
-
-
-LOG_FORMAT = LogFormat("AgOpenGPS", (), _read_paths, _has_field_file)
+LOG_FORMAT = LogFormat("AgOpenGPS", (), _read_paths, lambda names: agopengps.FIELD_FILE in names)

@@ -118,6 +118,10 @@ def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
         notes.append("no speed is logged; it is computed from the positions")
     if run.is_working is None:
         notes.append("no work state is logged")
+    outline = shapely.Polygon()
+    if run.outline:
+        outer, *holes = (project(ring, WGS84, crs) for ring in run.outline)
+        outline = find_largest_polygon(shapely.make_valid(shapely.Polygon(outer, holes)))
     shared = {one.name: getattr(run, one.name) for one in dataclasses.fields(RunRecord)}
     return ProjectedRun(
         **shared | {"notes": tuple(notes)},
@@ -128,7 +132,7 @@ def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
         is_working=np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working,
         has_work_state=run.is_working is not None,
         has_logged_speed=run.speed_mps is not None,
-        outline=_project_outline(run, crs),
+        outline=None if outline.is_empty else outline,
     )
 
 
@@ -157,15 +161,6 @@ def compute_course_deg(xy: Array) -> Array:
     return np.asarray(courses_deg[np.minimum(place, len(courses_deg) - 1)])
 
 
-def _project_outline(run: LoggedRun, crs: str) -> shapely.Polygon | None:
-    if not run.outline:
-        return None
-    rings = [project(ring, WGS84, crs) for ring in run.outline]
-    shape = shapely.make_valid(shapely.Polygon(rings[0], rings[1:]))
-    largest = find_largest_polygon(shape)
-    return None if largest.is_empty else largest
-
-
 def reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
     """The run in metres of another system; raises FieldError."""
     if run.crs == crs:
@@ -174,16 +169,3 @@ def reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
     if outline is not None:
         outline = shapely.transform(outline, lambda points: project(points, run.crs, crs))
     return replace(run, crs=crs, xy=xy, heading_deg=compute_course_deg(xy), outline=outline)
-
-
-def scale_run_east_west(run: ProjectedRun, factor: float) -> ProjectedRun:
-    """The run with its east-west extent scaled about the middle of its field, to undo anonymised positions."""
-    if run.outline is None:
-        return run
-    middle = np.array(run.outline.centroid.coords[0])
-    scale = np.array([factor, 1.0])
-
-    def scale_points(points: Array) -> Array:
-        return np.asarray(middle + (points - middle) * scale)
-
-    return replace(run, xy=scale_points(run.xy), outline=shapely.transform(run.outline, scale_points))
