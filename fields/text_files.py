@@ -206,7 +206,7 @@ def read_table_text(path: str | Path, kind: str, error_type: type[HeadlandError]
 
 
 @dataclass(frozen=True)
-class TextTable:
+class CellTable:
     """A table of text.
 
     Attributes:
@@ -259,7 +259,7 @@ def parse_number(value: Any) -> float:
         return math.nan
 
 
-def parse_table(text: str, label: str, error_type: type[HeadlandError], *, keeps_empty: bool = False) -> TextTable:
+def parse_table(text: str, label: str, error_type: type[HeadlandError], *, keeps_empty: bool = False) -> CellTable:
     """The table of a comma-separated text, without blank lines and, unless `keeps_empty`, rows of empty cells.
 
     Raises `error_type` for what is no table.
@@ -271,9 +271,9 @@ def parse_table(text: str, label: str, error_type: type[HeadlandError], *, keeps
     except csv.Error as error:
         raise error_type(f"{label} is not a CSV file ({error}); save it as comma-separated text.") from None
     header = rows[0][1] if rows else []
-    return TextTable(label, tuple(map(str.strip, header)), tuple(rows[1:]), error_type)
+    return CellTable(label, tuple(map(str.strip, header)), tuple(rows[1:]), error_type)
 
 
-def read_table(path: str | Path, kind: str, error_type: type[HeadlandError]) -> TextTable:
+def read_table(path: str | Path, kind: str, error_type: type[HeadlandError]) -> CellTable:
     """The table of a file in any usual form; raises as `read_table_text`."""
     return parse_table(read_table_text(path, kind, error_type), quote_path(path), error_type)

@@ -10,8 +10,7 @@ import shapely
 from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
 from fields.terrain.checks import MIN_SPIKE_M, check_height_range, describe_place, describe_spikes
-from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, lay_nodes
-from fields.terrain.gap_filling import fill_gaps
+from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, fill_gaps, lay_nodes
 from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks
 from fields.text_files import quote_path
 

@@ -1,4 +1,4 @@
-"""Rasters of heights: GeoTIFF and GeoPackage (by rasterio) and ASCII grids (Esri), read cell by cell in metres.
+"""Rasters of heights: GeoTIFF and GeoPackage (by rasterio) and ASCII grids (Esri), read in metres, and written.
 
 A raster says where its cells lie by an affine rule from (column, row) to its coordinates, so rows from south to north
 and turned rasters are read as they are.
@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
-from fields.terrain.elevation_grid import ElevationError, FloatArray
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid, FloatArray
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
-from fields.text_files import parse_number, quote_path, read_text
+from fields.text_files import quote_path, read_text
 
 GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
 RASTER_SUFFIXES = (*GEOTIFF_SUFFIXES, *ASCII_SUFFIXES)
@@ -257,10 +257,10 @@ def _parse_ascii_grid(path: str) -> Raster:
     for match in re.finditer(r"[ \t]*([A-Za-z_]+)[ \t]+(\S+)[ \t]*(?:\r?\n|\r|$)", text):
         if match.start() != place or match[1].lower() not in ASCII_KEYS:
             break
-        number = parse_number(match[2].replace(",", "."))
-        if math.isnan(number):
-            raise ElevationError(f"{quote_path(path)} has {match[1]} {match[2][:20]!r}; write a number.")
-        header[match[1].lower()] = number
+        try:
+            header[match[1].lower()] = float(match[2].replace(",", "."))
+        except ValueError:
+            raise ElevationError(f"{quote_path(path)} has {match[1]} {match[2][:20]!r}; write a number.") from None
         place = match.end()
     rows, columns, (width, depth), west, south = _check_ascii_header(header, path)
     cells = _parse_heights(text[place:].strip(), path)
@@ -321,3 +321,76 @@ def _read_projection(path: str) -> str | None:
         return None
     chosen = exact if exact in beside else min(beside)
     return read_text(chosen, "a .prj file", ElevationError).strip() or None
+
+
+NO_DATA = -9999.0
+HEIGHT_DECIMALS = 3
+
+
+def list_raster_files(path: Path) -> tuple[Path, ...]:
+    """The files that a raster of this name is written to; raises ElevationError for a name of none."""
+    suffix = path.suffix.lower()
+    if suffix not in RASTER_SUFFIXES:
+        raise ElevationError(
+            f"{quote_path(path)} is no name of a raster; end it in .tif (GeoTIFF) or .asc (ASCII grid).",
+            parameter="out",
+        )
+    return (path,) if suffix in GEOTIFF_SUFFIXES else (path, path.with_suffix(".prj"))
+
+
+def render_raster(grid: ElevationGrid, crs: str, path: Path) -> tuple[bytes, ...]:
+    """The contents of `list_raster_files`; heights that were not measured are marked as no data.
+
+    Args:
+        crs: coordinate system of the metres of the grid.
+        path: its ending chooses the format.
+
+    Raises:
+        ElevationError: the ending is neither of a GeoTIFF nor of an ASCII grid, or rasterio is missing.
+    """
+    files = list_raster_files(path)
+    heights = np.where(True if grid.is_measured is None else grid.is_measured, grid.heights_m, NO_DATA)[::-1]
+    west_m, south_m = grid.west_m - 0.5 * grid.spacing_m, grid.south_m - 0.5 * grid.spacing_m
+    if len(files) == 1:
+        return (_render_geotiff(heights, (west_m, south_m), grid.spacing_m, crs, path),)
+    return _render_ascii_grid(heights, (west_m, south_m), grid.spacing_m, crs)
+
+
+def _render_geotiff(
+    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str, path: Path
+) -> bytes:
+    try:
+        from rasterio import Affine
+        from rasterio.io import MemoryFile
+    except ImportError:
+        raise ElevationError(
+            f"{quote_path(path)} needs rasterio to be written; install it with pip install 'headland[geotiff]', or "
+            "write an ASCII grid (.asc).",
+            parameter="out",
+        ) from None
+    rows, columns = heights.shape
+    place = Affine(spacing_m, 0.0, corner_m[0], 0.0, -spacing_m, corner_m[1] + rows * spacing_m)
+    with MemoryFile() as memory:
+        with memory.open(
+            driver="GTiff", height=rows, width=columns, count=1, dtype="float32", crs=crs, transform=place,
+            nodata=NO_DATA, compress="deflate",
+        ) as dataset:  # fmt: skip
+            dataset.write(heights.astype(np.float32), 1)
+            dataset.units = ("m",)
+        return bytes(memory.read())
+
+
+def _render_ascii_grid(
+    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str
+) -> tuple[bytes, ...]:
+    from pyproj import CRS
+
+    rows, columns = heights.shape
+    header = {
+        "ncols": columns, "nrows": rows, "xllcorner": corner_m[0], "yllcorner": corner_m[1], "cellsize": spacing_m,
+        "NODATA_value": int(NO_DATA),
+    }  # fmt: skip
+    lines = [f"{key} {value!r}" for key, value in header.items()]
+    lines += [" ".join(f"{height:.{HEIGHT_DECIMALS}f}" for height in row) for row in heights.tolist()]
+    projection = CRS.from_user_input(crs).to_wkt("WKT1_ESRI")
+    return ("\n".join(lines) + "\n").encode("ascii"), f"{projection}\n".encode()

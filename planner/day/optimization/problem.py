@@ -99,10 +99,9 @@ class DayProblem:
         if key not in self._cost_cache:
             starts, cost = self.schedule_starts(fleet, route), None
             if starts is not None:
-                jobs = sum(
-                    self.compute_job_cost(fleet, field, start) for field, start in zip(route, starts, strict=True)
-                )
-                cost = jobs + self.compute_travel_cost(fleet, route)
+                jobs = zip(route, starts, strict=True)
+                work_cost = sum(self.compute_job_cost(fleet, field, start) for field, start in jobs)
+                cost = work_cost + self.compute_travel_cost(fleet, route)
             self._cost_cache[key] = cost
         return self._cost_cache[key]
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from fields.text_files import TextTable, quote_path, read_table
+from fields.text_files import CellTable, quote_path, read_table
 from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp
@@ -73,7 +73,7 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
     return LogContents((remove_unusable_rows(run),))
 
 
-def _find_usual_columns(table: TextTable) -> dict[str, str]:
+def _find_usual_columns(table: CellTable) -> dict[str, str]:
     """Columns by their usual names; raises LogError for a missing column."""
     columns = {name: column for name, usual in USUAL_COLUMNS.items() if (column := table.find_column(usual))}
     lacks = [name for name in REQUIRED_COLUMNS if name not in columns]
@@ -85,7 +85,7 @@ def _find_usual_columns(table: TextTable) -> dict[str, str]:
     return columns
 
 
-def _check_mapping(columns: Mapping[str, str], values: Mapping[str, Any], table: TextTable, label: str) -> None:
+def _check_mapping(columns: Mapping[str, str], values: Mapping[str, Any], table: CellTable, label: str) -> None:
     for name, column in columns.items():
         if name not in USUAL_COLUMNS:
             raise LogError(
@@ -108,7 +108,7 @@ def _check_mapping(columns: Mapping[str, str], values: Mapping[str, Any], table:
         raise LogError(f"{label}: width_m is {shorten_value(width)}; use 0.1 to 100 m.")
 
 
-def _parse_times(table: TextTable, column: str) -> tuple[Array, str]:
+def _parse_times(table: CellTable, column: str) -> tuple[Array, str]:
     """Seconds (n,), and the first date and time as text unless the cells are seconds."""
     seconds, cells = np.array(table.list_numbers(column)), table.list_cells(column)
     if np.isfinite(seconds).mean() > 0.5:
@@ -120,7 +120,7 @@ def _parse_times(table: TextTable, column: str) -> tuple[Array, str]:
     return stamps - known_stamps[0], datetime.fromtimestamp(float(known_stamps[0]), UTC).strftime("%Y-%m-%dT%H:%M:%S")
 
 
-def _find_numbers(table: TextTable, columns: Mapping[str, str], name: str) -> Array | None:
+def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Array | None:
     """The numbers of the first column that has those of a name, in its unit: those of speed_kmh for speed_mps."""
     for key, column in columns.items():
         target = read_name(key)
