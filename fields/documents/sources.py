@@ -196,10 +196,11 @@ def find_field_format(path: str) -> FieldFormat | None:
         FieldError: an archive cannot be opened, or not safely.
     """
     names, place = list_names(path), Path(path)
-    held = next((form for form in FIELD_FORMATS if form.holds(names)), None)
-    if held is None and place.name.lower() == agopengps.FIELD_FILE:
-        held = agopengps.FIELD_FORMAT
     extension = place.suffix.lower()
-    by_extension = held or next((form for form in FIELD_FORMATS if extension in form.extensions), None)
-    is_foreign = bool(names) or extension in FOREIGN_EXTENSIONS or (path and place.is_dir())
-    return by_extension or (None if is_foreign else FIELD_FORMATS[0])
+    field_format = next((form for form in FIELD_FORMATS if form.holds(names)), None)
+    if field_format is None and place.name.lower() == agopengps.FIELD_FILE:
+        field_format = agopengps.FIELD_FORMAT
+    if field_format is None:
+        field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
+    is_foreign = names or extension in FOREIGN_EXTENSIONS or (path and place.is_dir())
+    return field_format or (None if is_foreign else FIELD_FORMATS[0])

@@ -102,8 +102,11 @@ def _read_file_roots(place: Path, label: str) -> Iterator[Element]:
     if root.tag != "ISO11783_TaskData":
         raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
     yield root
-    beside = ArchiveMembers(place.parent, 0)
-    yield from _read_external_roots(root, label, partial(beside.read_member_beside, place.name))
+
+    def read_beside(name: str) -> bytes | None:  # only a file that names others has its folder listed
+        return ArchiveMembers(place.parent, 0).read_member_beside(place.name, name)
+
+    yield from _read_external_roots(root, label, read_beside)
 
 
 def _read_external_roots(root: Element, label: str, read_beside: Callable[[str], bytes | None]) -> Iterator[Element]:
@@ -193,7 +196,8 @@ def _compare_areas(element: Element, boundaries: list[Feature], name: str, notes
         swapped_area_m2 = sum(compute_rings_area_m2(rings, swap_axes=True) for rings in outlines)
     except ValueError:
         return
-    if stated_m2 <= 0.0 or area_m2 <= 0.0 or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
+    is_known = stated_m2 > 0.0 and area_m2 > 0.0  # places that are not on the earth have no area
+    if not is_known or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
         return
     fits_swapped = swapped_area_m2 > 0.0 and abs(stated_m2 / swapped_area_m2 - 1.0) < 0.05
     why = "; latitude and longitude seem to be swapped, so try the option swap axes" if fits_swapped else ""

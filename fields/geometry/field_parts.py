@@ -48,7 +48,7 @@ def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[Fie
     ground = shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
     half_m = 0.5 * width_m
     cores = list_polygons(_shrink(ground, half_m))
-    grown = [_shrink(core, -half_m) for core in cores]
+    grown = [core.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for core in cores]
     pieces = [find_largest_polygon(shapely.intersection(one, ground, grid_size=GRID_M)) for one in grown]
     regions = [orient(piece, 1.0) for piece in pieces]
     least_m2 = max(MIN_PART_M2, MIN_PART_SHARE * field.area_m2)
