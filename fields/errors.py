@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 MAX_VALUE_CHARS, VALUE_TAIL_CHARS = 100, 27
@@ -44,6 +44,11 @@ def shorten_value(value: object, max_chars: int = 40) -> str:
     except (RecursionError, ValueError):  # nested too deeply, or an integer with more digits than Python prints
         return f"a {type(value).__name__} too large to show"
     return text if len(text) <= max_chars else text[: max_chars - 3] + "..."
+
+
+def join_first(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are: "a, b and 3 more"."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def make_one_line(sentence: str) -> str:

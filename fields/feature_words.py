@@ -15,14 +15,8 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
 
-OBSTACLE, ENTRANCE, REFILL, GUIDANCE, NOTE, OVERHEAD_LINE = (
-    "obstacle",
-    "entrance",
-    "refill",
-    "guidance",
-    "note",
-    "overhead line",
-)
+OBSTACLE, ENTRANCE, REFILL, GUIDANCE = "obstacle", "entrance", "refill", "guidance"
+NOTE, OVERHEAD_LINE = "note", "overhead line"
 GENERAL_KIND = "obstacle"
 
 OBSTACLE_WORDS: dict[str, str] = {

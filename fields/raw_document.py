@@ -19,44 +19,22 @@ UNKNOWN_CRS = "unknown"
 
 
 @dataclass(frozen=True)
-class RawPolygon:
-    """The coordinates of one polygon and the properties of its feature.
+class RawShape:
+    """A feature as read, or one part of a feature that has several.
 
     Attributes:
-        coordinates: rings as read, unchecked.
+        geometry_type: "Point", "LineString" or "Polygon".
+        coordinates: a position, positions or rings, unchecked.
         keys: its names: feature id, properties id, properties name. Others may share them.
-        properties: of its feature; the parts of a MultiPolygon share them.
-        key: what it alone is chosen by: its first name, with a number where others have that name, or its position.
-    """
-
-    coordinates: Any
-    keys: tuple[str, ...]
-    properties: dict[str, Any]
-    key: str = ""
-
-
-@dataclass(frozen=True)
-class RawShape:
-    """An obstacle or a line along the outline as read: geometry type ("Point", "LineString" or "Polygon"), unchecked
-    coordinates, keys and properties.
+        properties: of its feature; its parts share them.
+        key: by which one field is chosen: its first name, with a number where others have it, or its position.
     """
 
     geometry_type: str
     coordinates: Any
     keys: tuple[str, ...]
     properties: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class RawLine:
-    """A guidance line or headland edge as read: its unchecked positions and the names it can be chosen by.
-
-    `is_assumed`: the file does not say that it is one, only that it is a line.
-    """
-
-    coordinates: Any
-    keys: tuple[str, ...]
-    is_assumed: bool = False
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,15 +49,15 @@ class FieldDocument:
         unused_counts: features that are not used: description and count.
         boundary_edges: lines along the outline with an ``edge`` property.
         service_points: places where tanks are filled or emptied.
-        guidance_lines: lines that swaths can be laid along.
+        guidance_lines: lines that swaths can be laid along; without a role the file only says that it is a line.
         headland_edges: inner edges of headlands.
         unassigned: points and lines without a role; where they lie says what they are.
         notes: sentences on what the reader of the format skipped or repaired.
         is_shape: it is no file, but a shape of another library.
     """
 
-    polygons: tuple[RawPolygon, ...]
-    zones: tuple[RawPolygon, ...]
+    polygons: tuple[RawShape, ...]
+    zones: tuple[RawShape, ...]
     entrances: tuple[Any, ...]
     crs: str | None
     frame: str | None
@@ -89,8 +67,8 @@ class FieldDocument:
     obstacles: tuple[RawShape, ...] = ()
     boundary_edges: tuple[RawShape, ...] = ()
     service_points: tuple[Any, ...] = ()
-    guidance_lines: tuple[RawLine, ...] = ()
-    headland_edges: tuple[RawLine, ...] = ()
+    guidance_lines: tuple[RawShape, ...] = ()
+    headland_edges: tuple[RawShape, ...] = ()
     unassigned: tuple[RawShape, ...] = ()
     notes: tuple[str, ...] = ()
     is_shape: bool = False

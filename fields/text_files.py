@@ -9,13 +9,16 @@ import codecs
 import csv
 import errno
 import io
+import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from fields.errors import HeadlandError
+from fields.errors import HeadlandError, shorten_value
 
 MAX_COLUMNS = 200
 MAX_HEADER_CHARS = 20_000  # of the first line
@@ -202,10 +205,75 @@ def read_table_text(path: str | Path, kind: str, error_type: type[HeadlandError]
     return table
 
 
-def read_table_rows(path: str | Path, kind: str, error_type: type[HeadlandError]) -> list[list[str]]:
-    """The rows of a table that are not empty; raises as `read_table_text`."""
-    text = read_table_text(path, kind, error_type)
+@dataclass(frozen=True)
+class CellTable:
+    """A table of text.
+
+    Attributes:
+        label: its name in messages.
+        header: names of its columns.
+        rows: number of the line and cells of each row.
+        error_type: class of the exceptions.
+    """
+
+    label: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[int, list[str]], ...]
+    error_type: type[HeadlandError]
+
+    def find_column(self, names: Iterable[str]) -> str | None:
+        """The column with the first of these names (in lower case) that the table has; its own case is ignored."""
+        own_names = {name.lower(): name for name in reversed(self.header)}
+        return next((own_names[name] for name in names if name in own_names), None)
+
+    def get_cell(self, row: int, column: str) -> str:
+        """The text of a cell, "" in a row that is too short."""
+        cells, place = self.rows[row][1], self.header.index(column)
+        return cells[place].strip() if place < len(cells) else ""
+
+    def list_cells(self, column: str) -> list[str]:
+        """The texts of a column."""
+        return [self.get_cell(row, column) for row in range(len(self.rows))]
+
+    def list_numbers(self, column: str) -> list[float]:
+        """The numbers of a column, NaN for what is none."""
+        return list(map(parse_number, self.list_cells(column)))
+
+    def parse_amount(self, row: int, column: str, most: float) -> float:
+        """The number from 0 to `most` in a cell; raises `error_type` for anything else."""
+        amount = parse_number(self.get_cell(row, column))
+        if not 0.0 <= amount <= most:
+            raise self.error_type(f"{self.describe_cell(row, column)}; give a number from 0 to {most:g}.")
+        return amount
+
+    def describe_cell(self, row: int, column: str) -> str:
+        """What a sentence on a bad cell begins with: its column, value and line."""
+        return f"{self.label} has the {column} {shorten_value(self.get_cell(row, column))} in line {self.rows[row][0]}"
+
+
+def parse_number(value: Any) -> float:
+    """A number from a cell of any kind, NaN for what is none."""
     try:
-        return [row for row in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in row)]
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def parse_table(text: str, label: str, error_type: type[HeadlandError], *, keeps_empty: bool = False) -> CellTable:
+    """The table of a comma-separated text, without blank lines and, unless `keeps_empty`, rows of empty cells.
+
+    Raises `error_type` for what is no table.
+    """
+    check_header(text, label, error_type)
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        rows = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or (keeps_empty and cells)]
     except csv.Error as error:
-        raise error_type(f"{quote_path(path)} is not a CSV file ({error}); save it as comma-separated text.") from None
+        raise error_type(f"{label} is not a CSV file ({error}); save it as comma-separated text.") from None
+    header = rows[0][1] if rows else []
+    return CellTable(label, tuple(map(str.strip, header)), tuple(rows[1:]), error_type)
+
+
+def read_table(path: str | Path, kind: str, error_type: type[HeadlandError]) -> CellTable:
+    """The table of a file in any usual form; raises as `read_table_text`."""
+    return parse_table(read_table_text(path, kind, error_type), quote_path(path), error_type)

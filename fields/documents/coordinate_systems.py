@@ -7,14 +7,13 @@ of the same file; two countries at mirrored positions cannot be told apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fields.errors import FieldError, mark_parameter
+from fields.errors import FieldError, attach_parameter, join_first, mark_parameter, shorten_middle
 from fields.geometry.coordinates import parse_position
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
 from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
@@ -22,6 +21,9 @@ from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
 MAX_NEAR_DEG, MIN_FAR_DEG = 1.0, 2.0
 """Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
 MAX_COMPARED_FIELDS, MAX_NAMED_FIELDS = 2_000, 5
+SHAPE_MEMBERS = (
+    "polygons", "zones", "obstacles", "unassigned", "boundary_edges", "guidance_lines", "headland_edges",
+)  # fmt: skip
 
 
 def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[str, ...]:
@@ -29,20 +31,17 @@ def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[
     is_degrees = document.crs is None or document.crs == WGS84 or is_wgs84_longitude_latitude(document.crs)
     if not is_degrees or document.frame == LOCAL_METRES or len(document.polygons) > MAX_COMPARED_FIELDS:
         return ()
-    fields = np.array([_find_first_point_or_nan(one.coordinates) for one in document.polygons])
-    lines = np.array(
-        [_find_first_point_or_nan(one.coordinates) for one in (*document.guidance_lines, *document.headland_edges)]
-    ).reshape(-1, 2)
-    names = [one.key for one in document.polygons]
+    drawn_lines = (*document.guidance_lines, *document.headland_edges)
+    fields = np.array([_find_first_point(one.coordinates) for one in document.polygons])
+    lines = np.array([_find_first_point(one.coordinates) for one in drawn_lines]).reshape(-1, 2)
     suspects = [place for place in range(len(fields)) if _is_far_from_others(place, fields, lines)]
     if not suspects:
         return ()
     x, y = fields[suspects[0]]
-    names_shown = ", ".join(f"'{names[place]}'" for place in suspects[:MAX_NAMED_FIELDS])
-    remainder = f" and {len(suspects) - MAX_NAMED_FIELDS} more" if len(suspects) > MAX_NAMED_FIELDS else ""
+    named = join_first([f"'{document.polygons[place].key}'" for place in suspects], MAX_NAMED_FIELDS)
     fix = "leave out the option swap axes" if axes_swapped else "try the option swap axes"
     return (
-        f"{names_shown}{remainder}: latitude {y:.2f}, longitude {x:.2f} is far from everything else in the file; "
+        f"{named}: latitude {y:.2f}, longitude {x:.2f} is far from everything else in the file; "
         f"longitude and latitude seem to be swapped, so {fix}.",
     )
 
@@ -60,15 +59,14 @@ def _is_far_from_others(place: int, fields: npt.NDArray[np.float64], lines: npt.
     return bool(distance_deg.min() > MIN_FAR_DEG and swapped_distance_deg.min() < MAX_NEAR_DEG)
 
 
-def _find_first_point_or_nan(raw: Any) -> Sequence[float]:
+def _find_first_point(raw: Any) -> tuple[float, float]:
     """The first position in nested lists of coordinates; NaN if it is not a position."""
     while isinstance(raw, list) and raw and isinstance(raw[0], list):
         raw = raw[0]
     try:
-        x, y = parse_position(raw, "")
-    except (FieldError, TypeError, ValueError):
-        return (np.nan, np.nan)
-    return (float(x), float(y))
+        return parse_position(raw, "")
+    except FieldError:
+        return math.nan, math.nan
 
 
 def apply_coordinate_options(
@@ -110,24 +108,16 @@ def _check_crs(document: FieldDocument, crs: str, label: str) -> None:
         raise FieldError(
             f"{mark_parameter('crs')} is empty; name a system such as EPSG:25832, or leave it out.", parameter="crs"
         )
-    try:
+    with attach_parameter("crs"):
         is_degrees = is_wgs84_longitude_latitude(crs)
-    except FieldError as refusal:
-        refusal.parameter = "crs"
-        raise
-    stated_system = (
-        "local metres"
-        if document.frame == LOCAL_METRES
-        else "longitude and latitude"
-        if document.frame
-        else document.crs
-    )
+    frame_names = {None: document.crs, LOCAL_METRES: "local metres", WGS84: "longitude and latitude"}
+    stated_system = frame_names[document.frame]
     if stated_system not in (UNKNOWN_CRS, None, crs):
+        shown = shorten_middle(str(stated_system), 40, 0)
         raise FieldError(
-            f"{label} is in {_shorten_crs(stated_system)} by its own header; leave out {mark_parameter('crs')} {crs}.",
-            parameter="crs",
+            f"{label} is in {shown} by its own header; leave out {mark_parameter('crs')} {crs}.", parameter="crs"
         )
-    x, y = _find_first_point_or_inf(document.polygons[0].coordinates)
+    x, y = _find_first_point(document.polygons[0].coordinates)
     if not is_degrees and abs(x) <= 180.0 and abs(y) <= 180.0:
         raise FieldError(
             f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; "
@@ -136,43 +126,13 @@ def _check_crs(document: FieldDocument, crs: str, label: str) -> None:
         )
 
 
-def _find_first_point_or_inf(raw: Any) -> tuple[float, float]:
-    """The first position in nested lists of coordinates; infinite if it is not a position."""
-    while isinstance(raw, list) and raw and isinstance(raw[0], list):
-        raw = raw[0]
-    numbers = raw[:2] if isinstance(raw, list) else []
-    are_numbers = len(numbers) == 2 and all(
-        isinstance(one, int | float) and not isinstance(one, bool) for one in numbers
-    )
-    return (float(numbers[0]), float(numbers[1])) if are_numbers else (math.inf, math.inf)
-
-
-def _shorten_crs(crs: str | None) -> str:
-    """A coordinate system for a sentence: its code, or the beginning of its description."""
-    text = str(crs)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
 def _swap_document_axes(document: FieldDocument) -> FieldDocument:
-    return replace(
-        document,
-        axes_swapped=True,
-        polygons=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.polygons),
-        zones=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.zones),
-        obstacles=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.obstacles),
-        unassigned=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.unassigned),
-        boundary_edges=tuple(
-            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.boundary_edges
-        ),
-        guidance_lines=tuple(
-            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.guidance_lines
-        ),
-        headland_edges=tuple(
-            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.headland_edges
-        ),
-        entrances=tuple(_swap_positions(one) for one in document.entrances),
-        service_points=tuple(_swap_positions(one) for one in document.service_points),
-    )
+    swapped: dict[str, Any] = {
+        name: tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in getattr(document, name))
+        for name in SHAPE_MEMBERS
+    }
+    swapped |= {name: tuple(map(_swap_positions, getattr(document, name))) for name in ("entrances", "service_points")}
+    return replace(document, axes_swapped=True, **swapped)
 
 
 def _swap_positions(raw: Any) -> Any:

@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import FieldReference, parse_field_reference
-from fields.errors import FieldError, mark_parameter, shorten_value
+from fields.errors import FieldError, join_first, mark_parameter, shorten_value
 from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
@@ -28,10 +28,10 @@ from fields.geometry.coordinates import (
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
 from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
-from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
+from fields.geometry.obstacles import parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
 from fields.geometry.outline_cleaning import clean_outline
-from fields.raw_document import FieldDocument, GeoShape, RawPolygon, RawShape
+from fields.raw_document import FieldDocument, GeoShape, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
 
@@ -77,7 +77,8 @@ def read_field(
     check_area(shape, label)
     multiple_fields = len(document.polygons) > 1
     inside = find_inside_polygons(document, polygon, frame, shape) if multiple_fields else []
-    obstacles, obstacle_remarks = _read_obstacles(document, frame, shape, multiple_fields, label)
+    parsed_obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    obstacles, obstacle_remarks = select_obstacles(parsed_obstacles, shape, multiple_fields, label)
     field_names = [source.name, *(key for raw in document.polygons for key in raw.keys)]
     solid = [one.shape for one in obstacles]
     roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
@@ -121,7 +122,7 @@ def read_field(
     )
 
 
-def _find_elevation_file(polygon: RawPolygon, source: FieldReference, label: str) -> str | None:
+def _find_elevation_file(polygon: RawShape, source: FieldReference, label: str) -> str | None:
     """The path of the file with heights that a boundary names; None for no name of a file, such as a mean height.
 
     It lies beside the field file, so that a field from elsewhere opens no other file. Raises FieldError.
@@ -199,20 +200,16 @@ def describe_listing(fields: Sequence[FieldSummary]) -> tuple[str, ...]:
     sentences = []
     numbered = [f"'{one.key}'" for one in fields if one.shared_name is not None]
     if numbered:
-        sentences.append(f"Ids or names that another field of the file has too got a number: {_join_listed(numbered)}.")
+        listed = join_first(numbered, MAX_LISTED_FIELDS)
+        sentences.append(f"Ids or names that another field of the file has too got a number: {listed}.")
     nested = [f"'{one.key}' (in '{one.inside}')" for one in fields if one.inside is not None]
     if nested:
+        listed = join_first(nested, MAX_LISTED_FIELDS)
         sentences.append(
-            f"No fields of their own, as they lie inside another one, such as ponds: {_join_listed(nested)}; #* leaves "
-            "them out, and #NAME picks one all the same."
+            f"No fields of their own, as they lie inside another one, such as ponds: {listed}; #* leaves them out, and "
+            "#NAME picks one all the same."
         )
     return tuple(sentences)
-
-
-def _join_listed(names: Sequence[str]) -> str:
-    """The first of the names, and how many more there are."""
-    remaining = len(names) - MAX_LISTED_FIELDS
-    return ", ".join(names[:MAX_LISTED_FIELDS]) + (f" and {remaining} more" if remaining > 0 else "")
 
 
 def _summarise_field(document: FieldDocument, index: int, local: bool, parent: int | None = None) -> FieldSummary:
@@ -226,7 +223,7 @@ def _summarise_field(document: FieldDocument, index: int, local: bool, parent: i
     return replace(summary, area_ha=float(shape.area) / 1e4, holes=len(shape.interiors))
 
 
-def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label: str) -> RawPolygon:
+def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label: str) -> RawShape:
     """The polygon with this key; without a key the only one that does not lie within another."""
     polygons = document.polygons
     if key is None:
@@ -238,7 +235,7 @@ def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label
         )
     matches = [raw for raw in polygons if key == raw.key] or [raw for raw in polygons if key in raw.keys]
     if len(matches) > 1:
-        keys = _join_listed([raw.key for raw in matches])
+        keys = join_first([raw.key for raw in matches], MAX_LISTED_FIELDS)
         raise FieldError(
             f"{len(matches)} fields of {label} are named '{key}'; choose one of {keys}.", parameter="field"
         )
@@ -271,7 +268,7 @@ def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
 
 
 def _read_outline(
-    document: FieldDocument, raw: RawPolygon, local: bool, label: str
+    document: FieldDocument, raw: RawShape, local: bool, label: str
 ) -> tuple[shapely.Polygon, FieldFrame, tuple[str, ...]]:
     """The checked boundary in local metres, its frame, and a remark if it had to be cleaned."""
     parts = parse_rings(raw.coordinates, label)
@@ -301,14 +298,6 @@ def _read_ground_zones(
     return tuple(zones), tuple(remarks)
 
 
-def _read_obstacles(
-    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
-) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
-    """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
-    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
-    return select_obstacles(obstacles, shape, multiple_fields, label)
-
-
 def _read_single_point(
     places: tuple[Any, ...], role: str, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[float, float] | None:
@@ -324,10 +313,8 @@ def _read_single_point(
     return points[0] if points else None
 
 
-def _choose_name(raw: RawPolygon, stem: str) -> str:
+def _choose_name(raw: RawShape, stem: str) -> str:
     """Name for the field: its own, else its id, else that of the file."""
-    properties: dict[str, Any] = raw.properties
-    for key in ("name", "Name"):
-        if isinstance(properties.get(key), str) and properties[key].strip():
-            return replace_unprintable(properties[key].strip())
-    return replace_unprintable(raw.keys[0] if raw.keys else stem)
+    names = [raw.properties[key] for key in ("name", "Name") if isinstance(raw.properties.get(key), str)]
+    name = next(filter(None, map(str.strip, names)), None)
+    return replace_unprintable(name or (raw.keys[0] if raw.keys else stem))

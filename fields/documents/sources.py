@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first
 from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.raw_document import (
@@ -44,11 +44,8 @@ def read_single_file(path: str, label: str) -> FieldDocument | None:
     if not names:
         return None
     if len(names) > 1:
-        shown_names = ", ".join(names[:MAX_SHOWN_FILES]) + (
-            f" and {len(names) - MAX_SHOWN_FILES} more" if len(names) > MAX_SHOWN_FILES else ""
-        )
         raise FieldError(
-            f"{quote_path(path)} holds {len(names)} field files ({shown_names}); "
+            f"{quote_path(path)} holds {len(names)} field files ({join_first(names, MAX_SHOWN_FILES)}); "
             f"{'name one of them' if members.path.is_dir() else 'unpack it and name one of them'}."
         )
     field_format = SINGLE_FILE_FORMATS[PurePosixPath(names[0]).suffix.lower()]
@@ -198,20 +195,12 @@ def find_field_format(path: str) -> FieldFormat | None:
     Raises:
         FieldError: an archive cannot be opened, or not safely.
     """
-    names = list_names(path)
-    if names:
-        return next((form for form in FIELD_FORMATS if form.holds(names)), None) or _find_archive_format_by_extension(
-            names, path
-        )
-    extension = Path(path).suffix.lower()
-    if Path(path).name.lower() == agopengps.FIELD_FILE:
-        return agopengps.FIELD_FORMAT
-    field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
-    return field_format or (
-        None if extension in FOREIGN_EXTENSIONS or (path and Path(path).is_dir()) else FIELD_FORMATS[0]
-    )
-
-
-def _find_archive_format_by_extension(names: frozenset[str], path: str) -> FieldFormat | None:
-    """The format of an archive that is recognised by its extension only, such as KMZ."""
-    return next((form for form in FIELD_FORMATS if Path(path).suffix.lower() in form.extensions), None)
+    names, place = list_names(path), Path(path)
+    extension = place.suffix.lower()
+    field_format = next((form for form in FIELD_FORMATS if form.holds(names)), None)
+    if field_format is None and place.name.lower() == agopengps.FIELD_FILE:
+        field_format = agopengps.FIELD_FORMAT
+    if field_format is None:
+        field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
+    is_foreign = names or extension in FOREIGN_EXTENSIONS or (path and place.is_dir())
+    return field_format or (None if is_foreign else FIELD_FORMATS[0])

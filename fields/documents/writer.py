@@ -12,6 +12,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError
+from fields.formats.features import build_feature
 from fields.formats.geojson import HEADER_KEY
 from fields.geometry.field import Field
 from fields.geometry.field_lines import FENCE, OPEN_EDGE
@@ -61,34 +62,26 @@ def build_field_geojson(field: Field) -> str:
     """GeoJSON text of a field, one feature per line."""
     properties = {"name": field.name, "source": field.source, "default_ground": field.default_ground}
     properties |= {} if field.elevation is None else {"elevation": Path(field.elevation).name}
-    features = [_build_feature("Polygon", _build_rings(field, field.workable_region), properties)]
+    features = [build_feature("Polygon", _build_rings(field, field.workable_region), properties)]
     for zone in field.ground_zones:
-        features.append(_build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))
+        features.append(build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))
     for obstacle in field.obstacles:
         features.append(_build_obstacle_feature(field, obstacle))
+    lines: list[tuple[shapely.Geometry, dict[str, Any]]] = []
     for one in field.edge_overhangs:  # before fences, which hold wherever both are
         merged = one.part if one.part.geom_type == "LineString" else shapely.line_merge(one.part)
-        for part in shapely.get_parts(merged):
-            points = _convert_to_file_system(field, shapely.get_coordinates(part))
-            features.append(_build_feature(LINE, points, {"edge": OPEN_EDGE, OVERHANG: one.overhang_m}))
-    for fence in field.fences:
-        features.append(
-            _build_feature(LINE, _convert_to_file_system(field, shapely.get_coordinates(fence)), {"edge": FENCE})
-        )
-    for line in field.guidance_lines:
-        points = _convert_to_file_system(field, shapely.get_coordinates(line.line))
-        features.append(_build_feature(LINE, points, {"role": "guidance", "name": line.name}))
-    for edge in field.headland_edges:
-        features.append(
-            _build_feature(
-                LINE, _convert_to_file_system(field, shapely.get_coordinates(edge.line)), {"role": "headland"}
-            )
-        )
+        edge = {"edge": OPEN_EDGE, OVERHANG: one.overhang_m}
+        lines += [(part, edge) for part in shapely.get_parts(merged)]
+    lines += [(fence, {"edge": FENCE}) for fence in field.fences]
+    lines += [(line.line, {"role": "guidance", "name": line.name}) for line in field.guidance_lines]
+    lines += [(headland.line, {"role": "headland"}) for headland in field.headland_edges]
+    for line, line_properties in lines:
+        points = _convert_to_file_system(field, shapely.get_coordinates(line))
+        features.append(build_feature(LINE, points, line_properties))
     for role, place in (("entrance", field.entrance), ("refill", field.service_point)):
         if place is not None:
-            features.append(
-                _build_feature("Point", _convert_to_file_system(field, np.array([place]))[0], {"role": role})
-            )
+            point = _convert_to_file_system(field, np.array([place]))[0]
+            features.append(build_feature("Point", point, {"role": role}))
     header: dict[str, Any] = {"frame": LOCAL_METRES, "origin_m": list(field.origin_m)}
     if field.crs is not None:
         header |= {"frame": WGS84, "crs": field.crs}
@@ -103,16 +96,11 @@ def _build_obstacle_feature(field: Field, obstacle: Obstacle) -> dict[str, Any]:
     properties: dict[str, Any] = {"role": "obstacle", "kind": obstacle.kind, "name": obstacle.name}
     geometry = obstacle.geometry
     if isinstance(geometry, shapely.Polygon):
-        return _build_feature(AREA, _build_rings(field, geometry), properties)
+        return build_feature(AREA, _build_rings(field, geometry), properties)
     points = _convert_to_file_system(field, shapely.get_coordinates(geometry))
     if geometry.geom_type == POINT:
-        return _build_feature(POINT, points[0], properties | {"radius_m": obstacle.half_width_m})
-    return _build_feature(LINE, points, properties | {"width_m": 2.0 * obstacle.half_width_m})
-
-
-def _build_feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
-    geometry = {"type": kind, "coordinates": coordinates}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+        return build_feature(POINT, points[0], properties | {"radius_m": obstacle.half_width_m})
+    return build_feature(LINE, points, properties | {"width_m": 2.0 * obstacle.half_width_m})
 
 
 def _build_rings(field: Field, polygon: shapely.Polygon) -> list[Any]:

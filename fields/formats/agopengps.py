@@ -19,7 +19,7 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
-from fields.formats.features import Feature, build_document
+from fields.formats.features import Feature, build_document, build_feature
 from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
     DegreePoints,
@@ -58,26 +58,26 @@ def _read_fields(path: str, label: str) -> FieldDocument:
 
 def _read_field_features(members: ArchiveMembers, field_file: str, label: str, notes: list[str]) -> list[Feature]:
     """Boundary, guidance lines and headland edges of the field with this Field.txt."""
-    lines = _split_lines(members[field_file])
-    plane = _parse_plane(lines, label)
+    lines = split_lines(members[field_file])
+    plane = parse_plane(lines, label)
     stated_name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
     folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
     name = stated_name if stated_name and stated_name not in PLACEHOLDER_NAMES else folder
     outline = members.read_member_beside(field_file, BOUNDARY_FILE)
-    rings = [] if outline is None else _parse_rings(_split_lines(outline), name, notes)
+    rings = [] if outline is None else _parse_rings(split_lines(outline), name, notes)
     if not rings:
         notes.append(f"'{name}' has no boundary and is skipped.")
         return []
     coordinates = [[plane.to_degrees(*point) for point in ring] for ring in rings]
-    features = [_build_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
+    features = [build_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
     for file in LINE_FILES:
         content = members.read_member_beside(field_file, file)
         unread_counts: list[int] = []
-        named_lines = [] if content is None else list(_parse_guidance_lines(_split_lines(content), file, unread_counts))
+        named_lines = [] if content is None else list(_parse_guidance_lines(split_lines(content), file, unread_counts))
         if unread_counts:
             notes.append(f"Skipped in '{name}': {count_noun(sum(unread_counts), 'unreadable line')} of {file}.")
         features += [
-            _build_feature(
+            build_feature(
                 "LineString", [plane.to_degrees(*point) for point in points], {"name": title, "role": "guidance"}
             )
             for title, points in named_lines
@@ -87,15 +87,15 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
 
 def _read_headland_edges(content: bytes | None, plane: LocalPlane) -> list[Feature]:
     """Inner edges of headlands, in the format of the boundary's rings; rings without a headland have no points."""
-    rings = [] if content is None else _parse_rings(_split_lines(content), "", [])
+    rings = [] if content is None else _parse_rings(split_lines(content), "", [])
     edges = [[plane.to_degrees(*point) for point in (*ring, ring[0])] for ring in rings]
-    return [_build_feature("LineString", edge, {"role": "headland"}) for edge in edges]
+    return [build_feature("LineString", edge, {"role": "headland"}) for edge in edges]
 
 
-def _parse_plane(lines: list[str], label: str) -> LocalPlane:
-    """The plane with the origin in the line below StartFix, latitude first."""
+def parse_plane(lines: list[str], label: str) -> LocalPlane:
+    """The plane with the origin in the line below StartFix of a Field.txt, latitude first; raises FieldError."""
     numbers_line = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
-    numbers = _parse_numbers(numbers_line, 2)
+    numbers = parse_numbers(numbers_line, 2)
     if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
         raise FieldError(f"Field.txt of {label} has no StartFix with latitude and longitude; save the field again.")
     return LocalPlane(numbers[1], numbers[0])
@@ -109,7 +109,7 @@ def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tup
         if count is None:
             place += 1
             continue
-        points = [_parse_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
+        points = [parse_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
         valid_points = [(one[0], one[1]) for one in points if one is not None]
         if len(valid_points) < count:
             notes.append(f"A ring of '{name}' has {len(valid_points)} points, not {count} as stated; these are used.")
@@ -147,14 +147,14 @@ def _parse_track_lines(lines: list[str], unread_counts: list[int]) -> Iterator[N
     place, garbled = 0, False
     while place < len(lines):
         head = lines[place : place + 8]
-        ends = [_parse_numbers(line, 2) for line in head[2:4]]
+        ends = [parse_numbers(line, 2) for line in head[2:4]]
         mode, count = (_parse_count(head[5]), _parse_count(head[7])) if len(head) == 8 else (None, None)
         if count is None or mode is None or None in ends or head[6].lower() not in ("true", "false"):
             unread_counts += [] if garbled else [1]
             garbled, place = True, place + 1
             continue
         garbled, name = False, head[0]
-        points = [_parse_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
+        points = [parse_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if mode == CURVE_MODE and len(curve) > 1:
             yield name, curve
@@ -169,16 +169,11 @@ def _parse_old_ab_lines(lines: list[str], unread_counts: list[int]) -> Iterator[
     """ABLines.txt: name, heading in degrees, easting and northing of a point, in one line."""
     for line in lines:
         name, _, numbers_text = line.partition(",")
-        numbers = _parse_numbers(numbers_text, 3)
+        numbers = parse_numbers(numbers_text, 3)
         if numbers is not None:
             heading_rad, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
-            yield (
-                name,
-                [
-                    (east, north),
-                    (east + AB_LINE_LENGTH_M * math.sin(heading_rad), north + AB_LINE_LENGTH_M * math.cos(heading_rad)),
-                ],
-            )
+            end = east + AB_LINE_LENGTH_M * math.sin(heading_rad), north + AB_LINE_LENGTH_M * math.cos(heading_rad)
+            yield name, [(east, north), end]
         else:
             unread_counts.append(1)
 
@@ -191,7 +186,7 @@ def _parse_old_curves(lines: list[str], unread_counts: list[int]) -> Iterator[Na
         if count is None:
             unread_counts.append(1)
             return
-        points = [_parse_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
+        points = [parse_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if len(curve) > 1:
             yield lines[place], curve
@@ -200,8 +195,8 @@ def _parse_old_curves(lines: list[str], unread_counts: list[int]) -> Iterator[Na
         place += 3 + count
 
 
-def _parse_numbers(line: str, min_count: int) -> list[float] | None:
-    """Numbers of a line, separated by commas; with decimal commas, pairs of parts are joined."""
+def parse_numbers(line: str, min_count: int) -> list[float] | None:
+    """Numbers of a line, separated by commas (decimal commas join pairs of parts); None for fewer than `min_count`."""
     parts = [part for part in _SPACES.sub("", line).split(",") if part]
     if len(parts) >= 2 * min_count and all("." not in part for part in parts):
         parts = [f"{whole}.{rest}" for whole, rest in zip(parts[::2], parts[1::2], strict=False)]
@@ -217,35 +212,17 @@ def _parse_count(line: str) -> int | None:
     return int(line) if line.isascii() and line.isdecimal() and len(line) <= 7 else None
 
 
-def _split_lines(content: bytes) -> list[str]:
+def split_lines(content: bytes) -> list[str]:
+    """The lines of a file that are not empty."""
     text = content.decode("utf-8-sig", errors="replace")
     return [line.strip() for line in text.splitlines() if line.strip()]
-
-
-def _build_feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
-
-
-def read_plane(content: bytes, label: str) -> LocalPlane:
-    """The plane that a Field.txt sets; raises FieldError."""
-    return _parse_plane(_split_lines(content), label)
 
 
 def read_boundary_degrees(members: ArchiveMembers, field_file: str, plane: LocalPlane) -> list[list[list[float]]]:
     """Longitude and latitude of the rings of the field with this Field.txt; empty without a boundary."""
     content = members.read_member_beside(field_file, BOUNDARY_FILE)
-    rings = [] if content is None else _parse_rings(_split_lines(content), "", [])
+    rings = [] if content is None else _parse_rings(split_lines(content), "", [])
     return [[plane.to_degrees(*point) for point in ring] for ring in rings]
-
-
-def split_lines(content: bytes) -> list[str]:
-    """The lines of a file that are not empty."""
-    return _split_lines(content)
-
-
-def parse_numbers(line: str, min_count: int) -> list[float] | None:
-    """Numbers of a line, with decimal points or commas; None for fewer than `min_count`."""
-    return _parse_numbers(line, min_count)
 
 
 FIELD_FORMAT = FieldFormat("AgOpenGPS", (), _read_fields, lambda names: FIELD_FILE in names)
@@ -266,18 +243,9 @@ def _write_agopengps(guidance: PlanGuidance) -> FileContents:
     rings = (
         () if guidance.boundary is None else (*guidance.boundary.rings, *(one.rings[0] for one in guidance.obstacles))
     )
+    start = f"{plane.latitude_deg:.{START_DECIMALS}f},{plane.longitude_deg:.{START_DECIMALS}f}"
     files = {
-        "Field.txt": [
-            FIRST_LINE,
-            "$FieldDir",
-            name,
-            "$Offsets",
-            "0,0",
-            "Convergence",
-            "0",
-            "StartFix",
-            f"{plane.latitude_deg:.{START_DECIMALS}f},{plane.longitude_deg:.{START_DECIMALS}f}",
-        ],
+        "Field.txt": [FIRST_LINE, "$FieldDir", name, "$Offsets", "0,0", "Convergence", "0", "StartFix", start],
         "Boundary.txt": ["$Boundary", *(row for ring in rings for row in ("False", *_format_ring(plane, ring)))],
         "Headland.txt": ["$Headland", *_format_headland(plane, guidance)],
         "TrackLines.txt": ["$TrackLines", *(row for line in tractor.lines for row in _format_line(plane, line))],
@@ -314,40 +282,22 @@ def _format_headland(plane: LocalPlane, guidance: PlanGuidance) -> list[str]:
     """
     if guidance.boundary is None or not guidance.headland_interior:
         return []
-    edges = max(guidance.headland_interior, key=lambda one: _compute_area_m2(plane, one.rings[0])).rings
+    edges = max(
+        guidance.headland_interior, key=lambda one: shapely.Polygon(_convert_to_metres(plane, one.rings[0])).area
+    ).rings
     holes = [*guidance.boundary.rings[1:], *(one.rings[0] for one in guidance.obstacles)]
     rings = [_format_ring(plane, edges[0])]
     for hole in holes:
-        surrounding = next((edge for edge in edges[1:] if _is_within(hole[0], edge)), None)
+        surrounding = next((edge for edge in edges[1:] if shapely.contains_xy(shapely.Polygon(edge), *hole[0])), None)
         rings.append(["0"] if surrounding is None else _format_ring(plane, surrounding))
     return [row for rows in rings for row in rows]
-
-
-def _compute_area_m2(plane: LocalPlane, ring: DegreePoints) -> float:
-    """Area within a ring, square metres."""
-    return float(shapely.Polygon(_convert_to_metres(plane, ring)).area)
-
-
-def _is_within(point: DegreePoints, ring: DegreePoints) -> bool:
-    """Whether a point is within a ring (crossings of a ray)."""
-    (x, y), ends = point, np.roll(ring, -1, axis=0)
-    spans = (ring[:, 1] > y) != (ends[:, 1] > y)
-    starts, ends = ring[spans], ends[spans]
-    cuts = starts[:, 0] + (y - starts[:, 1]) / (ends[:, 1] - starts[:, 1]) * (ends[:, 0] - starts[:, 0])
-    return int((cuts > x).sum()) % 2 == 1
 
 
 def _format_line(plane: LocalPlane, line: GuidedLine) -> list[str]:
     """Name, heading in radians, A, B, nudge, mode, visible, and the points of a curve with their headings."""
     ends = _convert_to_metres(plane, line.points)
-    name = simplify_to_ascii(line.name)
-    head = [
-        name,
-        f"{_compute_heading_rad(ends[0], ends[-1]):.8f}",
-        _format_point(ends[0]),
-        _format_point(ends[-1]),
-        "0",
-    ]
+    heading = f"{_compute_heading_rad(ends[0], ends[-1]):.8f}"
+    head = [simplify_to_ascii(line.name), heading, _format_point(ends[0]), _format_point(ends[-1]), "0"]
     if line.is_straight:
         return [*head, str(AB_MODE), "True", "0"]
     points = _insert_points(ends, CURVE_SPACING_M)

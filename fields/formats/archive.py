@@ -90,17 +90,6 @@ def open_folder_or_archive(path: str | Path) -> ArchiveMembers:
     return ArchiveMembers(Path(path).parent, 0)
 
 
-def read_file_beside(path: Path, name: str) -> bytes | None:
-    """The content of a file in the same folder as another, None without it; case is ignored."""
-    try:
-        neighbour = next((one for one in sorted(path.parent.iterdir()) if one.name.lower() == name.lower()), None)
-        return None if neighbour is None or not neighbour.is_file() else _read_limited(neighbour)
-    except OSError as error:
-        raise FieldError(
-            f"The folder {quote_path(path.parent)} cannot be read ({explain_error(error)}); copy it to another place."
-        ) from None
-
-
 def list_names(path: str | Path) -> frozenset[str]:
     """Names of the files in a folder or archive, lower case, without folders; empty for any other file."""
     if not (os.path.isdir(path) or is_archive(path)):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any
 
 from fields.errors import FieldError
 from fields.feature_words import LINE_KINDS, OVERHEAD_LINE, find_meaning, find_word_meaning
-from fields.raw_document import FieldDocument, RawLine, RawPolygon, RawShape
+from fields.raw_document import FieldDocument, RawShape
 
 Feature = dict[str, Any]
 ALL_FIELDS = "*"
@@ -22,15 +23,13 @@ POINT_TYPES = ("Point", "MultiPoint")
 LINE_TYPES = ("LineString", "MultiLineString")
 POLYGON_TYPES = ("Polygon", "MultiPolygon")
 MAX_KINDS_SHOWN, MAX_ROLE_CHARS = 6, 30
-GEOMETRY_TYPES = (
-    "Point",
-    "MultiPoint",
-    "LineString",
-    "MultiLineString",
-    "Polygon",
-    "MultiPolygon",
-    "GeometryCollection",
-)
+GEOMETRY_TYPES = (*POINT_TYPES, *LINE_TYPES, *POLYGON_TYPES, "GeometryCollection")
+
+
+def build_feature(geometry_type: str, coordinates: object, properties: dict[str, Any]) -> Feature:
+    """A feature as GeoJSON has it."""
+    geometry = {"type": geometry_type, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def build_document(
@@ -48,66 +47,59 @@ def build_document(
     Raises:
         FieldError: no feature is a boundary, or a multi-part geometry has no coordinates.
     """
-    polygons, zones = _collect_polygons(features, label)
-    polygons = _assign_keys(polygons)
-    if not polygons:
-        raise FieldError(_explain_no_boundary(features, zones, label))
+    shapes: dict[str, list[RawShape]] = defaultdict(list)
+    unused: Counter[str] = Counter()
+    for feature in features:
+        role = _classify_feature(feature)
+        shapes[role] += _split_into_parts(feature, role, label) if role else []
+        unused.update(_describe_unused(feature, role))
+    if not shapes[BOUNDARY]:
+        raise FieldError(_explain_no_boundary(features, bool(shapes[GROUND_ZONE]), label))
     return FieldDocument(
-        polygons=polygons,
-        zones=zones,
-        entrances=_collect_points(features, ENTRANCE),
-        service_points=_collect_points(features, REFILL),
+        polygons=_assign_keys(shapes[BOUNDARY]),
+        zones=tuple(shapes[GROUND_ZONE]),
+        entrances=tuple(one.coordinates for one in shapes[ENTRANCE]),
+        service_points=tuple(one.coordinates for one in shapes[REFILL]),
         crs=crs,
         frame=frame,
         header=header or {},
         source=source,
-        unused_counts=_count_unused(features),
-        obstacles=_collect_role_shapes(features, OBSTACLE, label),
-        boundary_edges=_collect_role_shapes(features, BOUNDARY_EDGE, label),
-        guidance_lines=tuple(
-            RawLine(one.coordinates, one.keys, not convert_to_name_text(one.properties.get("role")))
-            for one in _collect_role_shapes(features, GUIDANCE, label)
-        ),
-        headland_edges=_collect_headland_edges(features, label),
-        unassigned=_collect_role_shapes(features, UNASSIGNED, label),
+        unused_counts=summarise_counts(unused),
+        obstacles=tuple(shapes[OBSTACLE]),
+        boundary_edges=tuple(shapes[BOUNDARY_EDGE]),
+        guidance_lines=tuple(shapes[GUIDANCE]),
+        headland_edges=tuple(edge for one in shapes[HEADLAND] for edge in _list_edges(one)),
+        unassigned=tuple(shapes[UNASSIGNED]),
         notes=notes,
     )
 
 
-def _collect_points(features: list[dict[str, Any]], role: str) -> tuple[Any, ...]:
-    """Coordinates of the points with a role: entrances or service points."""
-    return tuple(
-        get_member_object(feature, "geometry").get("coordinates")
-        for feature in features
-        if _classify_feature(feature) == role
-    )
-
-
-def _collect_polygons(
-    features: list[dict[str, Any]], label: str
-) -> tuple[tuple[RawPolygon, ...], tuple[RawPolygon, ...]]:
-    """Boundaries and ground zones; the parts of a MultiPolygon are separate."""
-    polygons: list[RawPolygon] = []
-    zones: list[RawPolygon] = []
-    for feature in features:
-        geometry, properties = get_member_object(feature, "geometry"), get_member_object(feature, "properties")
-        geometry_type, coordinates = geometry.get("type"), geometry.get("coordinates")
-        role = _classify_feature(feature)
-        if role not in (BOUNDARY, GROUND_ZONE):
-            continue
-        if geometry_type == "Polygon":
-            parts = [coordinates]
-        elif isinstance(coordinates, list):
-            parts = coordinates
-        else:
+def _split_into_parts(feature: Feature, role: str, label: str) -> list[RawShape]:
+    """A feature as one shape, or the parts of a multi-part geometry as separate ones."""
+    geometry, properties = get_member_object(feature, "geometry"), get_member_object(feature, "properties")
+    geometry_type, coordinates = str(geometry["type"]), geometry.get("coordinates")
+    is_multiple = geometry_type.startswith("Multi")
+    if is_multiple and not isinstance(coordinates, list):
+        if role == UNASSIGNED:
+            return []
+        if role in (BOUNDARY, GROUND_ZONE):
             raise FieldError(f"A MultiPolygon of {label} has no coordinates; give it a list of polygons.")
-        target = zones if role == GROUND_ZONE else polygons
-        target.extend(RawPolygon(part, _collect_choosable_names(feature, properties), properties) for part in parts)
-    return tuple(polygons), tuple(zones)
+        raise FieldError(f"A {geometry_type} with role {role} of {label} has no coordinates; give it a list of them.")
+    values = (feature.get("id"), properties.get("id"), properties.get("name"), properties.get("Name"))
+    keys = tuple(dict.fromkeys(text for text in map(convert_to_name_text, values) if text))
+    parts: Any = coordinates if is_multiple else [coordinates]
+    return [RawShape(geometry_type.removeprefix("Multi"), part, keys, properties) for part in parts]
 
 
-def _assign_keys(polygons: tuple[RawPolygon, ...]) -> tuple[RawPolygon, ...]:
-    """The polygons with keys of their own, safe for a terminal: see `RawPolygon.key`.
+def _list_edges(shape: RawShape) -> list[RawShape]:
+    """The lines of the edge of a headland: all rings of a polygon."""
+    rings = shape.coordinates if shape.geometry_type == "Polygon" else [shape.coordinates]
+    edges: list[Any] = rings if isinstance(rings, list) else []
+    return [replace(shape, geometry_type="LineString", coordinates=ring) for ring in edges]
+
+
+def _assign_keys(polygons: Sequence[RawShape]) -> tuple[RawShape, ...]:
+    """The polygons with keys of their own, safe for a terminal: see `RawShape.key`.
 
     A name that several have is the key of none of them, so that it never means one by chance.
     """
@@ -129,48 +121,15 @@ def replace_unprintable(name: str) -> str:
     return "".join(one if one.isprintable() else "?" for one in name)
 
 
-def _collect_role_shapes(features: list[dict[str, Any]], role: str, label: str) -> tuple[RawShape, ...]:
-    """Features with a role; the parts of a multi-part geometry are separate."""
-    shapes: list[RawShape] = []
-    for feature in features:
-        if _classify_feature(feature) != role:
-            continue
-        geometry, properties = get_member_object(feature, "geometry"), get_member_object(feature, "properties")
-        geometry_type, coordinates = str(geometry["type"]), geometry.get("coordinates")
-        if not geometry_type.startswith("Multi"):
-            parts = [coordinates]
-        elif isinstance(coordinates, list):
-            parts = coordinates
-        elif role == UNASSIGNED:
-            continue
-        else:
-            raise FieldError(
-                f"A {geometry_type} with role {role} of {label} has no coordinates; give it a list of them."
-            )
-        keys = _collect_choosable_names(feature, properties)
-        shapes += [RawShape(geometry_type.removeprefix("Multi"), part, keys, properties) for part in parts]
-    return tuple(shapes)
-
-
-def _collect_headland_edges(features: list[dict[str, Any]], label: str) -> tuple[RawLine, ...]:
-    """Edges of headlands: lines, and all rings of polygons."""
-    edges = []
-    for shape in _collect_role_shapes(features, HEADLAND, label):
-        rings = shape.coordinates if shape.geometry_type == "Polygon" else [shape.coordinates]
-        edges += [RawLine(ring, shape.keys) for ring in (rings if isinstance(rings, list) else ())]
-    return tuple(edges)
-
-
-def _classify_feature(feature: dict[str, Any]) -> str:
+def _classify_feature(feature: Feature) -> str:
     """The use of a feature, "" for none. A polygon with another role is not a boundary."""
-    geometry_type, properties = (
-        get_member_object(feature, "geometry").get("type"),
-        get_member_object(feature, "properties"),
-    )
+    geometry_type = get_member_object(feature, "geometry").get("type")
+    properties = get_member_object(feature, "properties")
     role = properties.get("role")
     if geometry_type == "Point" and role in (ENTRANCE, REFILL):
         return str(role)
-    if _is_obstacle_role(role) and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
+    means_obstacle = role == OBSTACLE or (isinstance(role, str) and find_word_meaning(role).use == OBSTACLE)
+    if means_obstacle and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
         return OBSTACLE if role == OBSTACLE or geometry_type in POLYGON_TYPES else UNASSIGNED
     if geometry_type in LINE_TYPES and properties.get("edge") is not None:
         return BOUNDARY_EDGE
@@ -185,11 +144,6 @@ def _classify_feature(feature: dict[str, Any]) -> str:
     return GROUND_ZONE if convert_to_name_text(properties.get("ground")) else BOUNDARY
 
 
-def _is_obstacle_role(role: Any) -> bool:
-    """Whether a role is that of obstacles, or a word for one, such as tree."""
-    return role == OBSTACLE or (isinstance(role, str) and find_word_meaning(role).use == OBSTACLE)
-
-
 def _classify_plain_line(properties: dict[str, Any]) -> str:
     """The use of a line without a role: a named one is a guidance line, unless it is named like an obstacle."""
     if not convert_to_name_text(properties.get("name")):
@@ -199,18 +153,14 @@ def _classify_plain_line(properties: dict[str, Any]) -> str:
     return UNASSIGNED if is_obstacle or meaning.use == OVERHEAD_LINE else GUIDANCE
 
 
-def _count_unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
-    """Unused features, counted by geometry and role, and features whose ``edge`` has no meaning."""
-    counts: Counter[str] = Counter()
-    for feature in features:
-        kind, properties = get_member_object(feature, "geometry").get("type"), get_member_object(feature, "properties")
-        edge = convert_to_name_text(properties.get("edge"))[:MAX_ROLE_CHARS]
-        shape = kind if kind in GEOMETRY_TYPES else "feature without a known geometry"
-        if edge and _classify_feature(feature) not in (BOUNDARY_EDGE, BOUNDARY):
-            counts[f"{shape} with edge '{edge}'"] += 1
-        elif not _classify_feature(feature):
-            counts[describe_unused_feature(str(shape), properties)] += 1
-    return summarise_counts(counts)
+def _describe_unused(feature: Feature, role: str) -> list[str]:
+    """A feature that is not used by its geometry and role, or one whose ``edge`` has no meaning; else empty."""
+    kind, properties = get_member_object(feature, "geometry").get("type"), get_member_object(feature, "properties")
+    edge = convert_to_name_text(properties.get("edge"))[:MAX_ROLE_CHARS]
+    shape = str(kind) if kind in GEOMETRY_TYPES else "feature without a known geometry"
+    if edge and role not in (BOUNDARY_EDGE, BOUNDARY):
+        return [f"{shape} with edge '{edge}'"]
+    return [] if role else [describe_unused_feature(shape, properties)]
 
 
 def describe_unused_feature(shape: str, properties: dict[str, Any]) -> str:
@@ -226,18 +176,13 @@ def summarise_counts(counts: Counter[str]) -> tuple[tuple[str, int], ...]:
     return (*most_common, *([("of other kinds", remaining)] if remaining else []))
 
 
-def _explain_no_boundary(features: list[dict[str, Any]], zones: tuple[RawPolygon, ...], label: str) -> str:
+def _explain_no_boundary(features: list[Feature], has_zones: bool, label: str) -> str:
     """The refusal of a file without a boundary."""
     kinds = Counter(str(get_member_object(feature, "geometry").get("type") or "no geometry") for feature in features)
     found_kinds = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "nothing"
-    if zones:
+    if has_zones:
         found_kinds += ", all of its polygons ground zones"
     return f"{label} contains no field boundary (found: {found_kinds}); it needs a Polygon or MultiPolygon."
-
-
-def _collect_choosable_names(feature: dict[str, Any], properties: dict[str, Any]) -> tuple[str, ...]:
-    values = (feature.get("id"), properties.get("id"), properties.get("name"), properties.get("Name"))
-    return tuple(dict.fromkeys(text for text in map(convert_to_name_text, values) if text))
 
 
 def get_member_object(holder: dict[str, Any], key: str) -> dict[str, Any]:

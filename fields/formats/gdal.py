@@ -23,8 +23,9 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError
-from fields.formats.features import LINE_TYPES, Feature, convert_to_name_text
+from fields.formats.features import LINE_TYPES, Feature, build_document, convert_to_name_text
 from fields.geometry.geodesy import project
+from fields.raw_document import UNKNOWN_CRS, FieldDocument
 
 SHAPEFILE_DRIVER, GEOPACKAGE_DRIVER, FLATGEOBUF_DRIVER, GPX_DRIVER = "ESRI Shapefile", "GPKG", "FlatGeobuf", "GPX"
 KML_DRIVERS = ("LIBKML", "KML")  # the first available one is used
@@ -113,8 +114,9 @@ class LayerFeatures:
 
 @dataclass(frozen=True)
 class LayerTable:
-    """A layer read by GDAL: its system, geometries as WKB, columns by name in lower case, whether read as Latin-1."""
+    """A layer read by GDAL: name, system, geometries as WKB, columns by name in lower case, whether read as Latin-1."""
 
+    name: str
     crs: str | None
     shapes: Sequence[bytes | None]
     columns: dict[str, Sequence[Any]]
@@ -146,30 +148,25 @@ def read_layers(
     Raises:
         FieldError: the file is in another format, or has more than 100,000 features.
     """
-    from pyogrio import list_layers
-
-    layers = LayerFeatures()
-    with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
-        names = [str(row[0]) for row in list_layers(_resolve_source(source))]
-        if not names:
-            raise ValueError("it has no layer")
-        parts = [
-            _read_layer(source, at, name) for at, name in enumerate(names) if layer_names is None or name in layer_names
-        ]
-        if layer_names is None and len(names) > 1:
-            for name, (_, features, _) in zip(names, parts, strict=True):
-                name_layer(features, name)
-    if sum(len(part[1]) for part in parts) > MAX_FEATURES:
+    tables = read_tables(
+        source, label, format_name, drivers, layer_names, with_heights=False, max_features=MAX_FEATURES + 1
+    )
+    if sum(len(table.shapes) for table in tables) > MAX_FEATURES:
         raise FieldError(f"{label} has more than {MAX_FEATURES} features; extract those of the farm first.")
-    systems = {crs for crs, features, _ in parts if features}
+    systems = {table.crs for table in tables if len(table.shapes)}
     if None in systems and len(systems) > 1:
         raise FieldError(f"Some layers of {label} name no coordinate system; give every layer its system.")
-    for crs, features, note in parts:
-        needs_conversion = len(systems) > 1 and crs is not None and crs != WGS84
-        layers.features += (
-            [_convert_to_wgs84(feature, crs) for feature in features] if needs_conversion and crs else features
-        )
-        layers.notes += [note] if note else []
+    layers = LayerFeatures()
+    for table in tables:
+        features = _list_features(table)
+        if layer_names is None and len(tables) > 1:
+            name_layer(features, table.name)
+        if len(systems) > 1 and table.crs is not None and table.crs != WGS84:
+            features = [_convert_to_wgs84(feature, table.crs) for feature in features]
+        layers.features += features
+        if table.is_latin1:
+            name = "fields" if table.name.startswith(IN_MEMORY_PREFIX) else table.name
+            layers.notes.append(f"Names of '{name}' do not match the declared encoding; they are read as Latin-1.")
     layers.crs = systems.pop() if len(systems) == 1 else WGS84 if systems else None
     return layers
 
@@ -180,44 +177,42 @@ def read_tables(
     format_name: str,
     drivers: tuple[str, ...],
     layer_names: tuple[str, ...] | None = None,
+    *,
+    with_heights: bool = True,
+    max_features: int | None = None,
 ) -> list[LayerTable]:
-    """All layers of a file, or the named ones, with the heights of their points; arguments as in `read_layers`.
+    """All layers of a file, or the named ones; arguments as in `read_layers`.
 
-    Raises:
-        FieldError: the file is in another format.
+    Text that does not match its declared encoding is read as Latin-1. Raises FieldError for a file in another format.
     """
     from pyogrio import list_layers
 
+    place = source if isinstance(source, bytes) else _make_absolute(source)
     with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
-        names = [str(row[0]) for row in list_layers(_resolve_source(source))]
+        names = [str(row[0]) for row in list_layers(place)]
+        if not names:
+            raise ValueError("it has no layer")
         return [
-            read_table(source, at, with_heights=True)
+            _read_table(place, at, name, with_heights, max_features)
             for at, name in enumerate(names)
             if layer_names is None or name in layer_names
         ]
 
 
-def read_table(
-    source: Path | bytes, layer: int | None = None, max_features: int | None = None, *, with_heights: bool = False
-) -> LayerTable:
-    """Geometries and columns of a layer; text that does not match its declared encoding is read as Latin-1.
-
-    To be called within `restrict_gdal_drivers`. Raises the exceptions of pyogrio.
-    """
+def _read_table(place: Path | bytes, layer: int, name: str, with_heights: bool, max_features: int | None) -> LayerTable:
+    """One layer, chosen by position, as names of in-memory files vary."""
     from pyogrio.raw import read
 
-    is_latin1, place, is_flat = False, _resolve_source(source), not with_heights
+    options = {"layer": layer, "force_2d": not with_heights, "max_features": max_features}
+    is_latin1 = False
     try:
-        meta, _, shapes, columns = read(place, layer=layer, force_2d=is_flat, max_features=max_features)
+        meta, _, shapes, columns = read(place, **options)
     except UnicodeDecodeError:
-        meta, _, shapes, columns = read(
-            place, layer=layer, force_2d=is_flat, max_features=max_features, encoding="ISO-8859-1"
-        )
+        meta, _, shapes, columns = read(place, **options, encoding="ISO-8859-1")
         is_latin1 = True
     fields = [str(one).lower() for one in meta["fields"]]
-    return LayerTable(
-        meta["crs"], shapes if shapes is not None else [], dict(zip(fields, columns, strict=True)), is_latin1
-    )
+    columns_by_name = dict(zip(fields, columns, strict=True))
+    return LayerTable(name, meta["crs"], shapes if shapes is not None else [], columns_by_name, is_latin1)
 
 
 @contextmanager
@@ -235,16 +230,16 @@ def _convert_gdal_errors(source: Path | bytes, label: str, format_name: str) -> 
         raise UnknownCrsError(
             f"{label} names an unknown coordinate system; save it again with a standard one such as EPSG:4326."
         ) from None
-    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError) as error:
+    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError, IndexError) as error:
         raise FieldError(
             f"{label} cannot be read as {format_name} ({_shorten_gdal_error(error, source)}); save it again as "
             f"{format_name}."
         ) from None
 
 
-def _resolve_source(source: Path | bytes) -> Path | bytes:
-    """The source for pyogrio; an absolute path is never interpreted as an address."""
-    return source if isinstance(source, bytes) else Path(os.path.abspath(source))
+def _make_absolute(path: Path) -> Path:
+    """The path for pyogrio, which may take a relative one for an address."""
+    return Path(os.path.abspath(path))
 
 
 def name_layer(features: list[Feature], name: str) -> None:
@@ -253,7 +248,13 @@ def name_layer(features: list[Feature], name: str) -> None:
         feature["properties"].setdefault("layer", name)
 
 
-def name_guidance_lines(features: list[Feature]) -> list[Feature]:
+def build_layer_document(layers: LayerFeatures, label: str, source: str) -> FieldDocument:
+    """The document of features of layers, in which lines without a role are guidance lines; raises FieldError."""
+    features, notes = _name_guidance_lines(layers.features), tuple(layers.notes)
+    return build_document(features, label, crs=layers.crs or UNKNOWN_CRS, source=source, notes=notes)
+
+
+def _name_guidance_lines(features: list[Feature]) -> list[Feature]:
     """The features, with a name for every line without name, role and edge, as lines with a name are guidance lines."""
     count = 0
     for feature in features:
@@ -268,17 +269,18 @@ def name_guidance_lines(features: list[Feature]) -> list[Feature]:
     return features
 
 
-def _read_layer(source: Path | bytes, layer_index: int, name: str) -> tuple[str | None, list[Feature], str]:
-    """System, features and a remark of one layer, chosen by position, as names of in-memory files vary."""
-    table = read_table(source, layer_index, MAX_FEATURES + 1)
+def _list_features(table: LayerTable) -> list[Feature]:
+    """The features of a layer, with its values as JSON has them."""
     features = []
     for place, shape in enumerate(shapely.from_wkb(table.shapes, on_invalid="fix")):
         properties = {key: _convert_value(column[place]) for key, column in table.columns.items()}
         properties = {key: value for key, value in properties.items() if value is not None}
-        features.append(_build_feature(_convert_geometry(shape), properties))
-    name = "fields" if name.startswith(IN_MEMORY_PREFIX) else name
-    note = f"Names of '{name}' do not match the declared encoding; they are read as Latin-1." if table.is_latin1 else ""
-    return table.crs, features, note
+        names = (convert_to_name_text(properties.get(key)) for key in NAME_COLUMNS)
+        name = next(filter(None, names), "")
+        properties |= {"name": name} if name else {}
+        geometry = _convert_geometry(shape)
+        features.append({"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry})
+    return features
 
 
 def _convert_geometry(shape: shapely.Geometry | None) -> dict[str, Any]:
@@ -287,15 +289,6 @@ def _convert_geometry(shape: shapely.Geometry | None) -> dict[str, Any]:
         return {}
     geometry: dict[str, Any] = json.loads(shapely.to_geojson(shape))
     return geometry
-
-
-def _build_feature(geometry: dict[str, Any], properties: dict[str, Any]) -> Feature:
-    name = next(
-        (convert_to_name_text(properties[key]) for key in NAME_COLUMNS if convert_to_name_text(properties.get(key))), ""
-    )
-    if name:
-        properties["name"] = name
-    return {"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry}
 
 
 def _convert_value(value: Any) -> Any:
@@ -319,7 +312,7 @@ def _convert_to_wgs84(feature: Feature, crs: str) -> Feature:
 def _shorten_gdal_error(error: Exception, source: Path | bytes) -> str:
     """The first sentence of a GDAL error, without the path."""
     reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    for path in (str(_resolve_source(source)), str(source)) if isinstance(source, Path) else ():
+    for path in (str(_make_absolute(source)), str(source)) if isinstance(source, Path) else ():
         reason = reason.replace(f"'{path}' ", "").replace(path, "it")
     reason = re.sub(r"'?/vsi\w+/[^\s';,]+'?", "it", reason)
     return reason.split(";")[0].replace("'", "").rstrip(".")[:120]

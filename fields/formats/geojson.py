@@ -9,8 +9,22 @@ from typing import Any
 import numpy as np
 
 from fields.errors import FieldError
-from fields.formats.features import GEOMETRY_TYPES, Feature, build_document, convert_to_name_text, get_member_object
-from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
+from fields.formats.features import (
+    GEOMETRY_TYPES,
+    Feature,
+    build_document,
+    build_feature,
+    convert_to_name_text,
+    get_member_object,
+)
+from fields.formats.guidance import (
+    DEGREE_DECIMALS,
+    DegreePoints,
+    FileContents,
+    GuidanceArea,
+    GuidanceFormat,
+    PlanGuidance,
+)
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument, FieldFormat
 from fields.text_files import explain_parse_error, read_text
@@ -96,48 +110,34 @@ def _parse_bytes(content: bytes, label: str) -> FieldDocument:
 FIELD_FORMAT = FieldFormat("GeoJSON", (".geojson", ".json"), _read_geojson, parse=_parse_bytes)
 
 
-DEGREE_DECIMALS = 9
-
-
 def _write_geojson(guidance: PlanGuidance) -> FileContents:
     body = ",\n".join(json.dumps(one, ensure_ascii=False, allow_nan=False) for one in _build_features(guidance))
     text = f'{{"type": "FeatureCollection", "features": [\n{body}\n]}}\n'
     return {"guidance.geojson": text.encode("utf-8", "replace")}
 
 
-def _build_features(guidance: PlanGuidance) -> Iterator[dict[str, Any]]:
+def _build_features(guidance: PlanGuidance) -> Iterator[Feature]:
     if guidance.boundary is not None:
-        yield _build_feature("Polygon", _build_rings(guidance.boundary), role="boundary", name=guidance.field)
+        names = {"role": "boundary", "name": guidance.field}
+        yield build_feature("Polygon", _build_rings(guidance.boundary), names)
     for area in guidance.obstacles:
-        yield _build_feature("Polygon", _build_rings(area), role="obstacle", name=area.name)
+        yield build_feature("Polygon", _build_rings(area), {"role": "obstacle", "name": area.name})
     if guidance.entrance is not None:
-        yield _build_feature("Point", _round_positions(np.array([guidance.entrance]))[0], role="entrance")
+        yield build_feature("Point", _round_positions(np.array([guidance.entrance]))[0], {"role": "entrance"})
     for area in guidance.headland_interior:
         for ring in _build_rings(area):
-            yield _build_feature("LineString", ring, role="headland")
+            yield build_feature("LineString", ring, {"role": "headland"})
     for line in guidance.lines:
-        yield _build_feature(
-            "LineString",
-            _round_positions(line.points),
-            role="guidance",
-            name=line.name,
-            tractor=line.tractor,
-            order=line.order,
-            kind=line.kind,
-            what=line.description,
-            straight=line.is_straight,
-            bearing_deg=round(line.bearing_deg, 6),
-            length_m=round(line.length_m, 3),
-        )
-
-
-def _build_feature(geometry_type: str, coordinates: Any, /, **properties: Any) -> dict[str, Any]:
-    geometry = {"type": geometry_type, "coordinates": coordinates}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+        properties = {
+            "role": "guidance", "name": line.name, "tractor": line.tractor, "order": line.order, "kind": line.kind,
+            "what": line.description, "straight": line.is_straight, "bearing_deg": round(line.bearing_deg, 6),
+            "length_m": round(line.length_m, 3),
+        }  # fmt: skip
+        yield build_feature("LineString", _round_positions(line.points), properties)
 
 
 def _build_rings(area: GuidanceArea) -> list[Any]:
-    return [_round_positions(np.concatenate([ring, ring[:1]])) for ring in area.rings]
+    return [_round_positions(ring) for ring in area.closed_rings]
 
 
 def _round_positions(points: DegreePoints) -> list[list[float]]:

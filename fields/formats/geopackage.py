@@ -15,9 +15,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from fields.errors import FieldError
-from fields.formats.features import build_document
-from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, name_guidance_lines, read_layers
-from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
+from fields.formats.features import replace_unprintable
+from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, build_layer_document, read_layers
+from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import MAX_BYTES, read_bytes, read_start
 
 FORMAT_NAME = "a GeoPackage or FlatGeobuf"
@@ -57,14 +57,7 @@ def parse_geopackage(content: bytes, label: str) -> FieldDocument:
 
 
 def _read_gdal_document(source: Path | bytes, label: str, driver: str) -> FieldDocument:
-    layers = read_layers(source, label, FORMAT_NAME, (driver,))
-    return build_document(
-        name_guidance_lines(layers.features),
-        label,
-        crs=layers.crs or UNKNOWN_CRS,
-        source="GeoPackage",
-        notes=tuple(layers.notes),
-    )
+    return build_layer_document(read_layers(source, label, FORMAT_NAME, (driver,)), label, "GeoPackage")
 
 
 def _has_pending_journal(path: str) -> bool:
@@ -115,21 +108,16 @@ def _refuse_active_content(database: sqlite3.Connection, label: str) -> None:
     if len(rows) > MAX_TABLES:
         raise FieldError(f"{label} has more than {MAX_TABLES} tables; extract those of the farm first.")
     for kind, name, sql in rows:
+        shown_name = replace_unprintable(str(name)[:40])
         virtual = kind == "table" and not re.match(r"\s*CREATE\s+TABLE\b", str(sql), re.IGNORECASE)
         if kind == "view" or (virtual and not INDEX_SQL.match(str(sql))):
             kind_name = "view" if kind == "view" else "virtual table"
-            raise FieldError(_explain_active_content(label, f"the {kind_name} '{_shorten_name(name)}'"))
-        if kind == "table" and not virtual and _has_computed_columns(database, str(name)):
-            raise FieldError(_explain_active_content(label, f"a computed column in '{_shorten_name(name)}'"))
-
-
-def _has_computed_columns(database: sqlite3.Connection, name: str) -> bool:
-    columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
-    return any(hidden in COMPUTED_COLUMN_KINDS for (hidden,) in columns)
-
-
-def _shorten_name(name: object) -> str:
-    return "".join(each if each.isprintable() else "?" for each in str(name)[:40])
+            raise FieldError(_explain_active_content(label, f"the {kind_name} '{shown_name}'"))
+        if kind != "table" or virtual:
+            continue
+        columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (str(name),))
+        if any(hidden in COMPUTED_COLUMN_KINDS for (hidden,) in columns):
+            raise FieldError(_explain_active_content(label, f"a computed column in '{shown_name}'"))
 
 
 def _explain_active_content(label: str, reason: str) -> str:

@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError
-from fields.formats.features import BOUNDARY, Feature, build_document
-from fields.formats.gdal import GPX_DRIVER, WGS84, name_guidance_lines, read_layers
-from fields.formats.guidance import DegreePoints, FileContents, GuidanceFormat, PlanGuidance
+from fields.formats.features import BOUNDARY, Feature
+from fields.formats.gdal import GPX_DRIVER, WGS84, build_layer_document, read_layers
+from fields.formats.guidance import DEGREE_DECIMALS, DegreePoints, FileContents, GuidanceFormat, PlanGuidance
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
@@ -33,12 +33,12 @@ def parse_gpx(content: bytes, label: str) -> FieldDocument:
     """Parse a GPX text; raises FieldError."""
     check_xml_root(content, label, "GPX", ("gpx",))
     layers = read_layers(content, label, "GPX", (GPX_DRIVER,), ("waypoints", "routes", "tracks"))
-    features = [close_boundary_polygon(feature) for feature in layers.features]
-    if features and not any(feature["geometry"].get("type") == "Polygon" for feature in features):
+    layers.features, layers.crs = [close_boundary_polygon(feature) for feature in layers.features], WGS84
+    if layers.features and not any(one["geometry"].get("type") == "Polygon" for one in layers.features):
         raise FieldError(
             f"{label} has no track that returns to its start, so no boundary; record a track all round the field."
         )
-    return build_document(name_guidance_lines(features), label, crs=WGS84, source="GPX", notes=tuple(layers.notes))
+    return build_layer_document(layers, label, "GPX")
 
 
 def close_boundary_polygon(feature: Feature) -> Feature:
@@ -70,7 +70,6 @@ FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
 
 
 GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
-DEGREE_DECIMALS = 9
 
 
 def _write_gpx(guidance: PlanGuidance) -> FileContents:
@@ -85,10 +84,9 @@ def _write_gpx(guidance: PlanGuidance) -> FileContents:
         add_child(route, "number", str(number))
         _add_points(route, "rtept", line.points)
     if guidance.boundary is not None:
-        ring = guidance.boundary.rings[0]
         track = add_child(root, "trk")
         add_child(track, "name", guidance.field)
-        _add_points(add_child(track, "trkseg"), "trkpt", np.concatenate([ring, ring[:1]]))
+        _add_points(add_child(track, "trkseg"), "trkpt", guidance.boundary.closed_rings[0])
     return {"guidance.gpx": serialise_xml(root)}
 
 

@@ -19,6 +19,8 @@ from fields.geometry.geodesy import LocalPlane
 DegreePoints = npt.NDArray[np.float64]
 """Longitude and latitude (WGS 84) of points, (n, 2). Rings do not repeat their first point."""
 SWATH, HEADLAND_PASS = "track", "round"
+DEGREE_DECIMALS = 9
+"""Of written degrees: a tenth of a millimetre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,11 @@ class GuidanceArea:
 
     name: str
     rings: tuple[DegreePoints, ...]
+
+    @property
+    def closed_rings(self) -> tuple[DegreePoints, ...]:
+        """Its rings, each with its first point repeated at its end."""
+        return tuple(np.concatenate([ring, ring[:1]]) for ring in self.rings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,17 +18,17 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from shapely import Polygon
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first
 from fields.feature_words import ENTRANCE, OBSTACLE, REFILL, find_word_meaning
-from fields.formats.archive import ArchiveMembers, is_archive, read_file_beside
-from fields.formats.features import Feature, build_document
+from fields.formats.archive import ArchiveMembers, is_archive
+from fields.formats.features import Feature, build_document, build_feature
 from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
+    DEGREE_DECIMALS,
     DegreePoints,
     FileContents,
     GuidanceArea,
@@ -40,7 +40,7 @@ from fields.formats.guidance import (
 from fields.formats.markup import add_child, parse_root, serialise_xml
 from fields.geometry.geodesy import compute_rings_area_m2, extend_position
 from fields.raw_document import FieldDocument, FieldFormat
-from fields.text_files import count_noun, read_bytes
+from fields.text_files import count_noun, parse_number, read_bytes
 
 TASKDATA_FILE = "taskdata.xml"
 BOUNDARY_TYPE, MAINFIELD_TYPE, OBSTACLE_TYPES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
@@ -56,11 +56,14 @@ MAX_AREA_RATIO = 1.2
 
 def _read_isoxml(path: str, label: str) -> FieldDocument:
     place = Path(path)
-    roots = list(
-        _read_roots(ArchiveMembers(place), label)
-        if place.is_dir() or is_archive(place)
-        else _read_file_roots(place, label)
-    )
+    if place.is_dir() or is_archive(place):
+        members = ArchiveMembers(place)
+        mains = members.find_paths_by_name(TASKDATA_FILE)
+        if not mains:
+            raise FieldError(f"{label} contains no TASKDATA.XML; name the folder or archive that does.")
+        roots = [root for main in mains for root in read_taskdata_roots(members, main, label)]
+    else:
+        roots = list(_read_file_roots(place, label))
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []
@@ -69,20 +72,10 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
         features += partfield_features
         empty += [] if partfield_features else [_get_partfield_name(element)]
     if empty:
-        remainder = f" and {len(empty) - MAX_SHOWN_NAMES} more" if len(empty) > MAX_SHOWN_NAMES else ""
-        notes.append(f"Partfields without a boundary are skipped: {', '.join(empty[:MAX_SHOWN_NAMES])}{remainder}.")
+        notes.append(f"Partfields without a boundary are skipped: {join_first(empty, MAX_SHOWN_NAMES)}.")
     if not features:
         raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
     return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
-
-
-def _read_roots(members: ArchiveMembers, label: str) -> Iterator[Element]:
-    """The root of every TASKDATA.XML and of the existing external files that they name."""
-    mains = members.find_paths_by_name(TASKDATA_FILE)
-    if not mains:
-        raise FieldError(f"{label} contains no TASKDATA.XML; name the folder or archive that does.")
-    for main in mains:
-        yield from read_taskdata_roots(members, main, label)
 
 
 def read_taskdata_roots(members: ArchiveMembers, taskdata_file: str, label: str) -> Iterator[Element]:
@@ -109,7 +102,11 @@ def _read_file_roots(place: Path, label: str) -> Iterator[Element]:
     if root.tag != "ISO11783_TaskData":
         raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
     yield root
-    yield from _read_external_roots(root, label, partial(read_file_beside, place))
+
+    def read_beside(name: str) -> bytes | None:  # only a file that names others has its folder listed
+        return ArchiveMembers(place.parent, 0).read_member_beside(place.name, name)
+
+    yield from _read_external_roots(root, label, read_beside)
 
 
 def _read_external_roots(root: Element, label: str, read_beside: Callable[[str], bytes | None]) -> Iterator[Element]:
@@ -135,16 +132,18 @@ def _read_partfield(element: Element, notes: list[str]) -> list[Feature]:
         elif kind in OBSTACLE_TYPES:
             rings = _read_rings(polygon, (OUTER_RING, INNER_RING), name, notes)
             properties = {"role": "obstacle", "kind": OBSTACLE_TYPES[kind], "name": (polygon.get("B") or "").strip()}
-            features += [_build_feature("Polygon", rings, properties)] if rings else []
+            features += [build_feature("Polygon", rings, properties)] if rings else []
         elif kind == HEADLAND_TYPE:
             edges = _read_rings(polygon, (INNER_RING,), name, notes) or _read_rings(polygon, (OUTER_RING,), name, notes)
-            features += [_build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
+            features += [build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
     boundaries = [one for one in features if one["properties"].get("role") == "boundary"]
     if not boundaries:
         return []
     _compare_areas(element, boundaries, name, notes)
+    outlines = [one["geometry"] for one in boundaries]  # terminals repeat the ring in a guidance group
+    unique = [one for place, one in enumerate(boundaries) if one["geometry"] not in outlines[:place]]
     return [
-        *_remove_duplicates(boundaries),
+        *unique,
         *(one for one in features if one not in boundaries),
         *_read_points(element),
         *_read_obstacle_lines(element, name, notes),
@@ -174,7 +173,7 @@ def _read_boundary(polygon: Element, identity: dict[str, str], notes: list[str])
     for ring, shape in zip(outer, shapes, strict=True):
         holes = [one for one in inner if len(outer) == 1 or (shape.is_valid and shape.contains(Polygon(one)))]
         placed += len(holes)
-        parts.append(_build_feature("Polygon", [ring, *holes], {**identity, "role": "boundary"}))
+        parts.append(build_feature("Polygon", [ring, *holes], {**identity, "role": "boundary"}))
     if placed < len(inner):
         notes.append(
             f"Skipped in '{identity['name']}': {count_noun(len(inner) - placed, 'inner ring')} outside its outer rings."
@@ -188,26 +187,17 @@ def _is_surrounding(ring: list[list[float]], rings: list[list[list[float]]]) -> 
     return shape.is_valid and all(one is ring or (one != ring and shape.covers(Polygon(one))) for one in rings)
 
 
-def _remove_duplicates(boundaries: list[Feature]) -> list[Feature]:
-    """Boundaries without duplicates: terminals repeat the ring in a guidance group."""
-    unique: list[Feature] = []
-    for boundary in boundaries:
-        if all(boundary["geometry"] != other["geometry"] for other in unique):
-            unique.append(boundary)
-    return unique
-
-
 def _compare_areas(element: Element, boundaries: list[Feature], name: str, notes: list[str]) -> None:
     """Add a note if the stated area of a partfield differs from that of its boundary."""
     try:
+        outlines = [each["geometry"]["coordinates"] for each in boundaries]
         stated_m2 = float(element.get("D") or 0.0)
-        area_m2 = sum(compute_rings_area_m2(each["geometry"]["coordinates"]) for each in boundaries)
-        swapped_area_m2 = sum(
-            compute_rings_area_m2(each["geometry"]["coordinates"], swap_axes=True) for each in boundaries
-        )
+        area_m2 = sum(map(compute_rings_area_m2, outlines))
+        swapped_area_m2 = sum(compute_rings_area_m2(rings, swap_axes=True) for rings in outlines)
     except ValueError:
         return
-    if stated_m2 <= 0.0 or area_m2 <= 0.0 or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
+    is_known = stated_m2 > 0.0 and area_m2 > 0.0  # places that are not on the earth have no area
+    if not is_known or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
         return
     fits_swapped = swapped_area_m2 > 0.0 and abs(stated_m2 / swapped_area_m2 - 1.0) < 0.05
     why = "; latitude and longitude seem to be swapped, so try the option swap axes" if fits_swapped else ""
@@ -242,10 +232,7 @@ def _read_positions(line: Element, notes: list[str], name: str) -> list[list[flo
 
 
 def _parse_position(point: Element) -> list[float] | None:
-    try:
-        place = [float(point.get("D") or ""), float(point.get("C") or "")]
-    except ValueError:
-        return None
+    place = [parse_number(point.get("D")), parse_number(point.get("C"))]
     return place if all(map(math.isfinite, place)) else None
 
 
@@ -253,24 +240,15 @@ def _read_points(element: Element) -> list[Feature]:
     """Point features: the entrance, obstacles, and flags that are named like either."""
     features = []
     for point in element.findall("PNT"):
-        place = _parse_position(point)
-        if place is not None and point.get("A") == ENTRANCE_TYPE:
-            features.append(_build_feature("Point", place, {"role": "entrance"}))
-        elif place is not None and point.get("A") == OBSTACLE_POINT_TYPE:
-            features.append(
-                _build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
-            )
-        elif (
-            place is not None
-            and point.get("A") in FLAG_TYPES
-            and find_word_meaning(point.get("B") or "").use
-            in (
-                OBSTACLE,
-                ENTRANCE,
-                REFILL,
-            )
-        ):
-            features.append(_build_feature("Point", place, {"name": (point.get("B") or "").strip()}))
+        place, kind, name = _parse_position(point), point.get("A"), point.get("B") or ""
+        if place is None:
+            continue
+        if kind == ENTRANCE_TYPE:
+            features.append(build_feature("Point", place, {"role": "entrance"}))
+        elif kind == OBSTACLE_POINT_TYPE:
+            features.append(build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": name}))
+        elif kind in FLAG_TYPES and find_word_meaning(name).use in (OBSTACLE, ENTRANCE, REFILL):
+            features.append(build_feature("Point", place, {"name": name.strip()}))
     return features
 
 
@@ -283,7 +261,7 @@ def _read_obstacle_lines(element: Element, name: str, notes: list[str]) -> list[
         if len(points) > 1:
             width_m = (int(width_mm) if width_mm.isdecimal() and int(width_mm) else DEFAULT_LINE_WIDTH_MM) / 1000.0
             properties = {"role": "obstacle", "name": (line.get("B") or "").strip(), "width_m": width_m}
-            features.append(_build_feature("LineString", points, properties))
+            features.append(build_feature("LineString", points, properties))
     return features
 
 
@@ -312,35 +290,23 @@ def _read_guidance_lines(element: Element, field: str, notes: list[str]) -> list
 
 
 def _read_line(line: Element, name: str) -> Feature | None:
-    points = [one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None]
+    points = [one for one in map(_parse_position, line.findall("PNT")) if one is not None]
     if len(points) < 2:
         return None
-    return _build_feature("LineString", points, {"role": "guidance", "name": name})
+    return build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
 def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
     """An A+ line: point A and a point 100 m away in its heading (attribute G, degrees from north)."""
-    try:
-        heading_deg = float(pattern.get("G") or "")
-    except ValueError:
+    heading_deg = parse_number(pattern.get("G"))
+    start = next((one for one in map(_parse_position, line.findall("PNT")) if one is not None), None)
+    if start is None or not math.isfinite(heading_deg):
         return None
-    start = next((one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None), None)
-    if start is None:
-        return None
-    return _build_feature(
-        "LineString", [start, extend_position(start, heading_deg, 100.0)], {"role": "guidance", "name": name}
-    )
+    points = [start, extend_position(start, heading_deg, 100.0)]
+    return build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
-def _build_feature(kind: str, coordinates: object, properties: dict[str, Any]) -> Feature:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
-
-
-def _has_taskdata_file(names: frozenset[str]) -> bool:
-    return TASKDATA_FILE in names
-
-
-FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, _has_taskdata_file)
+FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASKDATA_FILE in names)
 
 
 TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
@@ -351,7 +317,6 @@ PNT_OTHER, PNT_ENTRANCE, PNT_A, PNT_B, PNT_BETWEEN = "2", "3", "6", "7", "9"
 GPN_AB, GPN_CURVE = "1", "3"
 GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
 """Extension of a pattern to both sides and ends; origin of its points (not measured)."""
-DEGREE_DECIMALS = 9
 FALLBACK_NAME = "Field"
 
 
@@ -359,9 +324,9 @@ def _write_version_4(guidance: PlanGuidance) -> FileContents:
     root, partfield = _build_partfield(guidance, "4")
     if guidance.boundary is not None and guidance.headland_interior:
         headland = add_child(partfield, "PLN", A=PLN_HEADLAND, B="Headland")
-        _add_ring(headland, LSG_OUTER, guidance.boundary.rings[0])
+        _add_ring(headland, LSG_OUTER, guidance.boundary.closed_rings[0])
         for area in guidance.headland_interior:
-            _add_ring(headland, LSG_INNER, area.rings[0])
+            _add_ring(headland, LSG_INNER, area.closed_rings[0])
     if guidance.entrance is not None:
         _add_point(partfield, PNT_ENTRANCE, *guidance.entrance, name="Entrance")
     patterns = count(1)
@@ -410,14 +375,13 @@ def _find_software_version() -> str:
 
 def _add_polygon(partfield: Element, kind: str, area: GuidanceArea) -> None:
     polygon = add_child(partfield, "PLN", A=kind, B=build_designator(area.name, FALLBACK_NAME))
-    for place, ring in enumerate(area.rings):
+    for place, ring in enumerate(area.closed_rings):
         _add_ring(polygon, LSG_INNER if place else LSG_OUTER, ring)
 
 
 def _add_ring(polygon: Element, kind: str, ring: DegreePoints) -> None:
-    """A ring that ends where it begins."""
     line = add_child(polygon, "LSG", A=kind)
-    for longitude, latitude in (*ring.tolist(), ring[0].tolist()):
+    for longitude, latitude in ring.tolist():
         _add_point(line, PNT_OTHER, longitude, latitude)
 
 

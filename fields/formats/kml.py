@@ -12,9 +12,16 @@ import numpy as np
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, is_archive
-from fields.formats.features import build_document
-from fields.formats.gdal import KML_DRIVERS, WGS84, name_guidance_lines, read_layers
-from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, GuidedLine, PlanGuidance
+from fields.formats.gdal import KML_DRIVERS, WGS84, LayerFeatures, build_layer_document, read_layers
+from fields.formats.guidance import (
+    DEGREE_DECIMALS,
+    DegreePoints,
+    FileContents,
+    GuidanceArea,
+    GuidanceFormat,
+    GuidedLine,
+    PlanGuidance,
+)
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
@@ -38,13 +45,13 @@ def parse_kml(content: bytes, label: str) -> FieldDocument:
 
 
 def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
-    features, notes = [], []
+    document = LayerFeatures(crs=WGS84)
     for content in texts:
         check_xml_root(content, label, "KML", ROOT_TAGS)
         layers = read_layers(content, label, "KML", KML_DRIVERS)
-        features += layers.features
-        notes += layers.notes
-    return build_document(name_guidance_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
+        document.features += layers.features
+        document.notes += layers.notes
+    return build_layer_document(document, label, "KML")
 
 
 def _unpack_kmz(path: str, label: str) -> list[bytes]:
@@ -61,7 +68,6 @@ FIELD_FORMAT = FieldFormat("KML", (".kml", ".kmz"), _read_kml, lambda names: MAI
 
 
 KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
-DEGREE_DECIMALS = 9
 BOUNDARY_STYLE, HEADLAND_STYLE = "boundary", "headland"
 LINE_STYLES = {BOUNDARY_STYLE: ("ff404040", "3"), HEADLAND_STYLE: ("ff909090", "2")}
 
@@ -104,9 +110,9 @@ def _add_field(top: Element, guidance: PlanGuidance) -> None:
     for area in guidance.obstacles:
         _add_polygon(folder, area.name, "obstacle", area)
     for area in guidance.headland_interior:
-        for ring in area.rings:
+        for ring in area.closed_rings:
             mark = _add_placemark(folder, "inside of the headland", HEADLAND_STYLE, role=HEADLAND_STYLE)
-            _add_positions(add_child(mark, "LineString"), _close_ring(ring))
+            _add_positions(add_child(mark, "LineString"), ring)
     if guidance.entrance is not None:
         mark = _add_placemark(folder, "Entrance", None, role="entrance")
         _add_positions(add_child(mark, "Point"), np.array([guidance.entrance]))
@@ -115,9 +121,9 @@ def _add_field(top: Element, guidance: PlanGuidance) -> None:
 def _add_polygon(folder: Element, name: str, role: str, area: GuidanceArea) -> None:
     mark = _add_placemark(folder, name, BOUNDARY_STYLE, role=role)
     polygon = add_child(mark, "Polygon")
-    for place, ring in enumerate(area.rings):
+    for place, ring in enumerate(area.closed_rings):
         inside = add_child(polygon, "innerBoundaryIs" if place else "outerBoundaryIs")
-        _add_positions(add_child(inside, "LinearRing"), _close_ring(ring))
+        _add_positions(add_child(inside, "LinearRing"), ring)
 
 
 def _add_line(folder: Element, line: GuidedLine) -> None:
@@ -137,16 +143,9 @@ def _add_placemark(folder: Element, name: str, style: str | None, **values: str)
     return mark
 
 
-def _close_ring(ring: DegreePoints) -> DegreePoints:
-    return np.concatenate([ring, ring[:1]])
-
-
 def _add_positions(geometry: Element, points: DegreePoints) -> None:
-    add_child(
-        geometry,
-        "coordinates",
-        " ".join(f"{x:.{DEGREE_DECIMALS}f},{y:.{DEGREE_DECIMALS}f}" for x, y in points.tolist()),
-    )
+    places = [f"{x:.{DEGREE_DECIMALS}f},{y:.{DEGREE_DECIMALS}f}" for x, y in points.tolist()]
+    add_child(geometry, "coordinates", " ".join(places))
 
 
 GUIDANCE_FORMAT = GuidanceFormat(

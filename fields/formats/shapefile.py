@@ -18,19 +18,18 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
-from fields.formats.features import build_document
 from fields.formats.gdal import (
     SHAPEFILE_DRIVER,
     LayerFeatures,
     UnknownCrsError,
-    name_guidance_lines,
+    build_layer_document,
     name_layer,
     read_layers,
     restrict_gdal_drivers,
 )
 from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
 from fields.formats.markup import remove_forbidden
-from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
+from fields.raw_document import FieldDocument, FieldFormat
 
 FORMAT_NAME = "a Shapefile"
 PART_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
@@ -42,15 +41,11 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
     place = Path(path)
     members, names = find_shapefiles(place)
     if members.path != place:
-        _check_complete(members, place.stem, label)
-    layers = _read_members(members, names, label)
-    return build_document(
-        name_guidance_lines(layers.features),
-        label,
-        crs=layers.crs or UNKNOWN_CRS,
-        source="Shapefile",
-        notes=tuple(layers.notes),
-    )
+        files = (f"{place.stem}.shp", f"{place.stem}.shx")
+        missing = [file for file in files if not members.find_paths_by_name(file)]
+        if missing:
+            raise _build_missing_error(missing, label)
+    return build_layer_document(_read_members(members, names, label), label, "Shapefile")
 
 
 def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
@@ -121,13 +116,6 @@ def pack_component_files(parts: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _check_complete(members: ArchiveMembers, stem: str, label: str) -> None:
-    """Refuse a Shapefile without its geometry or its index."""
-    missing = [stem + ending for ending in (".shp", ".shx") if not members.find_paths_by_name(stem + ending)]
-    if missing:
-        raise _build_missing_error(missing, label)
-
-
 def _build_missing_error(missing: list[str], label: str) -> FieldError:
     return FieldError(
         f"{label} lacks {' and '.join(missing)}; keep .shp, .shx, .dbf and .prj of a Shapefile together in one folder."
@@ -142,7 +130,6 @@ FIELD_FORMAT = FieldFormat(
 )
 
 
-WRITTEN_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 FIXED_DATE = "1980-01-01"
 """Date in dBASE tables, fixed so that the same plan gives the same bytes."""
 MAX_TEXT_BYTES = 254
@@ -161,7 +148,7 @@ def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
         names = [area.name for area in guidance.obstacles]
         areas = [_build_polygon(area) for area in guidance.obstacles]
         files |= _write_layer("obstacles", areas, {"name": names, "role": ["obstacle"] * len(names)})
-    edges = [shapely.linestrings(np.concatenate([r, r[:1]])) for area in guidance.headland_interior for r in area.rings]
+    edges = [shapely.linestrings(ring) for area in guidance.headland_interior for ring in area.closed_rings]
     if edges:
         files |= _write_layer("headland", edges, {"role": ["headland"] * len(edges)})
     if guidance.entrance is not None:
@@ -170,20 +157,19 @@ def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
 
 
 def _write_lines(guidance: PlanGuidance) -> dict[str, bytes]:
-    lines = guidance.lines
-    if not lines:
+    if not guidance.lines:
         return {}
     columns: dict[str, list[Any]] = {
-        "name": [line.name for line in lines],
-        "role": ["guidance" for _ in lines],
-        "tractor": [line.tractor for line in lines],
-        "order": [line.order for line in lines],
-        "kind": [line.kind for line in lines],
-        "what": [line.description for line in lines],
-        "bearing": [round(line.bearing_deg, 6) for line in lines],
-        "length_m": [round(line.length_m, 3) for line in lines],
+        "name": [line.name for line in guidance.lines],
+        "role": ["guidance" for _ in guidance.lines],
+        "tractor": [line.tractor for line in guidance.lines],
+        "order": [line.order for line in guidance.lines],
+        "kind": [line.kind for line in guidance.lines],
+        "what": [line.description for line in guidance.lines],
+        "bearing": [round(line.bearing_deg, 6) for line in guidance.lines],
+        "length_m": [round(line.length_m, 3) for line in guidance.lines],
     }
-    return _write_layer("lines", [shapely.linestrings(line.points) for line in lines], columns)
+    return _write_layer("lines", [shapely.linestrings(line.points) for line in guidance.lines], columns)
 
 
 def _build_polygon(area: GuidanceArea) -> shapely.Polygon:
@@ -207,7 +193,7 @@ def _write_layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns
             encoding="UTF-8",
             DBF_DATE_LAST_UPDATE=FIXED_DATE,
         )
-        parts = [place.with_suffix(ending) for ending in WRITTEN_EXTENSIONS]
+        parts = [place.with_suffix(ending) for ending in PART_EXTENSIONS]
         return {part.name: part.read_bytes() for part in parts if part.exists()}
 
 

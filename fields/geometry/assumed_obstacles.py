@@ -7,12 +7,12 @@ remark says so. Labels, samples and measurements are no obstacles, nor is what c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first
 from fields.feature_words import (
     ENTRANCE,
     GUIDANCE,
@@ -28,7 +28,7 @@ from fields.feature_words import (
 from fields.geometry.coordinates import FieldFrame, parse_position
 from fields.geometry.field_lines import FENCE, MAX_FEATURE_DISTANCE_M, MIN_OPENING_M, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
-from fields.raw_document import RawLine, RawShape
+from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
 DEFAULT_SIZE_M = 1.0
@@ -53,7 +53,7 @@ class AssumedRoles:
     obstacles: list[Obstacle] = field(default_factory=list)
     places: dict[str, list[tuple[str, tuple[float, float]]]] = field(default_factory=lambda: {ENTRANCE: [], REFILL: []})
     fences: list[RawShape] = field(default_factory=list)
-    guidance_lines: list[RawLine] = field(default_factory=list)
+    guidance_lines: list[RawShape] = field(default_factory=list)
     unused: list[RawShape] = field(default_factory=list)
     ignored: dict[str, list[str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -65,7 +65,7 @@ class AssumedRoles:
     def take_place(self, role: str, given: tuple[float, float] | None) -> tuple[float, float] | None:
         """The entrance or refill place that the file gives, else the only one by its name; with a note on others."""
         candidates = self.places[role]
-        names = _join_names([name for name, _ in candidates])
+        names = join_first([name for name, _ in candidates], MAX_LISTED)
         if candidates and given is not None:
             self.notes.append(f"Not used as {role}, as the file has one: {names}.")
         elif len(candidates) > 1:
@@ -80,7 +80,7 @@ class AssumedRoles:
         """Sentences on everything but obstacles."""
         parts = []
         for reason, labels in self.ignored.items():
-            examples = _join_names([label for label in labels if label.startswith("'")], MAX_EXAMPLES)
+            examples = join_first([label for label in labels if label.startswith("'")], MAX_EXAMPLES)
             parts.append(f"{count_noun(len(labels), reason)}{f' ({examples})' if examples else ''}")
         ignored = f"Without a role and no obstacles by their names or number, so not used: {', '.join(parts)}."
         return [*self.notes, *([ignored] if parts else [])]
@@ -117,7 +117,7 @@ class _Candidate:
 
 def assume_roles(
     features: Sequence[RawShape],
-    lines: Sequence[RawLine],
+    lines: Sequence[RawShape],
     frame: FieldFrame,
     shape: shapely.Polygon,
     field_names: Sequence[str],
@@ -165,12 +165,12 @@ def _read_candidate(raw: RawShape, frame: FieldFrame) -> _Candidate | None:
     return _Candidate(raw, geometry, find_meaning(raw.properties), find_name(raw.properties))
 
 
-def _read_short_line(line: RawLine, frame: FieldFrame, shape: shapely.Polygon) -> _Candidate | None:
+def _read_short_line(line: RawShape, frame: FieldFrame, shape: shapely.Polygon) -> _Candidate | None:
     """A line of at most MAX_SHORT_LINE_M in the field that nothing but a name says to be a guidance line."""
-    if not line.is_assumed:
+    if line.properties.get("role"):
         return None
     name = line.keys[-1] if line.keys else ""
-    candidate = _read_candidate(RawShape(LINE, line.coordinates, line.keys, {"name": name}), frame)
+    candidate = _read_candidate(replace(line, properties={"name": name}), frame)
     if candidate is None or candidate.meaning.use == GUIDANCE or candidate.geometry.length > MAX_SHORT_LINE_M:
         return None
     return candidate if shape.covers(candidate.geometry) else None
@@ -230,7 +230,7 @@ def _assign_line(one: _Candidate, roles: AssumedRoles, shape: shapely.Polygon, u
         if is_along and side.length > shape.exterior.length - MIN_OPENING_M:
             roles.ignore("closed fence", one.label)
         elif is_along:
-            roles.fences.append(RawShape(LINE, one.raw.coordinates, one.raw.keys, {"edge": FENCE}))
+            roles.fences.append(replace(one.raw, properties={"edge": FENCE}))
             roles.notes.append(f"Taken as a fence along the boundary by its name: {one.label}.")
         else:
             roles.obstacles.append(one.build_obstacle())
@@ -258,9 +258,10 @@ def describe_assumed_obstacles(obstacles: Sequence[Obstacle]) -> tuple[str, ...]
     is_one = len(assumed) == 1
     subject = "1 feature without a role lies" if is_one else f"{len(assumed)} features without a role lie"
     example = assumed[0][1].name or str(assumed[0][0])
+    quoted = example if example.isalnum() else f'"{example}"'
     return (
         f"{subject} in the field and {'is avoided as an obstacle' if is_one else 'are avoided as obstacles'}: {listed}"
-        f"{remainder}. To leave one out, give its name or number: --ignore {_quote_option(example)}.",
+        f"{remainder}. To leave one out, give its name or number: --ignore {quoted}.",
     )
 
 
@@ -271,12 +272,3 @@ def _describe_obstacle(one: Obstacle) -> str:
     if one.geometry.geom_type == LINE:
         return f"{kind}, {one.geometry.length:.0f} m long and {2.0 * one.half_width_m:g} m wide"
     return f"{kind}, {one.geometry.area:.0f} m2"
-
-
-def _quote_option(name: str) -> str:
-    return name if name.isalnum() else f'"{name}"'
-
-
-def _join_names(names: Sequence[str], most: int = MAX_LISTED) -> str:
-    remainder = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{', '.join(names[:most])}{remainder}"

@@ -9,13 +9,11 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, mark_parameter, shorten_value, suggest_name
-from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
+from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
+from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, MAX_LISTED, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
-
-MAX_LISTED_OBSTACLES = 12
 
 
 def parse_obstacle_place(text: str) -> tuple[float, float, float]:
@@ -96,14 +94,9 @@ def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
     numbers = [place for place, one in enumerate(field.obstacles) if wanted == str(one.number or place + 1)]
     if names or numbers:
         return names or numbers
-    raise FieldError(_explain_unknown_name(field, text))
-
-
-def _explain_unknown_name(field: Field, text: str) -> str:
     subject = f"{mark_parameter('ignored')} {shorten_value(text.strip())} names no obstacle of field '{field.name}'"
     if not field.obstacles:
-        return f"{subject}, which has none; leave it out."
+        raise FieldError(f"{subject}, which has none; leave it out.")
     close = suggest_name(text.strip(), [one.name for one in field.obstacles if one.name])
     shown = [f"{one.number or place} {one.name or one.kind}" for place, one in enumerate(field.obstacles, 1)]
-    remainder = f" and {len(shown) - MAX_LISTED_OBSTACLES} more" if len(shown) > MAX_LISTED_OBSTACLES else ""
-    return f"{subject}{close}; give a name or number out of: {', '.join(shown[:MAX_LISTED_OBSTACLES])}{remainder}."
+    raise FieldError(f"{subject}{close}; give a name or number out of: {join_first(shown, MAX_LISTED)}.")

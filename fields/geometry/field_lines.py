@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, mark_parameter, shorten_value, suggest_name
+from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.coordinates import FieldFrame, parse_position
-from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)
@@ -22,7 +23,7 @@ GRID_M = 1e-6
 
 
 def read_fences(
-    chosen: RawPolygon,
+    chosen: RawShape,
     lines: Iterable[RawShape],
     frame: FieldFrame,
     shape: shapely.Polygon,
@@ -82,13 +83,22 @@ def parse_edge(edge: object, description: str) -> str:
 
 
 def parse_edge_line(raw: RawShape, frame: FieldFrame, description: str) -> shapely.LineString:
-    """The line in local metres."""
+    """The line in local metres; raises FieldError for one of fewer than 2 distinct positions."""
     entries = raw.coordinates if isinstance(raw.coordinates, list) else []
     points = frame.to_local(np.array([parse_position(entry, description) for entry in entries]).reshape(-1, 2))
     line = shapely.LineString(points) if len(points) > 1 else shapely.LineString()
     if line.length == 0.0:
         raise FieldError(f"The {description} has fewer than 2 distinct positions; a LineString needs 2 or more.")
     return line
+
+
+def _read_usable_lines(shapes: Sequence[RawShape], frame: FieldFrame) -> list[tuple[int, shapely.LineString]]:
+    """Lines in local metres with their places in the file, without those that cannot be used."""
+    lines = []
+    for place, raw in enumerate(shapes):
+        with suppress(FieldError):
+            lines.append((place, parse_edge_line(raw, frame, "line")))
+    return lines
 
 
 def _merge_lines(fenced: shapely.Geometry) -> tuple[shapely.LineString, ...]:
@@ -147,16 +157,10 @@ def read_guidance_lines(
 ) -> tuple[GuidanceLine, ...]:
     """Usable lines in the order of the file; in a file of several fields only those of this field."""
     lines = []
-    for number, raw in enumerate(document.guidance_lines):
-        try:
-            points = frame.to_local(np.array([parse_position(entry, "a line") for entry in raw.coordinates]))
-        except (FieldError, TypeError, ValueError):
-            continue
-        if len(points) < 2 or not np.ptp(points, axis=0).any():
-            continue
-        line = shapely.LineString(points)
+    for place, line in _read_usable_lines(document.guidance_lines, frame):
+        keys = document.guidance_lines[place].keys
         if not multiple_fields or shape.distance(line) <= MAX_FEATURE_DISTANCE_M:
-            lines.append(GuidanceLine(raw.keys[0] if raw.keys else f"line {number + 1}", line))
+            lines.append(GuidanceLine(keys[0] if keys else f"line {place + 1}", line))
     return tuple(lines)
 
 
@@ -168,11 +172,10 @@ def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) 
     """
     matches = [one for one in lines if one.name.lower() == name.strip().lower()]
     if not matches:
-        known_names = ", ".join(f"'{one.name}'" for one in lines[:MAX_SHOWN_LINES]) or "none"
-        remainder = f" and {len(lines) - MAX_SHOWN_LINES} more" if len(lines) > MAX_SHOWN_LINES else ""
+        known_names = join_first([f"'{one.name}'" for one in lines], MAX_SHOWN_LINES) or "none"
         raise FieldError(
             f"{label} has no line '{name}' for {mark_parameter('guidance_line')}"
-            f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}{remainder}.",
+            f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}.",
             parameter="guidance_line",
         )
     bearings = [one.bearing_deg for one in matches]
@@ -207,15 +210,8 @@ class HeadlandEdge:
 def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon) -> tuple[HeadlandEdge, ...]:
     """Usable headland edges on this field, in the order of the file."""
     edges = []
-    for raw in document.headland_edges:
-        try:
-            points = frame.to_local(np.array([parse_position(entry, "a headland") for entry in raw.coordinates]))
-        except (FieldError, TypeError, ValueError):
-            continue
-        if len(points) < 3 or not np.ptp(points, axis=0).any():
-            continue
-        line = shapely.LineString(points)
-        if not shape.contains(line.centroid) and not shape.intersects(line):
+    for _, line in _read_usable_lines(document.headland_edges, frame):
+        if len(line.coords) < 3 or not (shape.contains(line.centroid) or shape.intersects(line)):
             continue
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, SAMPLE_SPACING_M)))
         width_m = shapely.distance(places, shape.boundary)

@@ -10,6 +10,7 @@ from shapely.geometry.polygon import orient
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
 from fields.geometry.obstacles import compute_workable_ground
+from fields.geometry.outline_cleaning import find_largest_polygon, list_polygons
 
 MITRE_LIMIT = 2.0
 NECK_TOLERANCE_M = 0.05  # of the width of a neck
@@ -41,10 +42,15 @@ def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[Fie
 
     A part is where the middle of a machine can be, and half its width around it. Small parts are left out.
     """
-    ground = _build_ground(field, margin_m)
+    boundary = field.original_boundary or field.boundary
+    margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
+    workable = compute_workable_ground(boundary, field.obstacles, margins_m)
+    ground = shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
     half_m = 0.5 * width_m
-    cores = _list_polygons(_shrink(ground, half_m))
-    regions = [_grow(core, half_m, ground) for core in cores]
+    cores = list_polygons(_shrink(ground, half_m))
+    grown = [core.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for core in cores]
+    pieces = [find_largest_polygon(shapely.intersection(one, ground, grid_size=GRID_M)) for one in grown]
+    regions = [orient(piece, 1.0) for piece in pieces]
     least_m2 = max(MIN_PART_M2, MIN_PART_SHARE * field.area_m2)
     pairs = [(core, region) for core, region in zip(cores, regions, strict=True) if region.area >= least_m2]
     pairs.sort(key=lambda pair: (-round(pair[1].area, 3), pair[1].bounds))
@@ -92,42 +98,23 @@ def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapel
     ends = [shapely.point_on_surface(one) for one in (main_core, core)]
     low_m, high_m = 0.0, half_m
     if not _is_joined(ground, ends):
-        nearest = shapely.shortest_line(*(_find_piece(_list_polygons(ground), end) for end in ends))
+        nearest = shapely.shortest_line(*(_find_piece(list_polygons(ground), end) for end in ends))
         return Neck(0.0, *nearest.interpolate(0.5, normalized=True).coords[0])
     while high_m - low_m > 0.5 * NECK_TOLERANCE_M:
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if _is_joined(_shrink(ground, middle_m), ends) else (low_m, middle_m)
     apart = _shrink(ground, high_m)
     link = shapely.difference(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)))
-    nearest = shapely.shortest_line(*(_find_piece(_list_polygons(apart), end) for end in ends))
-    links = [part for part in _list_polygons(link) if part.dwithin(nearest, LINK_REACH_M)]
+    nearest = shapely.shortest_line(*(_find_piece(list_polygons(apart), end) for end in ends))
+    links = [part for part in list_polygons(link) if part.dwithin(nearest, LINK_REACH_M)]
     place = nearest.interpolate(0.5, normalized=True)
     if links:
         place = shapely.point_on_surface(min(links, key=lambda part: part.distance(place)))
     return Neck(2.0 * low_m, place.x, place.y)
 
 
-def _build_ground(field: Field, margin_m: float) -> shapely.Geometry:
-    """All ground outside obstacles and their margins, in as many pieces as it has."""
-    boundary = field.original_boundary or field.boundary
-    margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
-    workable = compute_workable_ground(boundary, field.obstacles, margins_m)
-    return shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
-
-
 def _shrink(ground: shapely.Geometry, distance_m: float) -> shapely.Geometry:
     return ground.buffer(-distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
-
-
-def _grow(core: shapely.Polygon, distance_m: float, ground: shapely.Geometry) -> shapely.Polygon:
-    """The core with everything around it that lies in the ground, in one piece."""
-    grown = core.buffer(distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    parts = _list_polygons(shapely.intersection(grown, ground, grid_size=GRID_M))
-    return orient(max(parts, key=lambda part: part.area), 1.0)
-
-
-def _list_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
-    return [part for part in shapely.get_parts(shape).tolist() if isinstance(part, shapely.Polygon)]
 
 
 def _find_piece(pieces: list[shapely.Polygon], place: shapely.Point) -> shapely.Polygon:
@@ -137,5 +124,5 @@ def _find_piece(pieces: list[shapely.Polygon], place: shapely.Point) -> shapely.
 
 def _is_joined(ground: shapely.Geometry, ends: list[shapely.Point]) -> bool:
     """Whether two places lie in the same piece of the ground."""
-    pieces = _list_polygons(ground)
+    pieces = list_polygons(ground)
     return _find_piece(pieces, ends[0]) is _find_piece(pieces, ends[1])

@@ -1,4 +1,4 @@
-"""Longitude and latitude to metres and back: UTM by PROJ, short distances by formula, the plane of AgOpenGPS.
+"""Longitude and latitude to metres and back by PROJ, areas and distances on the ellipsoid, the plane of AgOpenGPS.
 
 Also whether a place can be farmland: PROJ's register of coordinate systems (EPSG) says for about 2,500 countries and
 parts of them between which longitudes and latitudes they lie. Boxes are larger than countries, so what lies in one may
@@ -19,46 +19,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from fields.errors import FieldError, mark_parameter, shorten_value
 
 if TYPE_CHECKING:
-    from pyproj import CRS, Transformer
-
-
-EQUATOR_M, ECCENTRICITY2 = 6_378_137.0, 0.006_694_38
-"""Semi-major axis and squared first eccentricity of WGS84 (NGA.STND.0036)."""
-
-
-def compute_metres_per_degree(latitude_deg: float) -> tuple[float, float]:
-    """Metres of one degree of longitude and of latitude on the WGS84 ellipsoid: N cos(lat) and M."""
-    sine = math.sin(math.radians(latitude_deg))
-    denominator = 1.0 - ECCENTRICITY2 * sine * sine
-    east = EQUATOR_M / math.sqrt(denominator) * math.cos(math.radians(latitude_deg))
-    return math.radians(east), math.radians(EQUATOR_M * (1.0 - ECCENTRICITY2) / denominator**1.5)
+    from pyproj import CRS, Geod, Transformer
 
 
 def compute_rings_area_m2(rings: Sequence[Sequence[Sequence[float]]], *, swap_axes: bool = False) -> float:
-    """Area of a polygon in degrees: the first ring less the others; `swap_axes`: latitude comes first.
-
-    Good to a few parts in a thousand over a field.
-    """
-    total_m2 = 0.0
-    for index, ring in enumerate(rings):
-        points = np.array(ring, dtype=np.float64)[:, :2]
-        points = points[:, ::-1] if swap_axes else points
-        scale = compute_metres_per_degree(float(points[:, 1].mean()))
-        area_m2 = float(shapely.Polygon(points * scale).area)
-        total_m2 += area_m2 if index == 0 else -area_m2
-    return total_m2
+    """Area on the ellipsoid of a polygon in degrees: the first ring less the others; `swap_axes`: latitude first."""
+    areas_m2 = []
+    for ring in rings:
+        x, y = np.array(ring, dtype=np.float64)[:, :2].T
+        areas_m2.append(abs(_get_ellipsoid().polygon_area_perimeter(*((y, x) if swap_axes else (x, y)))[0]))
+    return areas_m2[0] - math.fsum(areas_m2[1:])
 
 
 def extend_position(start: Sequence[float], heading_deg: float, distance_m: float) -> list[float]:
     """The point at a distance from (longitude, latitude) in a heading clockwise from north."""
-    east, north = compute_metres_per_degree(start[1])
-    heading_rad = math.radians(heading_deg)
-    return [start[0] + distance_m * math.sin(heading_rad) / east, start[1] + distance_m * math.cos(heading_rad) / north]
+    longitude, latitude, _ = _get_ellipsoid().fwd(start[0], start[1], heading_deg, distance_m)
+    return [longitude, latitude]
+
+
+def measure_distance_m(start: Sequence[float], end: Sequence[float]) -> float:
+    """The shortest way between two places (longitude, latitude) on the ellipsoid."""
+    return float(_get_ellipsoid().inv(start[0], start[1], end[0], end[1])[2])
+
+
+@lru_cache(maxsize=1)
+def _get_ellipsoid() -> Geod:
+    from pyproj import Geod
+
+    return Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from fields.geometry.assumed_obstacles import MAX_UNKNOWN_FEATURES
 from fields.geometry.coordinates import FieldFrame, parse_position, parse_rings
 from fields.geometry.obstacles import Obstacle
 from fields.geometry.outline_cleaning import clean_outline
-from fields.raw_document import FieldDocument, RawPolygon
+from fields.raw_document import FieldDocument, RawShape
 
 MAX_INSIDE_SHARE = 0.5
 """Of the area of a field: polygons within it that cover more are no obstacles, nor are too many without names."""
@@ -26,7 +26,7 @@ UNUSED_REASON = "inner outline or zone"
 
 
 def select_inside_obstacles(
-    inside: Sequence[tuple[RawPolygon, shapely.Polygon, str]],
+    inside: Sequence[tuple[RawShape, shapely.Polygon, str]],
     shape: shapely.Polygon,
     ignore: Callable[[str, str], None],
 ) -> list[Obstacle]:
@@ -43,7 +43,7 @@ def select_inside_obstacles(
     return obstacles
 
 
-def _judge_inside_polygons(inside: Sequence[tuple[RawPolygon, float]]) -> list[bool]:
+def _judge_inside_polygons(inside: Sequence[tuple[RawShape, float]]) -> list[bool]:
     """For each polygon within a field, with its share of the area, whether it is an obstacle."""
     uses = [find_meaning(raw.properties).use for raw, _ in inside]
     unknown_shares = [share for (_, share), use in zip(inside, uses, strict=True) if use not in (OBSTACLE, NOTE)]
@@ -54,7 +54,7 @@ def _judge_inside_polygons(inside: Sequence[tuple[RawPolygon, float]]) -> list[b
     ]
 
 
-def find_parent_polygons(polygons: Sequence[RawPolygon]) -> dict[int, int]:
+def find_parent_polygons(polygons: Sequence[RawShape]) -> dict[int, int]:
     """For polygons that are no fields, as they lie within another, the position of the field.
 
     Compared in the coordinates of the file; polygons that cannot be used lie nowhere.
@@ -78,7 +78,7 @@ def find_parent_polygons(polygons: Sequence[RawPolygon]) -> dict[int, int]:
     return parents
 
 
-def _build_plane_polygon(raw: RawPolygon) -> shapely.Geometry:
+def _build_plane_polygon(raw: RawShape) -> shapely.Geometry:
     """A polygon in the coordinates of the file, empty if they cannot be used."""
     try:
         rings = [np.array(ring, dtype=np.float64)[:, :2] for ring in raw.coordinates]
@@ -89,8 +89,8 @@ def _build_plane_polygon(raw: RawPolygon) -> shapely.Geometry:
 
 
 def find_inside_polygons(
-    document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
-) -> list[tuple[RawPolygon, shapely.Polygon, str]]:
+    document: FieldDocument, chosen: RawShape, frame: FieldFrame, shape: shapely.Polygon
+) -> list[tuple[RawShape, shapely.Polygon, str]]:
     """Other polygons of a file within the chosen one, their outlines in local metres, and what was cleaned of these."""
     inside = []
     for raw in document.polygons:
@@ -101,7 +101,7 @@ def find_inside_polygons(
 
 
 def _parse_outer_ring(
-    raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
+    raw: RawShape, frame: FieldFrame, shape: shapely.Polygon
 ) -> tuple[shapely.Polygon, tuple[str, ...]] | None:
     """The cleaned outline of a polygon that may be inside a shape; None if it is not, or not usable."""
     try:

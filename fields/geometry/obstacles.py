@@ -12,7 +12,7 @@ import shapely
 from fields.errors import FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
-from fields.geometry.outline_cleaning import clean_outline
+from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -122,7 +122,7 @@ def compute_workable_ground(
         buffer_geometry(geometry, half_m + margin_m)
         for (geometry, half_m), margin_m in zip(shapes, margins_m, strict=True)
     ]
-    blocked = _collect_polygons(shapely.union_all(buffered, grid_size=GRID_M))
+    blocked = list_polygons(shapely.union_all(buffered, grid_size=GRID_M))
     tree = shapely.STRtree(buffered)
     part_margins_m = [max(margins_m[number] for number in tree.query(part, "intersects")) for part in blocked]
     small = [
@@ -131,7 +131,7 @@ def compute_workable_ground(
         if _is_small(part, outline, margin_m, max_small_m)
     ]
     large = [part for part in blocked if not any(part is one for one in small)]
-    parts = _collect_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
+    parts = list_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
     if not parts:
         return WorkableGround(shapely.Polygon(), shapely.Polygon(), (), ())
     largest = max(parts, key=lambda part: part.area)
@@ -146,8 +146,7 @@ def _shrink_from_obstacles(
 ) -> shapely.Polygon:
     """The largest piece of the ground beyond a distance from obstacles; all the ground if too little would remain."""
     buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
-    parts = _collect_polygons(shapely.difference(ground, buffered, grid_size=GRID_M))
-    largest = max(parts, key=lambda part: part.area, default=shapely.Polygon())
+    largest = find_largest_polygon(shapely.difference(ground, buffered, grid_size=GRID_M))
     return largest if largest.area >= MIN_REMAINING_SHARE * ground.area else ground
 
 
@@ -155,11 +154,6 @@ def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, 
     """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
     across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
     return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
-
-
-def _collect_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
-    """The polygons among the parts of a geometry."""
-    return [part for part in shapely.get_parts(shape) if part.geom_type == AREA]
 
 
 MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
@@ -217,7 +211,7 @@ def select_obstacles(
     distances = [(obstacle, float(outline.distance(obstacle.shape))) for obstacle in obstacles]
     selected = tuple(obstacle for obstacle, away_m in distances if away_m <= MAX_BESIDE_M)
     far_away = [(str(obstacle), away_m) for obstacle, away_m in distances if away_m > MAX_BESIDE_M]
-    close_beside = [(str(obstacle), away_m) for obstacle, away_m in distances if 0.0 < away_m <= MAX_BESIDE_M]
+    close_beside = [str(obstacle) for obstacle, away_m in distances if 0.0 < away_m <= MAX_BESIDE_M]
     if multiple_fields:
         verb = "is" if len(far_away) == 1 else "are"
         skipped = f"{count_noun(len(far_away), 'obstacle')} of {label} {verb} away from this field and {verb} skipped."
@@ -229,24 +223,16 @@ def select_obstacles(
             f"outside the field, {nearest_m:.0f} m away{'' if len(far_away) == 1 else ' or more'}; check the "
             "coordinates (easting or longitude first), or remove the role 'obstacle'."
         )
-    return selected, (*_describe_obstacles_outside(far_away), *_describe_obstacles_beside(close_beside))
-
-
-def _describe_obstacles_outside(far_away: Sequence[tuple[str, float]]) -> tuple[str, ...]:
-    """A sentence on obstacles outside a field, with the distance in metres of a single one."""
-    if not far_away:
-        return ()
-    is_single = len(far_away) == 1
-    names = _join_names([f"{name}, {away_m:.0f} m away," if is_single else name for name, away_m in far_away])
-    return (f"{names} {'lies' if is_single else 'lie'} outside the field and {'is' if is_single else 'are'} skipped.",)
-
-
-def _describe_obstacles_beside(close_beside: Sequence[tuple[str, float]]) -> tuple[str, ...]:
-    """A sentence on obstacles close beside a field."""
-    if not close_beside:
-        return ()
-    subject = f"{_join_names([name for name, _ in close_beside])} {'stands' if len(close_beside) == 1 else 'stand'}"
-    return (f"{subject} beside the field, not in it; machines that reach over the boundary keep clear.",)
+    remarks = []
+    if far_away:
+        is_single = len(far_away) == 1
+        names = _join_names([f"{name}, {away_m:.0f} m away," if is_single else name for name, away_m in far_away])
+        verbs = ("lies", "is") if is_single else ("lie", "are")
+        remarks.append(f"{names} {verbs[0]} outside the field and {verbs[1]} skipped.")
+    if close_beside:
+        subject = f"{_join_names(close_beside)} {'stands' if len(close_beside) == 1 else 'stand'}"
+        remarks.append(f"{subject} beside the field, not in it; machines that reach over the boundary keep clear.")
+    return selected, tuple(remarks)
 
 
 def _join_names(names: Sequence[str]) -> str:

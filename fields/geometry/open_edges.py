@@ -10,7 +10,7 @@ import shapely
 from fields.errors import FieldError, shorten_value
 from fields.geometry.coordinates import FieldFrame
 from fields.geometry.field_lines import OPEN_EDGE, clip_outline_to_line, parse_edge, parse_edge_line
-from fields.raw_document import RawPolygon, RawShape
+from fields.raw_document import RawShape
 
 OVERHANG = "overhang_m"  # property of a boundary or of an open edge in a field file
 MAX_OVERHANG_M = 100.0
@@ -27,7 +27,7 @@ class EdgeOverhang:
 
 
 def read_edge_overhangs(
-    chosen: RawPolygon, lines: Iterable[RawShape], frame: FieldFrame, shape: shapely.Polygon, label: str
+    chosen: RawShape, lines: Iterable[RawShape], frame: FieldFrame, shape: shapely.Polygon, label: str
 ) -> tuple[EdgeOverhang, ...]:
     """The overhangs that the file allows, the boundary's own first; of two for the same place the later one holds.
 

@@ -43,7 +43,7 @@ def clean_outline(
     if cleaned.equals_exact(drawn):
         return (drawn, ()) if drawn.is_valid else None
     if not cleaned.is_valid:
-        cleaned = _get_largest(shapely.difference(outer, shapely.union_all(holes)))
+        cleaned = find_largest_polygon(shapely.difference(outer, shapely.union_all(holes)))
     valid = _repair(drawn)
     changed_m2, points = float(shapely.symmetric_difference(cleaned, valid).area), _count_points(drawn)
     if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * valid.area and not (is_obstacle and drawn.is_valid)):
@@ -64,7 +64,7 @@ def clean_outline(
 
 def _clean_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, float]:
     """A ring with few enough points, within the drawn one or, with `grow`, around it, and the tolerance it took."""
-    shape = ring if ring.is_valid else _get_largest(_repair(ring))
+    shape = ring if ring.is_valid else find_largest_polygon(_repair(ring))
     if shape.is_empty:
         return ring, 0.0
     return (shape, 0.0) if _has_few_points(shape) else _simplify_ring(shape, grow)
@@ -104,7 +104,7 @@ def _count_points(shape: shapely.Polygon) -> int:
 def _offset_in_steps(shape: shapely.Polygon, distance_m: float) -> shapely.Polygon:
     """The shape shrunk (or grown) with round corners; small steps first, as each leaves less for the next."""
     for share in (0.125, 0.125, 0.25, 0.5):
-        shape = _get_largest(shape.buffer(share * distance_m, quad_segs=4)).simplify(TOLERANCES_M[0] / 4.0)
+        shape = find_largest_polygon(shape.buffer(share * distance_m, quad_segs=4)).simplify(TOLERANCES_M[0] / 4.0)
     return shape
 
 
@@ -116,7 +116,7 @@ def _simplify_on_one_side(core: shapely.Polygon, tolerance_m: float, reach_m: fl
     back_m = reach_m - _compute_distance_m(shapely.get_coordinates(core), line)
     if abs(back_m) <= EXACT_M:
         return line
-    return _get_largest(line.buffer(-back_m if grow else back_m, join_style="mitre", mitre_limit=MITRE_LIMIT))
+    return find_largest_polygon(line.buffer(-back_m if grow else back_m, join_style="mitre", mitre_limit=MITRE_LIMIT))
 
 
 def _compute_distance_m(points: npt.NDArray[np.float64], shape: shapely.Polygon) -> float:
@@ -127,7 +127,11 @@ def _compute_distance_m(points: npt.NDArray[np.float64], shape: shapely.Polygon)
     return float(distances_m.max())
 
 
-def _get_largest(shape: shapely.Geometry) -> shapely.Polygon:
+def list_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons among the parts of a geometry."""
+    return [part for part in shapely.get_parts(shape).tolist() if isinstance(part, shapely.Polygon)]
+
+
+def find_largest_polygon(shape: shapely.Geometry) -> shapely.Polygon:
     """The largest polygon among the parts of a geometry; empty without any."""
-    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
-    return max(parts, key=lambda part: part.area, default=shapely.Polygon())
+    return max(list_polygons(shape), key=lambda part: part.area, default=shapely.Polygon())

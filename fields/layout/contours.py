@@ -27,7 +27,7 @@ from fields.layout.swaths import (
     number_from_longer_side,
     orient_bearing_by_outline,
 )
-from fields.terrain.elevation_grid import ElevationGrid, NodeFrame
+from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import cut_into_steps, interpolate_gradients, trace_height
 
 STEP_M = 1.0  # between the points of guides and swaths
@@ -150,7 +150,7 @@ def measure_climb(swaths: tuple[Swath, ...], grid: ElevationGrid) -> float:
 
 def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[FloatArray]:
     """The longest open contour (n, 2) through a region at each of several heights."""
-    inside = NodeFrame(grid.west_m, grid.south_m, grid.spacing_m, *grid.heights_m.shape).find_inside(region)
+    inside = grid.frame.find_inside(region)
     if not inside.any():
         return
     heights = np.unique(np.round(np.quantile(grid.heights_m[inside], HEIGHT_SHARES), 6))

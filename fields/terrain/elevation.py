@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, project
 from fields.terrain.checks import check_coverage, check_slopes, describe_place
-from fields.terrain.elevation_grid import ElevationError, ElevationGrid, NodeFrame
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.point_files import HeightPoints, read_height_points
 from fields.terrain.point_grids import build_point_grid
 from fields.terrain.raster_grids import MARGIN_M, build_raster_grid
@@ -65,17 +66,13 @@ def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Poly
             "heights of the field, or check their coordinate system."
         )
     places, heights_m = places[is_near], points.heights_m[is_near]
-
-    def name_place(x_m: float, y_m: float) -> str:
-        return describe_place(field, x_m, y_m)
-
-    grid = build_point_grid(places, heights_m, outline, MARGIN_M, label, name_place)
+    grid = build_point_grid(places, heights_m, outline, MARGIN_M, label, partial(describe_place, field))
     return replace(grid, remarks=(*points.remarks, *grid.remarks))
 
 
 def _check_ground(grid: ElevationGrid, label: str, field: Field) -> ElevationGrid:
     """The grid with remarks on gaps and banks; raises ElevationError for too many of them outside of obstacles."""
-    frame = NodeFrame(grid.west_m, grid.south_m, grid.spacing_m, *grid.heights_m.shape)
+    frame = grid.frame
     inside = frame.find_inside(field.region_without_obstacles)
     remarks = [] if grid.is_measured is None else check_coverage(grid.is_measured, inside, grid.spacing_m, label, field)
     gradients = compute_gradients(grid)[inside]

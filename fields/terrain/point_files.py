@@ -38,9 +38,10 @@ from fields.text_files import (
     count_noun,
     decode_table,
     explain_parse_error,
+    parse_number,
     quote_path,
     read_bytes,
-    read_table_rows,
+    read_table,
     read_text,
 )
 
@@ -130,13 +131,14 @@ def _read_text_table(path: str) -> HeightPoints:
     """A table of comma-separated text, or Elevation.txt of AgOpenGPS, which has such a table below its header."""
     text = decode_table(read_bytes(path, "a table of points", ElevationError))
     lines = [line for line in text.splitlines() if line.strip()]
-    start = next((at for at, line in enumerate(lines[:20]) if _is_agopengps_header(line)), None)
+    heads = [tuple(cell.strip().lower() for cell in line.split(",")[:4]) for line in lines[:20]]
+    start = heads.index(AGOPENGPS_HEADER) if AGOPENGPS_HEADER in heads else None
     if start is not None:
         return _parse_agopengps(lines[start:], path)
-    rows = read_table_rows(path, "a table of points", ElevationError)
-    if not rows:
+    table = read_table(path, "a table of points", ElevationError)
+    header = table.header
+    if not header:
         raise ElevationError(f"{quote_path(path)} is empty; give points with their heights.")
-    header = [cell.strip() for cell in rows[0]]
     height = _find_column(header, HEIGHT_NAMES)
     names = (_find_column(header, LONGITUDE_NAMES), _find_column(header, LATITUDE_NAMES))
     crs: str | None = WGS84
@@ -148,32 +150,15 @@ def _read_text_table(path: str) -> HeightPoints:
             "and northing, and elevation_m."
         )
     unit_m, remarks = _find_height_unit(height, path)
-    table = _parse_cells(rows[1:], [header.index(name) for name in (names[0], names[1], height)])
-    return _build_points(path, crs, table[:, :2], table[:, 2] * unit_m, remarks)
-
-
-def _parse_cells(rows: list[list[str]], places: list[int]) -> FloatArray:
-    """The numbers of some cells of every row, NaN for what is none."""
-
-    def parse(row: list[str], place: int) -> float:
-        text = row[place].strip() if place < len(row) else ""
-        try:
-            return float(text)
-        except ValueError:
-            return math.nan
-
-    return np.array([[parse(row, place) for place in places] for row in rows]).reshape(-1, len(places))
-
-
-def _is_agopengps_header(line: str) -> bool:
-    return tuple(cell.strip().lower() for cell in line.split(",")[:4]) == AGOPENGPS_HEADER
+    numbers = np.array([table.list_numbers(name) for name in (names[0], names[1], height)])
+    return _build_points(path, crs, numbers[:2].T, numbers[2] * unit_m, remarks)
 
 
 def _parse_agopengps(lines: list[str], path: str) -> HeightPoints:
     """Rows of Elevation.txt: latitude, longitude, elevation (ground, metres), quality; without RTK all of them."""
     width = len(lines[0].split(","))
     rows = [cells for line in lines[1:] if len(cells := line.split(",")) == width]
-    table = _parse_cells(rows, [1, 0, 2, 3])
+    table = np.array([[parse_number(row[place]) for place in (1, 0, 2, 3)] for row in rows]).reshape(-1, 4)
     fixed = table[:, 3] == RTK_FIXED
     remarks = []
     if fixed.sum() >= MIN_POINTS and not fixed.all():
@@ -302,7 +287,7 @@ def _collect_table_points(
         if column is not None and not (np.isfinite(own) & (own != 0.0)).any():
             column_unit_m, found = (1.0, ()) if is_in_metres else _find_height_unit(column, path)
             remarks += [one for one in found if one not in remarks]
-            own = np.array([_convert_number(value) for value in table.columns[column]])[owners] * column_unit_m
+            own = np.array([parse_number(value) for value in table.columns[column]])[owners] * column_unit_m
         places.append(points[:, :2])
         heights.append(own)
     all_heights = np.concatenate(heights)
@@ -317,13 +302,6 @@ def _check_any_height(heights_m: FloatArray, path: str) -> None:
             f"All {len(heights_m)} points of {quote_path(path)} are without a height or at 0; export them with "
             "heights, or give another file."
         )
-
-
-def _convert_number(value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
 
 
 def _build_points(

@@ -8,16 +8,25 @@ apart, slopes are good to half a percent. Planes come out exactly.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from fields.terrain.checks import MAX_SLOPE, check_height_range, describe_spikes
-from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, NodeFrame, lay_nodes
-from fields.terrain.gap_filling import fill_gaps
+from fields.terrain.elevation_grid import (
+    BoolArray,
+    ElevationError,
+    ElevationGrid,
+    FloatArray,
+    NodeFrame,
+    fill_gaps,
+    lay_nodes,
+)
 
+Whole = npt.NDArray[np.int64]
 MIN_LENGTH_M = 5.0
 LENGTH_PER_PASS_SPACING = 0.75
 MAX_PASS_SPACING_M = 60.0
@@ -159,15 +168,20 @@ def _average_cells(
     points: FloatArray, heights_m: FloatArray, length_m: float, use_median: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Mean places and mean or median heights of the points in square cells, so that dense logs cost no more."""
-    cells = np.floor(points * (CELLS_PER_LENGTH / length_m)).astype(np.int64)
-    _, owners, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    owners = owners.ravel()
+    _, owners, counts = _group_cells(points * (CELLS_PER_LENGTH / length_m))
     centres = np.column_stack([np.bincount(owners, points[:, axis]) for axis in (0, 1)]) / counts[:, None]
     if not use_median:
         return centres, np.bincount(owners, heights_m) / counts
     order = np.lexsort((heights_m, owners))
     middle = np.cumsum(counts) - counts + counts // 2
     return centres, heights_m[order][middle]
+
+
+def _group_cells(places: FloatArray) -> tuple[Whole, Whole, Whole]:
+    """Cells (n, 2) that hold places, given in sides of a cell; the number of each place's cell; and their counts."""
+    own_cells = np.floor(places).astype(np.int64)
+    cells, owners, counts = np.unique(own_cells, axis=0, return_inverse=True, return_counts=True)
+    return cells, owners.ravel(), counts
 
 
 def _fit_nodes(nodes: FloatArray, points: FloatArray, heights: FloatArray, length_m: float) -> FloatArray:
@@ -187,20 +201,15 @@ def _fit_nodes(nodes: FloatArray, points: FloatArray, heights: FloatArray, lengt
         weighted = terms * weights[..., None]
         moments = np.matmul(weighted.transpose(0, 2, 1), terms)
         values = np.matmul(weighted.transpose(0, 2, 1), (heights[near] - base)[..., None])
-        is_fit = (distances[:, 0] <= MAX_DISTANCE_LENGTHS * length_m) & (
-            np.linalg.eigvalsh(_centre_moments(moments))[:, 0] >= MIN_SPREAD
-        )
+        middle = moments[:, 0, 1:3]
+        spread = moments[:, 1:3, 1:3] - middle[:, :, None] * middle[:, None, :]  # second moments about the middle
+        is_spread = np.linalg.eigvalsh(spread)[:, 0] >= MIN_SPREAD
+        is_fit = (distances[:, 0] <= MAX_DISTANCE_LENGTHS * length_m) & is_spread
         fitted = np.full(len(chunk), np.nan)
         if is_fit.any():
             fitted[is_fit] = np.linalg.solve(moments[is_fit] + ridge, values[is_fit])[:, 0, 0] + base
         parts.append(fitted)
     return np.concatenate(parts)
-
-
-def _centre_moments(moments: FloatArray) -> FloatArray:
-    """Second moments (n, 2, 2) of the places about their middle, from the moments of all terms."""
-    middle = moments[:, 0, 1:3]
-    return np.asarray(moments[:, 1:3, 1:3] - middle[:, :, None] * middle[:, None, :])
 
 
 def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, heights_m: FloatArray) -> float:
@@ -212,3 +221,37 @@ def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, 
     is_on = (rows >= 0.0) & (rows <= frame.rows - 1) & (columns >= 0.0) & (columns <= frame.columns - 1)
     spline = RectBivariateSpline(np.arange(frame.rows), np.arange(frame.columns), heights)
     return 1.4826 * float(np.median(np.abs(spline.ev(rows[is_on], columns[is_on]) - heights_m[is_on])))
+
+
+TRACK_CELL_M = 5.0
+"""Tracks are compared in square cells of this size: half a pass wide, and slopes change little within."""
+MIN_SHARED_CELLS = 5
+ANCHOR_WEIGHT = 1e-6
+"""Pull of all offsets to 0; it only sets the mean of tracks that are levelled to each other."""
+
+
+def level_tracks(tracks: Sequence[FloatArray]) -> FloatArray:
+    """How much the heights of each track (n, 3) lie above those of the others, mean 0 (least squares over cells).
+
+    Tracks that share fewer than MIN_SHARED_CELLS cells say nothing about each other.
+    """
+    levels = []
+    for track in tracks:
+        cells, owners, counts = _group_cells(track[:, :2] / TRACK_CELL_M)
+        levels.append(dict(zip(map(tuple, cells.tolist()), np.bincount(owners, track[:, 2]) / counts, strict=True)))
+    rows, differences = [], []
+    for first in range(len(tracks)):
+        for second in range(first + 1, len(tracks)):
+            shared = levels[first].keys() & levels[second].keys()
+            if len(shared) < MIN_SHARED_CELLS:
+                continue
+            row = np.zeros(len(tracks))
+            row[first], row[second] = 1.0, -1.0
+            weight = np.sqrt(len(shared))
+            rows.append(row * weight)
+            differences.append(
+                weight * float(np.median([levels[first][cell] - levels[second][cell] for cell in shared]))
+            )
+    anchors = np.sqrt(ANCHOR_WEIGHT) * np.eye(len(tracks))
+    right = np.concatenate([differences, np.zeros(len(tracks))])
+    return np.asarray(np.linalg.lstsq(np.vstack([*rows, anchors]), right, rcond=None)[0])

@@ -8,15 +8,9 @@ import numpy as np
 import shapely
 
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
-from fields.terrain.checks import (
-    MIN_SPIKE_M,
-    check_height_range,
-    describe_place,
-    describe_spikes,
-)
-from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, lay_nodes
-from fields.terrain.gap_filling import fill_gaps
+from fields.geometry.geodesy import measure_distance_m, project
+from fields.terrain.checks import MIN_SPIKE_M, check_height_range, describe_place, describe_spikes
+from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, fill_gaps, lay_nodes
 from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks
 from fields.text_files import quote_path
 
@@ -148,23 +142,13 @@ def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon,
     else:
         corners = project(corners, crs, "EPSG:4326")
         here = field.to_wgs84([[outline.centroid.x, outline.centroid.y]])[0]
-        far_m = _compute_distance_m(corners.mean(axis=0), here)
+        far_m = measure_distance_m(corners.mean(axis=0), here)
     (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
     far = f"{far_m / 1e3:.0f} km" if far_m >= 1e4 else f"{far_m:.0f} m"
     return (
         f"{quote_path(raster.path)} covers {west:.6g} to {east:.6g} and {south:.6g} to {north:.6g}{units} ({name}), "
         f"{far} from field '{field.name}'; give heights of the field, or check the coordinate system of the raster."
     )
-
-
-def _compute_distance_m(one_deg: FloatArray, other_deg: FloatArray) -> float:
-    """Great-circle distance of two places in longitude and latitude."""
-    (east, north), (other_east, other_north) = np.radians(one_deg), np.radians(other_deg)
-    haversine = (
-        math.sin(0.5 * (north - other_north)) ** 2
-        + math.cos(north) * math.cos(other_north) * math.sin(0.5 * (east - other_east)) ** 2
-    )
-    return 2.0 * 6_371_008.8 * math.asin(math.sqrt(min(1.0, haversine)))
 
 
 def _remove_spikes(

@@ -1,4 +1,4 @@
-"""Rasters of heights: GeoTIFF and GeoPackage (by rasterio) and ASCII grids (Esri), read cell by cell in metres.
+"""Rasters of heights: GeoTIFF and GeoPackage (by rasterio) and ASCII grids (Esri), read in metres, and written.
 
 A raster says where its cells lie by an affine rule from (column, row) to its coordinates, so rows from south to north
 and turned rasters are read as they are.
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
-from fields.terrain.elevation_grid import BoolArray, ElevationError, FloatArray
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid, FloatArray
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
 from fields.text_files import quote_path, read_text
 
@@ -37,6 +37,7 @@ those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and 
 MIN_SKEW = 1e-6
 """Sine of the angle between rows and columns, below which cells lie on a line."""
 USUAL_NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+"""Marks of no data that files use without declaring them."""
 MAX_HEIGHT_M = 1e30
 """Beyond this a number is no height but a mark for no data, such as -3.4e38."""
 ASCII_KEYS = (
@@ -84,7 +85,8 @@ class Raster:
         for first in range(rows.start, rows.stop, strip):
             part = slice(first, min(first + strip, rows.stop))
             cells = self.cells[part, columns] if self.cells is not None else _read_window(self.path, part, columns)
-            parts.append(average_blocks(_drop_usual_no_data(cells) * self.unit_m, (step, step)))
+            is_mark = np.isin(cells, USUAL_NO_DATA) | (np.abs(cells) > MAX_HEIGHT_M)
+            parts.append(average_blocks(np.where(is_mark, np.nan, cells) * self.unit_m, (step, step)))
         return np.concatenate(parts)
 
     def find_cells(self, places: FloatArray) -> FloatArray:
@@ -247,12 +249,6 @@ def _explain_gdal_error(error: Exception, path: str) -> str:
     return f"damaged or cut off: {lines[0].replace(path, 'it')[:120]}"
 
 
-def _drop_usual_no_data(cells: FloatArray) -> FloatArray:
-    """The cells with NaN for marks of no data that the file does not declare."""
-    is_mark: BoolArray = np.isin(cells, USUAL_NO_DATA) | (np.abs(cells) > MAX_HEIGHT_M)
-    return np.where(is_mark, np.nan, cells)
-
-
 def _parse_ascii_grid(path: str) -> Raster:
     """An Esri ASCII grid: up to seven lines of names and numbers, then rows of heights from north to south."""
     text = read_text(path, "an ASCII grid", ElevationError)
@@ -261,7 +257,10 @@ def _parse_ascii_grid(path: str) -> Raster:
     for match in re.finditer(r"[ \t]*([A-Za-z_]+)[ \t]+(\S+)[ \t]*(?:\r?\n|\r|$)", text):
         if match.start() != place or match[1].lower() not in ASCII_KEYS:
             break
-        header[match[1].lower()] = _parse_header_number(match[1], match[2], path)
+        try:
+            header[match[1].lower()] = float(match[2].replace(",", "."))
+        except ValueError:
+            raise ElevationError(f"{quote_path(path)} has {match[1]} {match[2][:20]!r}; write a number.") from None
         place = match.end()
     rows, columns, (width, depth), west, south = _check_ascii_header(header, path)
     cells = _parse_heights(text[place:].strip(), path)
@@ -295,13 +294,6 @@ def _parse_heights(text: str, path: str) -> FloatArray:
         raise ElevationError(f"{quote_path(path)} has heights that are not numbers; export the grid again.") from None
 
 
-def _parse_header_number(key: str, text: str, path: str) -> float:
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise ElevationError(f"{quote_path(path)} has {key} {text[:20]!r}; write a number.") from None
-
-
 def _check_ascii_header(header: dict[str, float], path: str) -> tuple[int, int, tuple[float, float], float, float]:
     """Rows, columns, width and depth of a cell, and the outer south-west corner."""
     rows, columns, cell = (header.get(key, 0.0) for key in ("nrows", "ncols", "cellsize"))
@@ -329,3 +321,76 @@ def _read_projection(path: str) -> str | None:
         return None
     chosen = exact if exact in beside else min(beside)
     return read_text(chosen, "a .prj file", ElevationError).strip() or None
+
+
+NO_DATA = -9999.0
+HEIGHT_DECIMALS = 3
+
+
+def list_raster_files(path: Path) -> tuple[Path, ...]:
+    """The files that a raster of this name is written to; raises ElevationError for a name of none."""
+    suffix = path.suffix.lower()
+    if suffix not in RASTER_SUFFIXES:
+        raise ElevationError(
+            f"{quote_path(path)} is no name of a raster; end it in .tif (GeoTIFF) or .asc (ASCII grid).",
+            parameter="out",
+        )
+    return (path,) if suffix in GEOTIFF_SUFFIXES else (path, path.with_suffix(".prj"))
+
+
+def render_raster(grid: ElevationGrid, crs: str, path: Path) -> tuple[bytes, ...]:
+    """The contents of `list_raster_files`; heights that were not measured are marked as no data.
+
+    Args:
+        crs: coordinate system of the metres of the grid.
+        path: its ending chooses the format.
+
+    Raises:
+        ElevationError: the ending is neither of a GeoTIFF nor of an ASCII grid, or rasterio is missing.
+    """
+    files = list_raster_files(path)
+    heights = np.where(True if grid.is_measured is None else grid.is_measured, grid.heights_m, NO_DATA)[::-1]
+    west_m, south_m = grid.west_m - 0.5 * grid.spacing_m, grid.south_m - 0.5 * grid.spacing_m
+    if len(files) == 1:
+        return (_render_geotiff(heights, (west_m, south_m), grid.spacing_m, crs, path),)
+    return _render_ascii_grid(heights, (west_m, south_m), grid.spacing_m, crs)
+
+
+def _render_geotiff(
+    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str, path: Path
+) -> bytes:
+    try:
+        from rasterio import Affine
+        from rasterio.io import MemoryFile
+    except ImportError:
+        raise ElevationError(
+            f"{quote_path(path)} needs rasterio to be written; install it with pip install 'headland[geotiff]', or "
+            "write an ASCII grid (.asc).",
+            parameter="out",
+        ) from None
+    rows, columns = heights.shape
+    place = Affine(spacing_m, 0.0, corner_m[0], 0.0, -spacing_m, corner_m[1] + rows * spacing_m)
+    with MemoryFile() as memory:
+        with memory.open(
+            driver="GTiff", height=rows, width=columns, count=1, dtype="float32", crs=crs, transform=place,
+            nodata=NO_DATA, compress="deflate",
+        ) as dataset:  # fmt: skip
+            dataset.write(heights.astype(np.float32), 1)
+            dataset.units = ("m",)
+        return bytes(memory.read())
+
+
+def _render_ascii_grid(
+    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str
+) -> tuple[bytes, ...]:
+    from pyproj import CRS
+
+    rows, columns = heights.shape
+    header = {
+        "ncols": columns, "nrows": rows, "xllcorner": corner_m[0], "yllcorner": corner_m[1], "cellsize": spacing_m,
+        "NODATA_value": int(NO_DATA),
+    }  # fmt: skip
+    lines = [f"{key} {value!r}" for key, value in header.items()]
+    lines += [" ".join(f"{height:.{HEIGHT_DECIMALS}f}" for height in row) for row in heights.tolist()]
+    projection = CRS.from_user_input(crs).to_wkt("WKT1_ESRI")
+    return ("\n".join(lines) + "\n").encode("ascii"), f"{projection}\n".encode()

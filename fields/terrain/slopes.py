@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.terrain.elevation_grid import ElevationGrid, FloatArray, NodeFrame
+from fields.terrain.elevation_grid import ElevationGrid, FloatArray
 
 LIGHT_AZIMUTH_DEG, LIGHT_HEIGHT_DEG = 315.0, 45.0
 """Light from the north-west, as maps have it: from below, hills would look like hollows."""
@@ -77,7 +77,7 @@ def compute_directional_slopes(
 
 def summarise_slopes(grid: ElevationGrid, region: shapely.Geometry) -> SlopeSummary | None:
     """Slopes at the nodes inside a region; None if there is no node in it."""
-    inside = NodeFrame(grid.west_m, grid.south_m, grid.spacing_m, *grid.heights_m.shape).find_inside(region)
+    inside = grid.frame.find_inside(region)
     if not inside.any():
         return None
     gradients = compute_gradients(grid)[inside]
@@ -128,16 +128,10 @@ def trace_height(grid: ElevationGrid, height_m: float) -> list[FloatArray]:
 
 def trace_contours(grid: ElevationGrid, interval_m: float) -> list[tuple[float, FloatArray]]:
     """Lines of equal height at multiples of an interval: height and points (n, 2) in metres of each piece."""
-    from contourpy import contour_generator
-
-    generator = contour_generator(grid.xs_m, grid.ys_m, grid.heights_m)
     first = math.ceil(float(grid.heights_m.min()) / interval_m)
     last = math.floor(float(grid.heights_m.max()) / interval_m)
-    return [
-        (number * interval_m, np.asarray(points, dtype=np.float64))
-        for number in range(first, last + 1)
-        for points in generator.lines(number * interval_m)
-    ]
+    heights_m = [number * interval_m for number in range(first, last + 1)]
+    return [(height_m, points) for height_m in heights_m for points in trace_height(grid, height_m)]
 
 
 FALL_LINE_RAD, ERODIBLE_SLOPE = math.radians(10.0), 0.05

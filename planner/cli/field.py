@@ -93,7 +93,7 @@ def write_heights(
 
     Example: headland field heights runs -o heights.tif
     """
-    from fields.terrain.raster_writer import list_raster_files, render_raster
+    from fields.terrain.rasters import list_raster_files, render_raster
     from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
     from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable
     from planner.task_logs.run_heights import build_run_heights

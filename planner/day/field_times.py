@@ -11,13 +11,13 @@ import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fields.geometry.field import Field
 from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
@@ -77,26 +77,20 @@ class FieldTimeCache:
             draft.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
             os.replace(draft, self.folder / f"{name}.json")
         except OSError:
-            remove_unfinished_file(draft)
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
             return False
         return True
 
 
-def remove_unfinished_file(draft: Path) -> None:
-    """Remove a partly written file if possible."""
-    try:
-        draft.unlink(missing_ok=True)
-    except OSError:
-        return
-
-
 DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
-GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
+GRAPH_ARRAYS = {
+    "tractor": np.int64, "group": np.int64, "kind": np.int64, "driven_s": np.float64, "worked_m": np.float64,
+    "stand_s": np.float64,
+}  # fmt: skip
 PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall")
 ANONYMOUS = "field"
 HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,17 +234,11 @@ def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD
         found = FieldTime(reason=f"no plan was found in {field_minutes:g} min of computing")
     if not share.is_cut:
         return found
-    return replace(found, is_lasting=False, cut_note=_describe_cut(field_minutes, found.graph is not None))
-
-
-def _describe_cut(field_minutes: float, has_plan: bool) -> str:
-    """That planning ran out of time, and what to do."""
-    if has_plan:
-        return (
-            f"not everything was tried in {field_minutes:g} min of computing; this is the best plan found by then. "
-            "Give it more (--field-minutes)."
-        )
-    return f"no plan was found in {field_minutes:g} min of computing. Give it more (--field-minutes)."
+    spent = f"in {field_minutes:g} min of computing"
+    note = f"no plan was found {spent}. Give it more (--field-minutes)."
+    if found.graph is not None:
+        note = f"not everything was tried {spent}; this is the best plan found by then. Give it more (--field-minutes)."
+    return replace(found, is_lasting=False, cut_note=note)
 
 
 def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
@@ -286,23 +274,20 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
 
 def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
     """A field time as a JSON object; floats are exact."""
-    content = {name: getattr(field_time, name) for name in PLAN_VALUES}
     graph = field_time.graph
     if graph is None:
         return {"reason": field_time.reason}
-    arrays = {name: getattr(graph, name).tolist() for name in GRAPH_ARRAYS}
-    links = [asdict(link) for link in graph.links]
-    leaving = None if graph.leaving is None else graph.leaving.tolist()
-    header = {
+    fuel = graph.fuel
+    packed_graph = {
         "tractors": graph.tractors,
         "first": list(graph.first_nodes),
         "order": list(graph.order),
-        "leaving": leaving,
-        "fuel": None
-        if graph.fuel is None
-        else {"driving": graph.fuel.driving.tolist(), "idle_per_s": graph.fuel.idle_per_s},
+        "leaving": None if graph.leaving is None else graph.leaving.tolist(),
+        "fuel": None if fuel is None else {"driving": fuel.driving.tolist(), "idle_per_s": fuel.idle_per_s},
+        **{name: getattr(graph, name).tolist() for name in GRAPH_ARRAYS},
+        "links": [asdict(link) for link in graph.links],
     }
-    return {**content, "graph": {**header, **arrays, "links": links}}
+    return {**{name: getattr(field_time, name) for name in PLAN_VALUES}, "graph": packed_graph}
 
 
 def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
@@ -314,28 +299,18 @@ def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
             return FieldTime(reason=str(content["reason"]))
         graph_values = dict(content["graph"])
         fuel = graph_values["fuel"]
+        arrays: dict[str, Any] = {name: np.array(graph_values[name], dtype=kind) for name, kind in GRAPH_ARRAYS.items()}
         graph = LegGraph(
             tractors=int(graph_values["tractors"]),
             first_nodes=tuple(graph_values["first"]),
             order=tuple(graph_values["order"]),
             links=tuple(WaitLink(**link) for link in graph_values["links"]),
-            tractor=_parse_integers(graph_values["tractor"]),
-            group=_parse_integers(graph_values["group"]),
-            kind=_parse_integers(graph_values["kind"]),
-            driven_s=_parse_floats(graph_values["driven_s"]),
-            worked_m=_parse_floats(graph_values["worked_m"]),
-            stand_s=_parse_floats(graph_values["stand_s"]),
+            **arrays,
             leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
-            fuel=None if fuel is None else LegConsumption(_parse_floats(fuel["driving"]), float(fuel["idle_per_s"])),
+            fuel=None
+            if fuel is None
+            else LegConsumption(np.array(fuel["driving"], dtype=np.float64), float(fuel["idle_per_s"])),
         )
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):
         return None
-
-
-def _parse_integers(values: Any) -> Whole:
-    return np.array(values, dtype=np.int64)
-
-
-def _parse_floats(values: Any) -> Array:
-    return np.array(values, dtype=np.float64)

@@ -85,12 +85,9 @@ class DayHours:
 def build_day_hours(day: DayFile, farm: FarmFile, lon_lat: tuple[float, float] | None = None) -> DayHours:
     """The frame of a day; `lon_lat` is the place for sunrise and sunset. Raises RequestError."""
     start_s = get_start_s(day, farm)
-    shift_end_s = farm.times.shift_span_s[1]
-    end_s = (
-        start_s + DAY_S
-        if shift_end_s is None
-        else shift_end_s % DAY_S + (DAY_S if shift_end_s % DAY_S <= start_s else 0)
-    )
+    shift_end_s, end_s = farm.times.shift_span_s[1], start_s + DAY_S
+    if shift_end_s is not None:
+        end_s = shift_end_s % DAY_S + (DAY_S if shift_end_s % DAY_S <= start_s else 0)
     daylight_s = _find_daylight(day, start_s, lon_lat)
     onset = None if day.rain is None else parse_rain(day.rain, start_s)
     return DayHours(start_s, end_s, Workday(start_s, breaks_s=farm.times.break_spans_s), daylight_s, onset)
@@ -139,22 +136,9 @@ def estimate_mean_time_and_cost(
     if field_time.graph is None:
         return None
     sample: SampledOutcomes = sample_outcomes(field_time.graph, uncertainty, samples=PLANNING_SAMPLES, seed=seed)
-    seconds = float(_compute_mean_or_percentile(sample.finish_s, certainty_pct))
+    finish_s = sample.finish_s
+    seconds = finish_s.mean() if certainty_pct is None else np.quantile(finish_s, 0.01 * certainty_pct)
     return math.ceil(seconds), float(compute_paid_per_sample(sample, terms).mean())
-
-
-def _compute_mean_or_percentile(seconds: Array, certainty_pct: float | None) -> float:
-    """The mean of samples, or a percentile."""
-    return float(seconds.mean() if certainty_pct is None else np.quantile(seconds, 0.01 * certainty_pct))
-
-
-def _estimate_start_delay_s(day: DayFile, farm: FarmFile) -> float:
-    """The start delay used in planning: 0, or its percentile `certainty_pct`."""
-    if day.certainty_pct is None:
-        return 0.0
-    settings = get_field_uncertainty(farm, with_late_start=True)
-    normal = NormalDist().inv_cdf(0.01 * day.certainty_pct)
-    return float(draw_lognormal(settings.start_delay_s, settings.start_delay_cv, np.array(normal)))
 
 
 def build_fleet_prices(day: DayFile, farm: FarmFile, fleet: int) -> CostTerms:
@@ -200,44 +184,51 @@ def build_problem(
     values_at_risk = [
         get_loss_per_ha(day_field, farm) * field.area_ha for day_field, field in zip(day.fields, fields, strict=True)
     ]
+    start_delay_s = 0.0
+    if day.certainty_pct is not None:
+        settings = get_field_uncertainty(farm, with_late_start=True)
+        normal = np.array(NormalDist().inv_cdf(0.01 * day.certainty_pct))
+        start_delay_s = float(draw_lognormal(settings.start_delay_s, settings.start_delay_cv, normal))
+    # Work with a value of this day only costs nothing if it is skipped; other work is done on another day.
+    skip_cost = []
+    for number, (day_field, value) in enumerate(zip(day.fields, values_at_risk, strict=True)):
+        costs = [row_estimate[1] for row in estimates if (row_estimate := row[number]) is not None]
+        skip_cost.append(value + (0.0 if day_field.value_per_ha is not None else min(costs, default=0.0)))
+    travel = [_compute_travel(day, farm, fleet, road_km) for fleet in range(len(day.fleets))]
     return DayProblem(
         work_s=tuple(tuple(None if estimate is None else estimate[0] for estimate in row) for row in estimates),
         work_cost=tuple(tuple(0.0 if estimate is None else estimate[1] for estimate in row) for row in estimates),
-        skip_cost=tuple(
-            values_at_risk[f] + _estimate_postponed_cost(day_field, [row[f] for row in estimates])
-            for f, day_field in enumerate(day.fields)
-        ),
+        skip_cost=tuple(skip_cost),
         value_at_risk=tuple(values_at_risk),
         windows=tuple(frame.find_work_windows(day_field.windows) for day_field in day.fields),
-        travel_s=tuple(_compute_travel_s(day, farm, k, road_km) for k in range(len(day.fleets))),
-        travel_cost=tuple(_compute_travel_costs(day, farm, k, road_km) for k in range(len(day.fleets))),
-        begin_s=frame.start_s + math.ceil(_estimate_start_delay_s(day, farm)),
+        travel_s=tuple(seconds for seconds, _ in travel),
+        travel_cost=tuple(costs for _, costs in travel),
+        begin_s=frame.start_s + math.ceil(start_delay_s),
         home_by_s=math.floor(frame.convert_to_working_s(frame.end_s)),
         rain=RainOnsets(tuple(_iterate_onsets(frame))),
     )
 
 
-def _estimate_postponed_cost(day_field: DayField, estimates: Iterable[tuple[int, float] | None]) -> float:
-    """The cost of the same work on another day; 0 for work with a value of this day only."""
-    prices = [estimate[1] for estimate in estimates if estimate is not None]
-    return 0.0 if day_field.value_per_ha is not None or not prices else min(prices)
+def _compute_travel(
+    day: DayFile, farm: FarmFile, fleet: int, road_km: Array
+) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[float, ...], ...]]:
+    """Seconds and costs of a fleet from place to place with handling; transport is paid on the way to a field."""
+    count, yard = day.fleets[fleet].count, len(road_km) - 1
+    machines, prices = get_fleet_machines(day.fleets[fleet], farm), farm.prices
+    terms = CostTerms(prices, *machines, motor_efficiency=machines[0].find_motor_efficiency())
 
+    def estimate_trip(start: int, end: int) -> tuple[int, float]:
+        if start == end:
+            return 0, 0.0
+        drive_s = road_km[start, end] / farm.times.road_speed_kmh * HOUR_S
+        handling_s = _estimate_handling_s(start, end, yard, farm, machines[1])
+        trip = replace(terms, road_km=float(road_km[start, end]), road_s=drive_s, handling_s=handling_s)
+        transport = prices.transport_per_tractor if end == yard else 0.0
+        return math.ceil(drive_s + handling_s), count * (compute_travel_cost(trip) - transport)
 
-def _compute_travel_s(day: DayFile, farm: FarmFile, fleet: int, road_km: Array) -> tuple[tuple[int, ...], ...]:
-    """Seconds of a fleet from place to place, with handling; nothing is handled at the yard."""
-    places, implement = range(len(road_km)), get_fleet_machines(day.fleets[fleet], farm)[1]
-    return tuple(
-        tuple(
-            0
-            if start == end
-            else math.ceil(
-                _estimate_drive_s(road_km[start, end], farm)
-                + _estimate_handling_s(start, end, len(road_km) - 1, farm, implement)
-            )
-            for end in places
-        )
-        for start in places
-    )
+    trips = [[estimate_trip(start, end) for end in range(len(road_km))] for start in range(len(road_km))]
+    seconds = tuple(tuple(trip_s for trip_s, _ in row) for row in trips)
+    return seconds, tuple(tuple(cost for _, cost in row) for row in trips)
 
 
 def _estimate_handling_s(start: int, end: int, yard: int, farm: FarmFile, implement: FarmImplement) -> float:
@@ -245,33 +236,10 @@ def _estimate_handling_s(start: int, end: int, yard: int, farm: FarmFile, implem
 
     At the yard there is no handling: fleets leave it with tanks full, or empty to collect.
     """
-    between = implement.capacity is not None and yard not in (start, end)
-    times = farm.times
-    return (
-        (0.0 if start == yard else times.fold_s) + (0.0 if end == yard else times.unfold_s) + between * times.refill_s
-    )
-
-
-def _estimate_drive_s(road_km: float, farm: FarmFile) -> float:
-    return road_km / farm.times.road_speed_kmh * HOUR_S
-
-
-def _compute_travel_costs(day: DayFile, farm: FarmFile, fleet: int, road_km: Array) -> tuple[tuple[float, ...], ...]:
-    """Travel costs of a fleet between places; transport of a tractor is paid on the way to a field."""
-    count, yard, places = day.fleets[fleet].count, len(road_km) - 1, range(len(road_km))
-    machines, prices = get_fleet_machines(day.fleets[fleet], farm), farm.prices
-    terms = CostTerms(prices, *machines, motor_efficiency=machines[0].find_motor_efficiency())
-
-    def price_trip(a: int, b: int) -> float:
-        drive_s, handling_s = (
-            _estimate_drive_s(road_km[a, b], farm),
-            _estimate_handling_s(a, b, yard, farm, machines[1]),
-        )
-        trip = replace(terms, road_km=float(road_km[a, b]), road_s=drive_s, handling_s=handling_s)
-        cost = compute_travel_cost(trip)
-        return cost - (prices.transport_per_tractor if b == yard else 0.0)
-
-    return tuple(tuple(0.0 if a == b else count * price_trip(a, b) for b in places) for a in places)
+    fold_s = 0.0 if start == yard else farm.times.fold_s
+    unfold_s = 0.0 if end == yard else farm.times.unfold_s
+    has_load = implement.capacity is not None and yard not in (start, end)
+    return fold_s + unfold_s + (farm.times.refill_s if has_load else 0.0)
 
 
 def _iterate_onsets(frame: DayHours) -> Iterable[tuple[int, float]]:

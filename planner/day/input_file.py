@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 from importlib import resources
 from pathlib import Path
@@ -27,7 +27,14 @@ from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
-from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock, parse_number_pair
+from planner.request.option_texts import (
+    DAY_S,
+    MAX_TRACTORS,
+    convert_time_to_text,
+    format_clock,
+    parse_clock,
+    parse_number_pair,
+)
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.names import STRATEGY_NAMES, list_strategy_names
 from vehicle.model.validation_messages import describe_validation_errors
@@ -40,30 +47,27 @@ MAX_ROAD_KM = 1000.0
 MAX_NIGHT_WINDOW_S = DAY_S // 2
 
 
-def _validate_window(text: str) -> str:
-    parse_hours(text)
-    return text
+def _check_by(parse: Callable[[str], object]) -> AfterValidator:
+    """A validator that leaves a text as it is, where `parse` raises no ValueError; None stays."""
+
+    def check_text(text: str | None) -> str | None:
+        if text is not None:
+            parse(text)
+        return text
+
+    return AfterValidator(check_text)
 
 
-def _validate_clock(text: str | None) -> str | None:
-    if text is not None:
-        parse_clock(text, "the start")
-    return text
-
-
-def _validate_daylight(text: str | None) -> str | None:
-    if text is not None and text != SUN:
+def _check_daylight(text: str) -> None:
+    if text != SUN:
         parse_hours(text)
-    return text
 
 
-def _validate_date(text: str | None) -> str | None:
-    if text is not None:
-        try:
-            date.fromisoformat(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is not a date; write for instance '2026-05-01'") from None
-    return text
+def _check_date(text: str) -> None:
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a date; write for instance '2026-05-01'") from None
 
 
 def parse_hours(text: str) -> tuple[int, int]:
@@ -91,25 +95,10 @@ def place_hours_in_day(text: str, start_s: int) -> tuple[int, int]:
     opens += DAY_S if opens + DAY_S < closes else 0
     if opens >= closes:
         raise RequestError(
-            f"The window {text!r} closes before it opens: the day begins at {_format_clock(start_s)}, and earlier "
+            f"The window {text!r} closes before it opens: the day begins at {format_clock(start_s)}, and earlier "
             "times are on the next day; change the window or the start."
         )
     return opens, closes
-
-
-def _format_clock(seconds: int) -> str:
-    return f"{seconds // 3600 % 24:02d}:{seconds % 3600 // 60:02d}"
-
-
-def _validate_place(text: str | None) -> str | None:
-    if text is not None:
-        parse_number_pair(text, "entrance")
-    return text
-
-
-def _validate_obstacle(text: str) -> str:
-    parse_obstacle_place(text)
-    return text
 
 
 def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -120,8 +109,8 @@ def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
 
 FROM_TIMES = BeforeValidator(convert_time_to_text)
 """Times and dates without quotes, as TOML has them."""
-Window = Annotated[str, FROM_TIMES, AfterValidator(_validate_window)]
-ObstaclePlace = Annotated[str, AfterValidator(_validate_obstacle)]
+Window = Annotated[str, FROM_TIMES, _check_by(parse_hours)]
+ObstaclePlace = Annotated[str, _check_by(parse_obstacle_place)]
 
 
 class DayField(FileSection):
@@ -139,7 +128,7 @@ class DayField(FileSection):
         None, "such as 'EPSG:25832', in quotes", "that of the file", strict=True, min_length=1
     )
     swap_axes: bool = define_value(False, "true: the file has latitude or northing first", "no", strict=True)
-    entrance: Annotated[str | None, AfterValidator(_validate_place)] = define_value(
+    entrance: Annotated[str | None, _check_by(lambda text: parse_number_pair(text, "entrance"))] = define_value(
         None, "'lon,lat' (x,y of a field in metres)", "that of the file", strict=True
     )
     obstacles: tuple[ObstaclePlace, ...] = define_value((), "such as '9.53,56.21,2': lon,lat,radius in m", "none more")
@@ -197,13 +186,13 @@ class DayFile(FileSection):
     fleets: tuple[DayFleet, ...] = Field(description="one [[fleets]] each")
     roads: tuple[DayRoad, ...] = define_value((), "roads between places", "straight lines times road_factor")
     farm: str | None = define_value(None, "a farm file, or 'example'", "a farm of defaults", strict=True)
-    start: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)] = define_value(
+    start: Annotated[str | None, FROM_TIMES, _check_by(lambda text: parse_clock(text, "the start"))] = define_value(
         None, "hh:mm", "shift_start of the farm"
     )
-    light: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_daylight)] = define_value(
+    light: Annotated[str | None, FROM_TIMES, _check_by(_check_daylight)] = define_value(
         None, "'sun', or hours such as '06:10-20:40'", "robots need none", strict=True
     )
-    date: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_date)] = define_value(
+    date: Annotated[str | None, FROM_TIMES, _check_by(_check_date)] = define_value(
         None, "yyyy-mm-dd in quotes", strict=True
     )
     utc_offset_h: float | None = define_number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
@@ -309,13 +298,10 @@ def read_example_day_text() -> str:
 def _resolve_paths(day: DayFile, folder: Path) -> DayFile:
     """The day with the paths of its files relative to the folder."""
 
-    def resolve_path(file: str) -> str:
-        sample = file in list_sample_names()
-        return file if sample else str(folder / file)
-
     def resolve_files(field: DayField) -> DayField:
         elevation = None if field.elevation is None else str(folder / field.elevation)
-        return field.model_copy(update={"file": resolve_path(field.file), "elevation": elevation})
+        file = field.file if field.file in list_sample_names() else str(folder / field.file)
+        return field.model_copy(update={"file": file, "elevation": elevation})
 
     fields = tuple(map(resolve_files, day.fields))
     updates: dict[str, Any] = {"fields": fields}

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
-from planner.day.input_file import YARD, DayField, DayFile, DayRoad
+from fields.geometry.geodesy import measure_distance_m, project
+from planner.day.input_file import YARD, DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
@@ -66,10 +66,15 @@ class DayPlace:
 
 def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]:
     """The places of the fields, in order; raises RequestError for two fields with the same name."""
-    places = [
-        DayPlace(field.name, _locate_field(day_field, field))
-        for day_field, field in zip(day.fields, fields, strict=True)
-    ]
+    places = []
+    for day_field, field in zip(day.fields, fields, strict=True):
+        lon_lat = None
+        if day_field.lon is not None and day_field.lat is not None:
+            lon_lat = day_field.lon, day_field.lat
+        elif field.crs is not None:
+            lon, lat = field.to_wgs84([locate_road_end(field)])[0].tolist()
+            lon_lat = lon, lat
+        places.append(DayPlace(field.name, lon_lat))
     names = [place.name for place in places]
     duplicate = next((name for name in names if names.count(name) > 1), None)
     if duplicate is not None:
@@ -125,15 +130,6 @@ def build_map_places(places: Sequence[DayPlace], fields: Sequence[Field]) -> tup
     return tuple(map_places)
 
 
-def _locate_field(day_field: DayField, field: Field) -> LonLat | None:
-    if day_field.lon is not None and day_field.lat is not None:
-        return day_field.lon, day_field.lat
-    if field.crs is None:
-        return None
-    lon, lat = field.to_wgs84([locate_road_end(field)])[0].tolist()
-    return lon, lat
-
-
 def _collect_road_lengths(roads: Sequence[DayRoad], names: Sequence[str]) -> dict[frozenset[str], float]:
     lengths: dict[frozenset[str], float] = {}
     for road in roads:
@@ -157,16 +153,13 @@ def _collect_road_lengths(roads: Sequence[DayRoad], names: Sequence[str]) -> dic
 
 
 def _measure_straight_km(start: DayPlace, end: DayPlace) -> float:
-    from pyproj import Geod
-
     for place in (start, end):
         if place.lon_lat is None:
             wanted = "lon and lat of the yard" if place.name == YARD else f"lon and lat of {place.name!r}"
             raise RequestError(
                 f"The road between {end.name!r} and {start.name!r} is missing; give it under [[roads]], or {wanted}."
             )
-    (lon, lat), (to_lon, to_lat) = start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)
-    km = float(Geod(ellps="WGS84").inv(lon, lat, to_lon, to_lat)[2]) / M_PER_KM
+    km = measure_distance_m(start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)) / M_PER_KM
     if km > MAX_ROAD_KM and YARD in (start.name, end.name):
         field = end.name if start.name == YARD else start.name
         raise RequestError(

@@ -20,7 +20,6 @@ from fields.geometry.field import Field
 from fields.text_files import quote_path
 from planner.day.field_times import (
     DEFAULT_FIELD_MINUTES,
-    FieldTime,
     FieldTimeCache,
     FieldTimeTable,
     FieldTimeTask,
@@ -71,24 +70,19 @@ def explain_not_done(
     """Why a field is not done. `refusals` are of the fleets without a plan for it, `names` of all fleets."""
     able_fleets = [fleet for fleet in range(problem.fleet_count) if problem.work_s[fleet][field] is not None]
     if not able_fleets:
-        return NotDoneReason(f"no fleet can work it: {_format_first_refusal(refusals)}", (3, 0.0))
+        refusal = next(filter(None, refusals), "every plan was refused").rstrip(".")
+        return NotDoneReason(f"no fleet can work it: {refusal}", (3, 0.0))
     if not problem.windows[field]:
         return NotDoneReason("its windows are outside the working hours or the daylight", (2, 0.0))
     options = find_insertions(problem, routes, field)
     if options:
-        return NotDoneReason(
-            f"doing it costs {options[0].added_cost:.2f} more than skipping it", (0, options[0].added_cost)
-        )
+        added_cost = options[0].added_cost
+        return NotDoneReason(f"doing it costs {added_cost:.2f} more than skipping it", (0, added_cost))
     late_s, fleet = min((_compute_lateness_s(problem, fleet, field), fleet) for fleet in able_fleets)
     if late_s > 0:
         sentence = f"even if {names[fleet]} goes there first, it is {format_hours(max(late_s, 60))} too late"
         return NotDoneReason(sentence, (1, float(late_s)))
     return NotDoneReason("no fleet has time for it besides the other fields", (0, 0.0))
-
-
-def _format_first_refusal(refusals: Sequence[str]) -> str:
-    text = next((text for text in refusals if text), "every plan was refused")
-    return text.rstrip(".")
 
 
 def _compute_lateness_s(problem: DayProblem, fleet: int, field: int) -> int:
@@ -146,25 +140,16 @@ def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     road_km = np.zeros((len(field_places) + 1, len(field_places) + 1))
     places = field_places if yard is None else (*field_places, yard)
     road_km[: len(places), : len(places)] = compute_road_km(day, places, farm.times.road_factor)
-    return PreparedDay(
-        day,
-        farm,
-        fields,
-        places,
-        road_km,
-        build_day_hours(day, farm, _find_sun_place(places)),
-        build_field_time_tasks(day, farm, fields),
-    )
+    # The sun rises and sets as at the yard, else as at the last field with a known place.
+    sun_place = next((place.lon_lat for place in reversed(places) if place.lon_lat is not None), None)
+    frame, tasks = build_day_hours(day, farm, sun_place), build_field_time_tasks(day, farm, fields)
+    return PreparedDay(day, farm, fields, places, road_km, frame, tasks)
 
 
 def _read_day_field(day_field: DayField) -> Field:
     """The field with the entrance, obstacles and heights of the day file."""
     field = read_field(
-        day_field.file,
-        local=day_field.local,
-        name=day_field.name,
-        crs=day_field.crs,
-        swap_axes=day_field.swap_axes,
+        day_field.file, local=day_field.local, name=day_field.name, crs=day_field.crs, swap_axes=day_field.swap_axes
     )
     if day_field.entrance is not None:
         field = set_entrance(field, parse_number_pair(day_field.entrance, "entrance"))
@@ -177,11 +162,6 @@ def _read_day_field(day_field: DayField) -> Field:
             )
         field = replace(field, elevation=day_field.elevation)
     return add_obstacles(leave_out_obstacles(field, day_field.ignored), day_field.obstacles)
-
-
-def _find_sun_place(places: Sequence[DayPlace]) -> tuple[float, float] | None:
-    """The place for sunrise and sunset: the yard, else the last field with a known place."""
-    return next((place.lon_lat for place in reversed(places) if place.lon_lat is not None), None)
 
 
 def plan_day(
@@ -211,14 +191,8 @@ def plan_day(
     (done, all) field times, `report_work` with the names of the fields at work.
     """
     prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
-    table, is_cached = compute_field_times(
-        prepared.tasks,
-        cache or FieldTimeCache(None),
-        executor or SerialExecutor(),
-        progress,
-        field_minutes,
-        report_work,
-    )
+    cache, executor = cache or FieldTimeCache(None), executor or SerialExecutor()
+    table, is_cached = compute_field_times(prepared.tasks, cache, executor, progress, field_minutes, report_work)
     problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
     solution = solve_day(problem, seed=seed)
     fleet_samples = _sample_fleet_days(prepared, table, problem, solution.routes, samples, seed)
@@ -259,18 +233,9 @@ def _build_route_stops(
         opens, closes = next(window for window in problem.windows[end_place] if window[0] <= start_s < window[1])
         name, machine = prepared.fields[end_place].name, prepared.day.fleets[fleet].name
         terms = build_fleet_prices(prepared.day, prepared.farm, fleet)
+        move_s, value_at_risk = problem.travel_s[fleet][start_place][end_place], problem.value_at_risk[end_place]
         job_seed = derive_job_seed(seed, name, machine)
-        stops.append(
-            PlannedRouteField(
-                graph,
-                problem.travel_s[fleet][start_place][end_place],
-                opens,
-                closes,
-                terms,
-                problem.value_at_risk[end_place],
-                job_seed,
-            )
-        )
+        stops.append(PlannedRouteField(graph, move_s, opens, closes, terms, value_at_risk, job_seed))
     return stops
 
 
@@ -284,22 +249,22 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
     skipped = _list_not_done(solved)
     in_time_by_fleet = [chain.in_time.all(axis=0) for chain in solved.fleet_samples if len(chain.in_time)]
     all_probability = float(np.logical_and.reduce(in_time_by_fleet).mean()) if in_time_by_fleet else None
-    cost = _estimate_cost(solved)
-    not_done, reasons = [entry for entry, _ in skipped], [reason for _, reason in skipped]
-    currency = prepared.farm.prices.currency
-    onset = frame.onset
+    onset, closest_field = frame.onset, ""
+    if not jobs:  # the skipped field that is nearest to being done
+        entry, _ = min(skipped, key=lambda pair: pair[1].nearness)
+        closest_field = f"{entry.field}: {entry.reason}"
     times = () if onset is None else tuple(zip(onset.onsets_s, onset.probabilities, strict=True))
     p50_done_s, p95_done_s = _find_done_times(solved)
     result = DayResult(
         start_s=frame.start_s,
         end_s=frame.end_s,
         jobs=tuple(jobs),
-        unworked_fields=tuple(not_done),
+        unworked_fields=tuple(entry for entry, _ in skipped),
         fleets=tuple(_build_fleet_day(solved, fleet) for fleet in range(problem.fleet_count)),
         gap_pct=solution.gap_pct,
-        cost=cost,
+        cost=_estimate_cost(solved),
         finish_probability=all_probability,
-        currency=currency,
+        currency=prepared.farm.prices.currency,
         samples=solved.samples,
         seed=solved.seed,
         advice="",
@@ -307,12 +272,15 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         shortfalls=(*_question_pulls(solved, infeasible=True), *_list_worked_shortfalls(solved)),
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
-        windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
+        windows=tuple(
+            tuple((frame.get_begin_clock_s(opens), frame.get_end_clock_s(closes)) for opens, closes in windows)
+            for windows in problem.windows
+        ),
         breaks=frame.list_breaks(),
         rain=tuple((frame.start_s + seconds, share) for seconds, share in times),
         certainty_pct=prepared.day.certainty_pct,
         places=build_map_places(prepared.places, prepared.fields),
-        closest_field="" if jobs else _describe_nearly_done_field(not_done, reasons),
+        closest_field=closest_field,
         p50_done_s=p50_done_s,
         p95_done_s=p95_done_s,
     )
@@ -405,20 +373,10 @@ def _list_not_done(solved: _SolvedDay) -> list[tuple[UnworkedField, NotDoneReaso
     skipped = []
     for number, field in enumerate(prepared.fields):
         if number not in worked_fields:
-            reason = explain_not_done(problem, routes, number, _list_refusals(solved.table, number), names)
+            refusals = [plan.reason for row in solved.table if (plan := row[number]) is not None]
+            reason = explain_not_done(problem, routes, number, refusals, names)
             skipped.append((UnworkedField(field.name, field.area_ha, problem.skip_cost[number], reason.reason), reason))
     return skipped
-
-
-def _list_refusals(table: FieldTimeTable, field: int) -> list[str]:
-    field_times: list[FieldTime] = [field_time for row in table if (field_time := row[field]) is not None]
-    return [field_time.reason for field_time in field_times]
-
-
-def _describe_nearly_done_field(not_done: Sequence[UnworkedField], reasons: Sequence[NotDoneReason]) -> str:
-    """The skipped field that is nearest to being done, with its reason."""
-    position = min(range(len(not_done)), key=lambda number: (reasons[number].nearness, number))
-    return f"{not_done[position].field}: {not_done[position].reason}"
 
 
 def _estimate_cost(solved: _SolvedDay) -> float:
@@ -427,11 +385,8 @@ def _estimate_cost(solved: _SolvedDay) -> float:
     worked_fields = {field for route in routes for field in route}
     travel_cost = sum(problem.compute_travel_cost(fleet, route) for fleet, route in enumerate(routes))
     sampled_cost = sum(float(chain.work_cost.sum() + chain.lost_cost.sum()) for chain in solved.fleet_samples)
-    return (
-        travel_cost
-        + sampled_cost
-        + sum(cost for field, cost in enumerate(problem.skip_cost) if field not in worked_fields)
-    )
+    skip_cost = sum(cost for field, cost in enumerate(problem.skip_cost) if field not in worked_fields)
+    return travel_cost + sampled_cost + skip_cost
 
 
 def _list_remarks(solved: _SolvedDay) -> list[str]:
@@ -482,7 +437,3 @@ def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
             is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible
             questions += [f"{fleet.name}: {question}"] if is_shown else []
     return questions
-
-
-def _convert_windows_to_clock(frame: DayHours, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:
-    return tuple((frame.get_begin_clock_s(opens), frame.get_end_clock_s(closes)) for opens, closes in windows)

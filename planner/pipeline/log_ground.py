@@ -19,10 +19,9 @@ from fields.terrain.checks import check_height_range
 from fields.terrain.elevation import read_elevation
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.point_files import read_height_points
-from fields.terrain.point_grids import choose_length_m, find_spikes, fit_surface
+from fields.terrain.point_grids import choose_length_m, find_spikes, fit_surface, level_tracks
 from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import interpolate_gradients
-from fields.terrain.track_levels import level_tracks
 from fields.text_files import quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import compute_tyre_drift

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from pathlib import Path
 
-from fields.text_files import read_table_text
+from fields.text_files import parse_number, parse_table, read_table_text
 from planner.errors import RequestError, mark_parameter, shorten_value
 
 TABLE_SUFFIX = ".csv"
@@ -49,39 +46,27 @@ def _build_range(et0_mm: float | None) -> tuple[float, float, float]:
 
 
 def _parse_list(text: str) -> list[float]:
-    return [
-        _parse_amount(part, f"{mark_parameter('rain_mm')} {shorten_value(text)}", MAX_RAIN_MM)
-        for part in text.split(",")
-    ]
-
-
-def _parse_amount(text: str, label: str, most: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= most:
-        raise RequestError(
-            f"{label} has {shorten_value(text)}, which is no number from 0 to {most:g}; give {RAIN_FORMAT}.",
-            parameter="rain_mm",
-        )
-    return value
+    amounts = list(map(parse_number, text.split(",")))
+    for part, amount in zip(text.split(","), amounts, strict=True):
+        if not 0.0 <= amount <= MAX_RAIN_MM:
+            raise RequestError(
+                f"{mark_parameter('rain_mm')} {shorten_value(text)} has {shorten_value(part)}, which is no number from "
+                f"0 to {MAX_RAIN_MM:g}; give {RAIN_FORMAT}."
+            )
+    return amounts
 
 
 def _read_rows(name: str) -> list[tuple[float, float | None]]:
     label = f"{mark_parameter('rain_mm')} file {shorten_value(name)}"
     text = read_table_text(Path(name), "a CSV file", RequestError)
-    table = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    columns = {(column or "").strip().lower(): column for column in table.fieldnames or ()}
-    if "rain_mm" not in columns:
-        raise RequestError(f"{label} has no column rain_mm; give {RAIN_FORMAT}.", parameter="rain_mm")
+    table = parse_table(text, label, RequestError, keeps_empty=True)
+    rain, et0 = table.find_column(["rain_mm"]), table.find_column(["et0_mm"])
+    if rain is None:
+        raise RequestError(f"{label} has no column rain_mm; give {RAIN_FORMAT}.")
     rows: list[tuple[float, float | None]] = []
-    try:
-        for row in table:
-            line = f"Line {table.line_num} of the {label}"
-            own = (row.get(columns.get("et0_mm", "")) or "").strip()
-            rain_mm = _parse_amount(row[columns["rain_mm"]] or "", line, MAX_RAIN_MM)
-            rows.append((rain_mm, _parse_amount(own, line, MAX_ET0_MM) if own else None))
-    except csv.Error as error:
-        raise RequestError(f"{label} is not CSV ({error}); give {RAIN_FORMAT}.", parameter="rain_mm") from None
+    for row in range(len(table.rows)):
+        rain_mm, own_mm = table.parse_amount(row, rain, MAX_RAIN_MM), None
+        if et0 is not None and table.get_cell(row, et0):
+            own_mm = table.parse_amount(row, et0, MAX_ET0_MM)
+        rows.append((rain_mm, own_mm))
     return rows

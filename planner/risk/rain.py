@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, time
 from pathlib import Path
@@ -14,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fields.text_files import check_header, read_table_text
+from fields.text_files import parse_number, parse_table, read_table_text
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import DAY_S, parse_clock
 from planner.risk.random_events import create_generator
@@ -73,43 +70,25 @@ def parse_rain(text: str, start_s: int | None) -> RainForecast:
 
 def parse_ensemble(text: str, file_name: str, start_s: int | None) -> RainForecast:
     """Rain from the text of a CSV file as in `parse_rain`; `file_name` names it in refusals."""
-    check_header(text, f"{mark_parameter('rain')} file {file_name}", RequestError)
+    table = parse_table(text, f"{mark_parameter('rain')} file {file_name}", RequestError, keeps_empty=True)
     _reject_empty_line(text, file_name)
-    rows = csv.DictReader(io.StringIO(text))
-    names = {(name or "").strip().lower(): name for name in rows.fieldnames or ()}
-    column = next((name for name in ("time", "hours") if name in names), None)
+    column = table.find_column(("time", "hours"))
     if column is None:
-        raise RequestError(
-            f"{mark_parameter('rain')} file {file_name} has no column of times; give it a header with time (hh:mm) or "
-            "hours."
-        )
-    onsets_s, dry_members = [], 0
-    for row in _read_rows(rows, file_name):
-        value = (row[names[column]] or "").strip()
-        location = f"row {rows.line_num} of {file_name}"
+        raise RequestError(f"{table.label} has no column of times; give it a header with time (hh:mm) or hours.")
+    onsets_s, count = [], len(table.rows)
+    for row, value in enumerate(table.list_cells(column)):
         if value.lower() in ("", "dry"):
-            dry_members += 1
-        elif column == "hours":
-            onsets_s.append(_parse_number(value, "hours", location) * HOUR_S)
+            continue
+        if column.lower() == "hours":
+            onsets_s.append(table.parse_amount(row, column, MAX_HOURS) * HOUR_S)
         else:
-            onsets_s.append(_parse_member(value, location, start_s))
-    count = len(onsets_s) + dry_members
+            onsets_s.append(_parse_member(value, table.describe_cell(row, column), start_s))
     if not onsets_s or count > MAX_MEMBERS:
         raise RequestError(
-            f"{mark_parameter('rain')} file {file_name} has {count} members, {len(onsets_s)} of them with rain; give "
-            f"1 to {MAX_MEMBERS} rows, at least one of them with a time."
+            f"{table.label} has {count} members, {len(onsets_s)} of them with rain; give 1 to {MAX_MEMBERS} rows, at "
+            "least one of them with a time."
         )
     return RainForecast(tuple(onsets_s), (1.0 / count,) * len(onsets_s))
-
-
-def _read_rows(rows: csv.DictReader[str], file_name: str) -> Iterator[dict[str, str]]:
-    try:
-        yield from rows
-    except csv.Error as error:
-        raise RequestError(
-            f"{mark_parameter('rain')} file {file_name} is not a CSV file ({error} in row {rows.line_num}); give one "
-            "time per row."
-        ) from None
 
 
 def _reject_empty_line(text: str, file_name: str) -> None:
@@ -151,25 +130,19 @@ def _compute_onset_s(text: str, start_s: int | None) -> float:
     return float((seconds - start_s) % DAY_S or DAY_S)
 
 
-def _parse_member(value: str, location: str, start_s: int | None) -> float:
+def _parse_member(value: str, described: str, start_s: int | None) -> float:
     """Seconds from the start to the time in a row; the day of a date is ignored."""
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", value)
     try:
         moment = time(int(match[1]), int(match[2])) if match else datetime.fromisoformat(value)
     except ValueError:
-        raise RequestError(
-            f"{mark_parameter('rain')} has the time {shorten_value(value)} in {location}; write hh:mm or "
-            "2025-05-01T17:00, or dry for a member without rain."
-        ) from None
+        raise RequestError(f"{described}; write hh:mm or 2025-05-01T17:00, or dry for a member without rain.") from None
     return _compute_onset_s(f"{moment.hour:02d}:{moment.minute:02d}", start_s)
 
 
 def _parse_number(value: str, quantity: str, location: str) -> float:
     """A number that is not negative."""
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
+    number = parse_number(value)
     upper_limit = MAX_HOURS if quantity != "percentage" else FULL_PCT
     if not 0.0 <= number <= upper_limit:
         raise RequestError(

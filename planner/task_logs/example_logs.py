@@ -71,9 +71,11 @@ def simulate_task_data(plan: str | Path, seed: int = 1, pace: float = EXAMPLE_PA
     truths = tuple(_simulate_log(saved_run, tractor, random, pace) for tractor in range(saved_run.saved.plan.tractors))
     names = [f"TLG{number:05d}" for number in range(1, len(truths) + 1)]
     files = {"TASKDATA.XML": _build_task_data(names, saved_run).encode()}
+    columns = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
+    header = f'<?xml version="1.0" encoding="UTF-8"?>\n<TIM A="" D="4"><PTN A="" B="" D=""/>{columns}</TIM>\n'
     for name, truth in zip(names, truths, strict=True):
         lonlat = project(truth.xy + np.array(saved_run.saved.origin_m), saved_run.saved.crs, WGS84)
-        files[f"{name}.xml"] = _build_header().encode()
+        files[f"{name}.xml"] = header.encode()
         files[f"{name}.bin"] = encode_records(truth.time_s, lonlat, _build_values(truth, width_m))
     return ExampleTaskData(files, truths, width_m)
 
@@ -81,7 +83,6 @@ def simulate_task_data(plan: str | Path, seed: int = 1, pace: float = EXAMPLE_PA
 def _simulate_log(saved_run: SavedPlanRun, tractor: int, random: np.random.Generator, pace: float) -> SimulatedLog:
     """A tractor's run at 1 Hz, slower by the factor `pace`, with additional stops."""
     run = saved_run.run
-    legs = run.plan.missions[tractor].legs
     end_s = float(run.finish_s[tractor])
     stops, due_s = [], 0.0
     while (due_s := due_s + STOP_INTERVAL_S * float(random.uniform(0.6, 1.4))) < end_s:
@@ -94,12 +95,17 @@ def _simulate_log(saved_run: SavedPlanRun, tractor: int, random: np.random.Gener
         )
         plan_time_s -= pace * np.clip(clock_s - log_time_s, 0.0, length_s)
     rows = np.clip(np.round(plan_time_s / float(run.time_s[1] - run.time_s[0])).astype(int), 0, len(run.time_s) - 1)
-    implement = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
-    leg = np.minimum(run.get_leg_numbers(tractor)[rows], len(legs) - 1)
-    is_working = implement[leg] & (run.get_statuses(tractor)[rows] == WORKING)
-    return SimulatedLog(
-        clock_s, locate_antenna(saved_run, tractor)[rows], is_working, tuple(length_s for _, length_s in stops)
-    )
+    is_working = find_work_state(saved_run, tractor)[rows]
+    return SimulatedLog(clock_s, locate_antenna(saved_run, tractor)[rows], is_working, tuple(s for _, s in stops))
+
+
+def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Mask:
+    """Whether a tractor of a plan works (t,): with its implement down, and not on its way out."""
+    run = saved_run.run
+    legs = run.plan.missions[tractor].legs
+    is_down = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
+    leg_numbers = np.minimum(run.get_leg_numbers(tractor), len(legs) - 1)
+    return np.asarray(is_down[leg_numbers] & (run.get_statuses(tractor) == WORKING))
 
 
 def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Array:
@@ -150,11 +156,6 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
         )
         previous = current
     return b"".join(rows)
-
-
-def _build_header() -> str:
-    columns = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n<TIM A="" D="4"><PTN A="" B="" D=""/>{columns}</TIM>\n'
 
 
 def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:

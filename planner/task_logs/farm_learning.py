@@ -55,9 +55,8 @@ class TurnSpeedFit:
         times = clock.measure_best_times(self.implement.width_m, HEADLAND_DEPTH_M, list_allowed_kinds("auto"))
         last_index = min(self.swaths_over, len(times) - 1)
         turn_s = times[last_index]
-        across_m = (
-            self.swaths_over - last_index
-        ) * self.implement.width_m  # over more tracks than that it drives straight across
+        # Over more tracks than that it drives straight across.
+        across_m = (self.swaths_over - last_index) * self.implement.width_m
         return None if turn_s is None else turn_s + across_m / turn_mps
 
     def find_turn_speed_mps(self, seconds: float) -> float | None:
@@ -135,13 +134,9 @@ def _choose_implement(
         if not widths:
             raise RequestError("The logs do not give their working width; name the implement with --implement.")
         width = float(np.median(widths))
-        fitting = [
-            farm_implement for farm_implement in farm_file.implements if _is_same_width(farm_implement.width_m, width)
-        ]
+        fitting = [one for one in farm_file.implements if _is_same_width(one.width_m, width)]
         if len(fitting) != 1:
-            implement_names = ", ".join(
-                f"{farm_implement.name} ({farm_implement.width_m:g} m)" for farm_implement in farm_file.implements
-            )
+            implement_names = ", ".join(f"{one.name} ({one.width_m:g} m)" for one in farm_file.implements)
             count = "no implement" if not fitting else "several implements"
             raise RequestError(
                 f"The working width of the logs is {width:g} m, and the farm has {count} of this width; name one with "
@@ -172,7 +167,7 @@ def _learn_values(
         yield _build_learned_value(
             f"{name}.speed_kmh", speed, "median of {events} passes in {runs}", 1.0 / MPS_PER_KMH, 2
         )
-        yield from _learn_turn_speed(farm_file, farm_implement, observations, speed, notes)
+        yield from _learn_turn_speed(farm_file, farm_implement, observations, speed.value, notes)
     yield from _learn_headland_order(name, observations, notes)
     for key, estimate, template, decimals in (
         ("speed_cv", observations.estimate_pass_cv(), "speed of {events} passes in {runs}", 3),
@@ -197,11 +192,7 @@ def _build_learned_value(
 
 
 def _learn_turn_speed(
-    farm_file: FarmFile,
-    farm_implement: FarmImplement,
-    observations: RunObservations,
-    speed: IntervalEstimate,
-    notes: list[str],
+    farm_file: FarmFile, farm_implement: FarmImplement, observations: RunObservations, work_mps: float, notes: list[str]
 ) -> Iterator[LearnedOutcome]:
     """The turn speed at which a simulated turn takes as long as measured."""
     measured = observations.estimate_frequent_turn_s()
@@ -210,7 +201,7 @@ def _learn_turn_speed(
         return
     swaths_over, turn = measured
     tractor = next(tractor for tractor in farm_file.tractors if farm_file.is_compatible(tractor, farm_implement))
-    simulated = TurnSpeedFit(tractor.build_tractor(), farm_implement.simulated_implement, speed.value, swaths_over)
+    simulated = TurnSpeedFit(tractor.build_tractor(), farm_implement.simulated_implement, work_mps, swaths_over)
     speeds_mps = [simulated.find_turn_speed_mps(seconds) for seconds in (turn.value, turn.high, turn.low)]
     origin = (
         f"{turn.value:.1f} s per turn over {count_noun(swaths_over, 'track')} (95 %: {turn.low:.1f} to "
@@ -221,15 +212,9 @@ def _learn_turn_speed(
         notes.append(f"Measured: {origin.split(';', 1)[0]}; at no turn speed does {tractor.name} take as long.")
         return
     speeds_kmh = [None if speed_mps is None else round(speed_mps / MPS_PER_KMH, 2) for speed_mps in speeds_mps]
-    yield LearnedOutcome(
-        f"implements.{farm_implement.name}.turn_speed_kmh",
-        speeds_kmh[0] or 0.0,
-        speeds_kmh[1],
-        speeds_kmh[2],
-        origin,
-        "",
-        turn.runs,
-    )
+    value, low, high = speeds_kmh
+    key = f"implements.{farm_implement.name}.turn_speed_kmh"
+    yield LearnedOutcome(key, value or 0.0, low, high, origin, "", turn.runs)
 
 
 def _learn_headland_order(name: str, observations: RunObservations, notes: list[str]) -> Iterator[LearnedOutcome]:
@@ -260,11 +245,8 @@ def _insert_learned_values(
         holder = farm_file.implements[number] if number is not None else farm_file.uncertainty
         is_given = key in holder.model_fields_set
         old_value = getattr(holder, key)
-        if (
-            is_given
-            and not replace_given
-            and (learned.key not in earlier_values or earlier_values[learned.key] != old_value)
-        ):
+        is_own = learned.key not in earlier_values or earlier_values[learned.key] != old_value
+        if is_given and is_own and not replace_given:
             outcomes.append(replace(learned, done=f"kept {_format_value(old_value)}"))
             continue
         interval = "" if learned.low is None else f", 95 % {learned.low:g} to {learned.high:g}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -20,7 +21,7 @@ from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
 BOOTSTRAP_SAMPLES, BOOTSTRAP_SEED = 1_000, 1
 MIN_BOOTSTRAP_RUNS = 5
 INTERVAL_QUANTILES = (0.025, 0.975)
-Statistic = Callable[[Array], float]
+Statistic = Callable[[Array], float | np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def estimate_statistic(events: Mapping[str, Array], statistic: Statistic, min_ev
             resample = all_events[random.integers(0, len(all_events), len(all_events))]
         samples.append(statistic(resample))
     low, high = np.quantile(np.array(samples), INTERVAL_QUANTILES)
-    return IntervalEstimate(statistic(all_events), float(low), float(high), len(all_events), tuple(used_events))
+    return IntervalEstimate(float(statistic(all_events)), float(low), float(high), len(all_events), tuple(used_events))
 
 
 def estimate_hourly_rate(events: Mapping[str, tuple[int, float]]) -> IntervalEstimate | None:
@@ -87,16 +88,6 @@ def compute_variation_coefficient(values: Array) -> float:
     return float(np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else 0.0
 
 
-def compute_mean(values: Array) -> float:
-    """The mean of a sample (n,)."""
-    return float(np.mean(values))
-
-
-def compute_median(values: Array) -> float:
-    """The median of a sample (n,)."""
-    return float(np.median(values))
-
-
 MIN_PASS_S = 20.0
 """Shorter segments of work are not passes."""
 MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
@@ -112,86 +103,68 @@ class RunObservations:
         self.width_m = width_m
         self.runs = [run for run in runs if run.has_work_state]
         self.phases_by_run: dict[str, RunPhases] = {run.name: classify_phases(run) for run in self.runs}
+        self.pass_speeds = {run.name: _find_pass_speeds(run) for run in self.runs}
+        self.stops_s = {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()}
 
     def estimate_speed_mps(self) -> IntervalEstimate | None:
         """The working speed: the median of the mean speeds of passes."""
-        return estimate_statistic({run.name: _find_pass_speeds(run) for run in self.runs}, compute_median, MIN_EVENTS)
+        return estimate_statistic(self.pass_speeds, np.median, MIN_EVENTS)
 
     def estimate_pass_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the mean speed of passes, relative to their run."""
-        passes = {run.name: _find_pass_speeds(run) for run in self.runs}
-        ratios = {
-            name: pass_speeds / pass_speeds.mean()
-            for name, pass_speeds in passes.items()
-            if len(pass_speeds) >= MIN_EVENTS
-        }
+        ratios = {name: mps / mps.mean() for name, mps in self.pass_speeds.items() if len(mps) >= MIN_EVENTS}
         return estimate_statistic(ratios, compute_variation_coefficient, MIN_EVENTS)
 
-    def list_u_turn_seconds(self, min_swaths: int, max_swaths: int | None = None) -> Mapping[str, Array]:
-        """Seconds of U-turns without a stop over `min_swaths` to `max_swaths` swaths, by run."""
+    def list_u_turn_seconds(self, swaths: int) -> Mapping[str, Array]:
+        """Seconds of U-turns without a stop over so many swaths, by run."""
         return {
-            name: np.array(
-                [
-                    turn.seconds
-                    for turn in run_phases.turns
-                    if turn.is_u_turn and _is_turn_across_swaths(turn.offset_m, self.width_m, min_swaths, max_swaths)
-                ]
-            )
+            name: np.array([
+                turn.seconds
+                for turn in run_phases.turns
+                if turn.is_u_turn and swaths - 0.5 < turn.offset_m / self.width_m <= swaths + 0.5
+            ])
             for name, run_phases in self.phases_by_run.items()
-        }
+        }  # fmt: skip
 
     def estimate_frequent_turn_s(self) -> tuple[int, IntervalEstimate] | None:
         """The most frequent turn: over how many swaths, and its median in seconds."""
-        counts = {
-            swaths_over: sum(map(len, self.list_u_turn_seconds(swaths_over, swaths_over).values()))
-            for swaths_over in (1, 2, 3, 4)
-        }
-        swaths_over = max(counts, key=lambda each: counts[each])
-        estimate = estimate_statistic(self.list_u_turn_seconds(swaths_over, swaths_over), compute_median, MIN_EVENTS)
-        return None if estimate is None else (swaths_over, estimate)
+        turns = {swaths: self.list_u_turn_seconds(swaths) for swaths in (1, 2, 3, 4)}
+        swaths = max(turns, key=lambda each: sum(map(len, turns[each].values())))
+        estimate = estimate_statistic(turns[swaths], np.median, MIN_EVENTS)
+        return None if estimate is None else (swaths, estimate)
 
     def estimate_turn_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the time of turns to the next swath."""
-        return estimate_statistic(self.list_u_turn_seconds(1, 1), compute_variation_coefficient, 2 * MIN_EVENTS)
+        return estimate_statistic(self.list_u_turn_seconds(1), compute_variation_coefficient, 2 * MIN_EVENTS)
 
     def estimate_long_turn_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the time of longer turns, relative to the mean over as many swaths."""
         ratios: dict[str, list[float]] = {run.name: [] for run in self.runs}
-        for swaths_over in range(2, MAX_SWATHS_OVER + 1):
-            turns_by_run = self.list_u_turn_seconds(swaths_over, swaths_over)
+        for swaths in range(2, MAX_SWATHS_OVER + 1):
+            turns_by_run = self.list_u_turn_seconds(swaths)
             all_turns = np.concatenate(list(turns_by_run.values()))
             if len(all_turns) >= MIN_EVENTS:
-                for name, run_values in turns_by_run.items():
-                    ratios[name] += (run_values / all_turns.mean()).tolist()
-        return estimate_statistic(
-            {name: np.array(run_values) for name, run_values in ratios.items()},
-            compute_variation_coefficient,
-            2 * MIN_EVENTS,
-        )
+                for name, seconds in turns_by_run.items():
+                    ratios[name] += (seconds / all_turns.mean()).tolist()
+        events = {name: np.array(values) for name, values in ratios.items()}
+        return estimate_statistic(events, compute_variation_coefficient, 2 * MIN_EVENTS)
 
     def estimate_stops_per_hour(self) -> IntervalEstimate | None:
         """Stops per hour of driving."""
-        return estimate_hourly_rate(
-            {run.name: (len(self.phases_by_run[run.name].stops_s), self._sum_moving_h(run)) for run in self.runs}
-        )
-
-    def _sum_moving_h(self, run: ProjectedRun) -> float:
-        durations_s = np.diff(run.time_s)
-        return float(durations_s[self.phases_by_run[run.name].kinds != ACTIVITY_KINDS.index(STANDING)].sum()) / 3600.0
+        events = {}
+        for run in self.runs:
+            is_moving = self.phases_by_run[run.name].kinds != ACTIVITY_KINDS.index(STANDING)
+            hours = float(np.diff(run.time_s)[is_moving].sum()) / 3600.0
+            events[run.name] = len(self.stops_s[run.name]), hours
+        return estimate_hourly_rate(events)
 
     def estimate_mean_stop_s(self) -> IntervalEstimate | None:
         """Mean length of a stop."""
-        return estimate_statistic(
-            {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()}, compute_mean, MIN_EVENTS
-        )
+        return estimate_statistic(self.stops_s, np.mean, MIN_EVENTS)
 
     def estimate_stop_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the length of stops."""
-        return estimate_statistic(
-            {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()},
-            compute_variation_coefficient,
-            2 * MIN_EVENTS,
-        )
+        return estimate_statistic(self.stops_s, compute_variation_coefficient, 2 * MIN_EVENTS)
 
     def estimate_headland_first_share(self) -> IntervalEstimate | None:
         """The share of runs that worked the edge of the field before its inside; None if no run shows it."""
@@ -199,11 +172,6 @@ class RunObservations:
             run.name: first for run in self.runs if (first := _is_edge_first(run, self.width_m)) is not None
         }
         return estimate_share(sum(first_by_run.values()), tuple(first_by_run)) if first_by_run else None
-
-
-def _is_turn_across_swaths(offset_m: float, width_m: float, min_swaths: int, max_swaths: int | None) -> bool:
-    swaths_over = offset_m / width_m
-    return swaths_over > min_swaths - 0.5 and (max_swaths is None or swaths_over <= max_swaths + 0.5)
 
 
 def _find_pass_speeds(run: ProjectedRun) -> Array:
@@ -222,10 +190,8 @@ def _is_edge_first(run: ProjectedRun, width_m: float) -> bool | None:
     if run.outline is None:
         return None
     distance_m = shapely.distance(run.outline.boundary, shapely.points(run.xy))
-    edge, inner = (
-        run.is_working & (distance_m < EDGE_WIDTHS * width_m),
-        run.is_working & (distance_m > INNER_WIDTHS * width_m),
-    )
+    edge = run.is_working & (distance_m < EDGE_WIDTHS * width_m)
+    inner = run.is_working & (distance_m > INNER_WIDTHS * width_m)
     if min(int(edge.sum()), int(inner.sum())) < MIN_SHARE * max(int(run.is_working.sum()), 1):
         return None
     return bool(run.time_s[edge].mean() < run.time_s[inner].mean())

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
 
 from fields.documents.reader import read_field
-from fields.geometry.geodesy import project
 from fields.text_files import count_noun
 from planner.errors import HeadlandError, RequestError
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
-from planner.task_logs.example_logs import locate_antenna
+from planner.task_logs.example_logs import find_work_state, locate_antenna
 from planner.task_logs.runs.phases import find_true_segments, summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
-from planner.task_logs.runs.run_records import Array, ProjectedRun, compute_course_deg, compute_speeds
+from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
 from planner.task_logs.runs.worked_ground import measure_coverage, trace_tool_lines
 from reports.task_logs.run_results import (
     STANDING,
@@ -28,12 +27,9 @@ from reports.task_logs.run_results import (
     ComparisonSide,
     GroundCoverage,
     PlanComparison,
-    Points,
     RunFigures,
     TimeDifference,
 )
-from vehicle.missions.plan import LEAVE
-from vehicle.records import WORKING as AT_WORK
 
 NEAR_FIELD_M, MIN_INSIDE_SHARE = 20.0, 0.5
 """A run belongs to the field if more than this share of its positions is in it or this near."""
@@ -53,10 +49,13 @@ def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> Pla
         raise RequestError(
             "The plan is in local metres, but runs have a place on the earth; plan the field in longitude and latitude."
         )
-    projected_runs = [_reproject_run(run, crs) for run in runs]
+    projected_runs = [reproject_run(run, crs) for run in runs]
     planned = [build_planned_run(saved_run, tractor) for tractor in range(saved_run.saved.plan.tractors)]
     field, is_field_known = _find_compared_field(saved_run, projected_runs, planned)
-    field_runs = [run for run in projected_runs if _compute_inside_share(run, field) > MIN_INSIDE_SHARE]
+    near = field.buffer(NEAR_FIELD_M)
+    shapely.prepare(near)
+    shares = [float(shapely.contains_xy(near, *run.xy.T).mean()) for run in projected_runs]
+    field_runs = [run for run, share in zip(projected_runs, shares, strict=True) if share > MIN_INSIDE_SHARE]
     if not field_runs:
         name = saved_run.request.field_name
         raise RequestError(
@@ -69,7 +68,7 @@ def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> Pla
         for side_runs in (planned, field_runs)
     ]
     return PlanComparison(
-        name=_choose_comparison_name(field_runs, saved_run),
+        name=next((run.field for run in field_runs if run.field), Path(saved_run.request.field_name).stem),
         field_m2=float(field.area) if is_field_known else None,
         boundary=tuple(np.array(ring.coords)[:, :2] for ring in (field.exterior, *field.interiors))
         if is_field_known
@@ -94,35 +93,19 @@ def build_planned_run(saved_run: SavedPlanRun, tractor: int) -> ProjectedRun:
         np.append(np.arange(0, min(end_row + 1, len(run.time_s)), ROW_STEP), min(end_row, len(run.time_s) - 1))
     )
     xy = locate_antenna(saved_run, tractor)[rows] + np.array(saved_run.saved.origin_m)
-    legs = run.plan.missions[tractor].legs
-    implement_down = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
-    is_working = implement_down[np.minimum(run.get_leg_numbers(tractor)[rows], len(legs) - 1)] & (
-        run.get_statuses(tractor)[rows] == AT_WORK
-    )
     time_s = run.time_s[rows]
     return ProjectedRun(
-        f"tractor {tractor + 1}",
-        PLAN_FORMAT,
-        saved_run.saved.crs or "",
-        time_s,
-        xy,
-        compute_course_deg(xy),
-        compute_speeds(time_s, xy),
-        is_working,
+        name=f"tractor {tractor + 1}",
+        log_format=PLAN_FORMAT,
+        crs=saved_run.saved.crs or "",
+        time_s=time_s,
+        xy=xy,
+        heading_deg=compute_course_deg(xy),
+        speed_mps=compute_speeds(time_s, xy),
+        is_working=find_work_state(saved_run, tractor)[rows],
         width_m=saved_run.request.width_m,
         field=saved_run.request.field_name,
     )
-
-
-def _reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
-    """A run in another projected coordinate system."""
-    if run.crs == crs:
-        return run
-    xy = project(run.xy, run.crs, crs)
-    outline = run.outline
-    if outline is not None:
-        outline = shapely.transform(outline, lambda points: project(points, run.crs, crs))
-    return replace(run, crs=crs, xy=xy, heading_deg=compute_course_deg(xy), outline=outline)
 
 
 def _find_compared_field(
@@ -145,16 +128,6 @@ def _find_compared_field(
     return hull, False
 
 
-def _compute_inside_share(run: ProjectedRun, field: shapely.Polygon) -> float:
-    near = field.buffer(NEAR_FIELD_M)
-    shapely.prepare(near)
-    return float(shapely.contains_xy(near, run.xy[:, 0], run.xy[:, 1]).mean())
-
-
-def _choose_comparison_name(runs: Sequence[ProjectedRun], saved_run: SavedPlanRun) -> str:
-    return next((run.field for run in runs if run.field), Path(saved_run.request.field_name).stem)
-
-
 def _build_comparison_side(
     runs: Sequence[ProjectedRun], field: shapely.Polygon, width_m: float, tool_offset_m: float, is_field_known: bool
 ) -> ComparisonSide:
@@ -164,66 +137,42 @@ def _build_comparison_side(
     covered: GroundCoverage | None = (
         measure_coverage(runs, field, width, tool_offset_m) if is_field_known and has_work_state else None
     )
+    idle_lines = [
+        run.xy[max(first - 1, 0) : last + 1] for run in runs for first, last in find_true_segments(~run.is_working)
+    ]
     return ComparisonSide(
         len(runs),
         _sum_figures([summarise_run(run) for run in runs]),
         tuple(line for run in runs for line in trace_tool_lines(run, 0.0)) if has_work_state else (),
-        tuple(line for run in runs for line in _iterate_idle_lines(run)),
+        tuple(line for line in idle_lines if len(line) > 1),
         covered,
     )
 
 
-def _iterate_idle_lines(run: ProjectedRun) -> Iterator[Points]:
-    for first, last in find_true_segments(~run.is_working):
-        line: Array = run.xy[max(first - 1, 0) : last + 1]
-        if len(line) > 1:
-            yield line
-
-
 def _sum_figures(figures: Sequence[RunFigures]) -> RunFigures:
-    """The combined figures of several runs: sums, and means over all of them."""
+    """The combined figures of several runs: sums, None if one is unknown, and means over all of them."""
+    names = (
+        "seconds", "active_m", "inactive_m", "counted_m", "placed_m", "area_m2", "lifts", "turns", "u_turns", "stops",
+        "stops_s", "fuel_l", "rows",
+    )  # fmt: skip
+    sums: dict[str, Any] = {}
+    for name in names:
+        values = [getattr(one, name) for one in figures]
+        sums[name] = None if None in values else sum(values)
     by_kind_s = {kind: sum(one.by_kind_s[kind] for one in figures) for kind in figures[0].by_kind_s}
-    active_m = _sum_if_complete([one.active_m for one in figures])
-    turning = [one for one in figures if one.turning_mps]
+    active_m, working_s = sums["active_m"], by_kind_s[WORKING]
     u_turns = [(one.u_turns or 0, one.u_turn_s) for one in figures if one.u_turn_s is not None]
+    turning = [(one.by_kind_s[TURNING], one.turning_mps) for one in figures if one.turning_mps]
+    turning_s = sum(seconds for seconds, _ in turning)
     return RunFigures(
-        seconds=sum(one.seconds for one in figures),
+        **sums,
         by_kind_s=by_kind_s,
-        active_m=active_m,
-        inactive_m=_sum_if_complete([one.inactive_m for one in figures]),
-        counted_m=_sum_if_complete([one.counted_m for one in figures]),
-        placed_m=sum(one.placed_m for one in figures),
-        area_m2=_sum_if_complete([one.area_m2 for one in figures]),
         area_counted=all(one.area_counted for one in figures),
-        lifts=_sum_counts_if_complete([one.lifts for one in figures]),
-        turns=_sum_counts_if_complete([one.turns for one in figures]),
-        u_turns=_sum_counts_if_complete([one.u_turns for one in figures]),
         u_turn_s=sum(n * s for n, s in u_turns) / sum(n for n, _ in u_turns) if u_turns else None,
-        stops=sum(one.stops for one in figures),
-        stops_s=sum(one.stops_s for one in figures),
-        working_mps=active_m / by_kind_s[WORKING] if active_m and by_kind_s[WORKING] else None,
-        turning_mps=_average_turning_mps(turning),
-        fuel_l=_sum_if_complete([one.fuel_l for one in figures]),
+        working_mps=active_m / working_s if active_m and working_s else None,
+        turning_mps=sum(seconds * mps for seconds, mps in turning) / turning_s if turning_s else None,
         width_m=figures[0].width_m,
-        rows=sum(one.rows for one in figures),
     )
-
-
-def _average_turning_mps(figures: Sequence[RunFigures]) -> float | None:
-    weights = [one.by_kind_s[TURNING] for one in figures]
-    if not sum(weights):
-        return None
-    return sum(w * (one.turning_mps or 0.0) for w, one in zip(weights, figures, strict=True)) / sum(weights)
-
-
-def _sum_if_complete(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) if len(known) == len(values) else None
-
-
-def _sum_counts_if_complete(values: Sequence[int | None]) -> int | None:
-    known = [value for value in values if value is not None]
-    return sum(known) if len(known) == len(values) else None
 
 
 def _find_time_differences(planned: RunFigures, as_driven: RunFigures) -> Iterator[TimeDifference]:
@@ -240,58 +189,31 @@ def _find_time_differences(planned: RunFigures, as_driven: RunFigures) -> Iterat
     if has_turns:
         differences += [
             TimeDifference(TRANSIT, travel_s, "on paths longer than a turn"),
-            *_split_difference_by_activity(planned, as_driven),
+            *_split_by_amount_and_pace(WORKING, planned, as_driven),
+            *_split_by_amount_and_pace(TURNING, planned, as_driven),
         ]
     else:
         differences.append(TimeDifference("moving", as_driven.moving_s - planned.moving_s, "moving, working or not"))
     yield from sorted((one for one in differences if abs(one.seconds) >= 1.0), key=lambda one: -abs(one.seconds))
 
 
-def _split_difference_by_activity(planned: RunFigures, as_driven: RunFigures) -> Iterator[TimeDifference]:
-    """Differences by amount and by pace, at work and in turns."""
-    yield from _split_by_amount_and_pace(
-        WORKING,
-        planned,
-        as_driven,
-        (planned.active_m, as_driven.active_m),
-        "{driven:.0f} m at work, planned {planned:.0f} m",
-        "at work {driven:.1f} km/h, planned {planned:.1f} km/h",
-    )
-    yield from _split_by_amount_and_pace(
-        TURNING,
-        planned,
-        as_driven,
-        (planned.turns, as_driven.turns),
-        "{driven:.0f} turns, planned {planned:.0f}",
-        "{driven:.0f} s per turn, planned {planned:.0f} s",
-    )
-
-
-def _split_by_amount_and_pace(
-    kind: str,
-    planned: RunFigures,
-    as_driven: RunFigures,
-    counts: tuple[float | None, float | None],
-    amount_text: str,
-    pace_text: str,
-) -> Iterator[TimeDifference]:
-    """Differences by amount and by pace; a single difference if either side has no such work."""
-    (planned_count, driven_count), (planned_s, driven_s) = counts, (planned.by_kind_s[kind], as_driven.by_kind_s[kind])
+def _split_by_amount_and_pace(kind: str, planned: RunFigures, as_driven: RunFigures) -> Iterator[TimeDifference]:
+    """Differences at work or in turns by amount and by pace; a single one if either side has no such work."""
+    is_work = kind == WORKING
+    planned_count, driven_count = ((side.active_m if is_work else side.turns) for side in (planned, as_driven))
+    planned_s, driven_s = planned.by_kind_s[kind], as_driven.by_kind_s[kind]
     if not planned_count or not driven_count or not planned_s or not driven_s:
         yield TimeDifference(kind, driven_s - planned_s, f"time {kind}")
         return
     planned_pace, driven_pace = planned_s / planned_count, driven_s / driven_count
-    yield TimeDifference(
-        kind,
-        (driven_count - planned_count) * planned_pace,
-        amount_text.format(driven=driven_count, planned=planned_count),
-    )
-    shown_paces = (3.6 / driven_pace, 3.6 / planned_pace) if kind == WORKING else (driven_pace, planned_pace)
-    yield TimeDifference(
-        kind,
-        driven_count * (driven_pace - planned_pace),
-        pace_text.format(driven=shown_paces[0], planned=shown_paces[1]),
-    )
+    if is_work:
+        amounts = f"{driven_count:.0f} m at work, planned {planned_count:.0f} m"
+        paces = f"at work {3.6 / driven_pace:.1f} km/h, planned {3.6 / planned_pace:.1f} km/h"
+    else:
+        amounts = f"{driven_count:.0f} turns, planned {planned_count:.0f}"
+        paces = f"{driven_pace:.0f} s per turn, planned {planned_pace:.0f} s"
+    yield TimeDifference(kind, (driven_count - planned_count) * planned_pace, amounts)
+    yield TimeDifference(kind, driven_count * (driven_pace - planned_pace), paces)
 
 
 def _list_comparison_notes(

@@ -13,8 +13,7 @@ import numpy as np
 import shapely
 
 from fields.terrain.elevation_grid import ElevationGrid
-from fields.terrain.point_grids import build_point_grid
-from fields.terrain.track_levels import level_tracks
+from fields.terrain.point_grids import build_point_grid, level_tracks
 from fields.text_files import count_noun
 from planner.task_logs.runs.run_records import Array, ProjectedRun, reproject_run
 from vehicle.identification.errors import LogError

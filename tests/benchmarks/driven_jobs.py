@@ -13,13 +13,15 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from planner.task_logs.log_import import import_runs, read_task_logs
 from planner.task_logs.runs.phases import LoggedTurn, classify_phases, summarise_run
-from planner.task_logs.runs.run_records import ProjectedRun, project_run, scale_run_east_west
+from planner.task_logs.runs.run_records import Array, ProjectedRun, project_run
 from reports.task_logs.run_results import RunFigures
 
 NAMES = ("ha", "min", "stops min", "m/s", "active km", "inactive km", "lifts", "fuel l")
@@ -44,6 +46,18 @@ def ours(run: ProjectedRun, what: RunFigures) -> list[float]:
         (run.outline_m2 or 0.0) / 1e4, what.seconds / 60, what.stops_s / 60, what.working_mps or 0.0,
         (what.active_m or 0.0) / 1e3, (what.inactive_m or 0.0) / 1e3, float(what.lifts or 0), what.fuel_l or 0.0,
     ]  # fmt: skip
+
+
+def scale_run_east_west(run: ProjectedRun, factor: float) -> ProjectedRun:
+    """The run with its east-west extent scaled about the middle of its field, to undo anonymised positions."""
+    if run.outline is None:
+        return run
+    middle = np.array(run.outline.centroid.coords[0])
+
+    def scale_points(points: Array) -> Array:
+        return np.asarray(middle + (points - middle) * (factor, 1.0))
+
+    return replace(run, xy=scale_points(run.xy), outline=shapely.transform(run.outline, scale_points))
 
 
 def lines(runs: list[ProjectedRun], table: dict[str, list[float]]) -> Iterator[str]:

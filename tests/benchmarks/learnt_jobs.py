@@ -28,7 +28,8 @@ from planner.task_logs.farm_learning import learn_farm_values
 from planner.task_logs.log_import import import_runs
 from planner.task_logs.runs.phases import summarise_run
 from planner.task_logs.runs.run_files import load_imported_run
-from planner.task_logs.runs.run_records import ProjectedRun, scale_run_east_west
+from planner.task_logs.runs.run_records import ProjectedRun
+from tests.benchmarks.driven_jobs import scale_run_east_west
 
 
 def planned_s(run: ProjectedRun, farm: FarmFile) -> float:

@@ -50,7 +50,7 @@ def test_readme_and_guide_show_every_command() -> None:
 def write_hill(field: Field, path: Path) -> None:
     """A raster of a field that rises by 3 % to the east, with a hill of 2 m in the middle."""
     from fields.terrain.elevation_grid import ElevationGrid, lay_nodes
-    from fields.terrain.raster_writer import render_raster
+    from fields.terrain.rasters import render_raster
 
     frame = lay_nodes(field.boundary, 5.0, 400.0)
     x, y = frame.list_places().T

@@ -8,14 +8,14 @@ from fields import FieldError, list_fields, read_field
 from fields.documents import sources
 from fields.documents.sources import FIELD_FORMATS, FOREIGN_EXTENSIONS, find_field_format
 from fields.formats import geojson, shapefile
-from fields.raw_document import FieldDocument, FieldFormat, RawPolygon
+from fields.raw_document import FieldDocument, FieldFormat, RawShape
 
 
 def squares(path: str, label: str) -> FieldDocument:
     """A toy form: a side in metres a line, a square each."""
     sides = [float(line) for line in Path(path).read_text().split()]
     rings = [[[[0, 0], [side, 0], [side, side], [0, side], [0, 0]]] for side in sides]
-    polygons = tuple(RawPolygon(ring, (f"square-{number}",), {}) for number, ring in enumerate(rings))
+    polygons = tuple(RawShape("Polygon", ring, (f"square-{number}",), {}) for number, ring in enumerate(rings))
     return FieldDocument(polygons, (), (), None, "local_metres", {}, "drawn")
 
 

@@ -96,9 +96,9 @@ def test_a_time_needs_a_start() -> None:
         ("time\n", "0 members"),
         ("time,x\n,1\n,2\n", "2 members, 0 of them with rain"),
         ("time\nsoon\n", "write hh:mm"),
-        ("hours\n-2\n", "hours '-2' in row 2 of x.csv"),
-        ("member,time\n1,17:00\n2,25:10\n", "'25:10' in row 3 of x.csv"),
-        ("time\n17:00\ndry\n2026-13-01T10:00\n", "'2026-13-01T10:00' in row 4 of x.csv"),
+        ("hours\n-2\n", "x.csv has the hours '-2' in line 2"),
+        ("member,time\n1,17:00\n2,25:10\n", "x.csv has the time '25:10' in line 3"),
+        ("time\n17:00\ndry\n2026-13-01T10:00\n", "x.csv has the time '2026-13-01T10:00' in line 4"),
     ],
 )
 def test_a_file_without_times_is_refused(text: str, words: str) -> None:

@@ -77,9 +77,9 @@ def test_what_is_no_rain_is_refused(values: dict[str, object], sentence: str) ->
 
 @pytest.mark.parametrize(("text", "sentence"), [
     ("day\n1\n", "has no column rain_mm"),
-    ("rain_mm\n1\nmuch\n", "Line 3 of the"),
+    ("rain_mm\n1\nmuch\n", "has the rain_mm 'much' in line 3; give a number from 0 to 1000"),
     ("rain_mm\n", "has 0 days"),
-    ("rain_mm,et0_mm\n1,50\n", "which is no number from 0 to 20"),
+    ("rain_mm,et0_mm\n1,50\n", "has the et0_mm '50' in line 2; give a number from 0 to 20"),
 ])  # fmt: skip
 def test_a_fault_of_a_file_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "rain.csv"

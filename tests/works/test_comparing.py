@@ -38,7 +38,10 @@ def straight(*xs: float) -> ProjectedRun:
     xy = np.concatenate([np.column_stack([np.full(101, x), np.arange(101.0)]) for x in xs])
     works = np.tile(np.append(np.ones(100, dtype=bool), False), len(xs))
     time_s = np.arange(float(len(xy)))
-    return ProjectedRun("by hand", "CSV", "EPSG:32633", time_s, xy, np.zeros(len(xy)), np.ones(len(xy)), works)
+    return ProjectedRun(
+        name="by hand", log_format="CSV", crs="EPSG:32633", time_s=time_s, xy=xy, heading_deg=np.zeros(len(xy)),
+        speed_mps=np.ones(len(xy)), is_working=works,
+    )  # fmt: skip
 
 
 def test_ground_by_hand() -> None:

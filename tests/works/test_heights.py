@@ -9,8 +9,8 @@ import pytest
 from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from fields.terrain.elevation import read_elevation
-from fields.terrain.raster_writer import list_raster_files, render_raster
-from fields.terrain.track_levels import level_tracks
+from fields.terrain.point_grids import level_tracks
+from fields.terrain.rasters import list_raster_files, render_raster
 from planner.task_logs.log_import import import_runs
 from planner.task_logs.run_heights import build_run_heights
 from planner.task_logs.runs.run_files import load_imported_runs

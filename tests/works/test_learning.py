@@ -20,7 +20,6 @@ from planner.request.plan_request import PlanRequest
 from planner.task_logs.farm_learning import TurnSpeedFit, learn_farm_values
 from planner.task_logs.log_import import import_runs
 from planner.task_logs.observations import (
-    compute_mean,
     compute_variation_coefficient,
     estimate_hourly_rate,
     estimate_share,
@@ -203,7 +202,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     inside = 0
     for _ in range(60):
         runs = {str(run): 10.0 + draw.normal(0.0, 1.0) + draw.normal(0.0, 2.0, 20) for run in range(20)}
-        found = estimate_statistic(runs, compute_mean, 5)
+        found = estimate_statistic(runs, np.mean, 5)
         assert found is not None and found.events == 400
         inside += found.low <= 10.0 <= found.high
     assert 50 <= inside <= 60  # 95 % of 60 are 57, with a deviation of 1.7; a bootstrap of few runs is a little narrow
@@ -211,7 +210,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 
 def test_estimates_by_hand() -> None:
     assert compute_variation_coefficient(np.array([1.0, 3.0])) == pytest.approx(math.sqrt(2.0) / 2.0)
-    assert estimate_statistic({"a": np.array([1.0])}, compute_mean, 2) is None
+    assert estimate_statistic({"a": np.array([1.0])}, np.mean, 2) is None
     one = estimate_hourly_rate({"a": (0, 2.0)})
     # None in two hours: up to -ln(0.025) / 2 an hour.
     assert one is not None and (one.value, one.low) == (0.0, 0.0) and one.high == pytest.approx(-math.log(0.025) / 2.0)

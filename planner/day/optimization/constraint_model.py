@@ -9,19 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from planner.day.optimization.problem import HASTE_COST_PER_S, DayProblem, Routes
+from planner.day.optimization.problem import HASTE_COST_PER_S, DayProblem, DayProof, Routes
 
 MAX_TOTAL_UNITS = 10**14  # for all costs of a day
 MAX_UNITS_PER_MONEY = 10**8
 SOLVER_SEED = 1
-
-
-@dataclass(frozen=True)
-class ConstraintProof:
-    """The best routes found, if any, and the lower bound of the cost."""
-
-    routes: Routes | None
-    lower_bound: float
 
 
 @dataclass(eq=False)
@@ -42,7 +34,7 @@ class _ConstraintModel:
         return round(value * self.units_per_money)
 
 
-def solve_exactly(problem: DayProblem, hint: Routes, effort_s: float) -> ConstraintProof:
+def solve_exactly(problem: DayProblem, hint: Routes, effort_s: float) -> DayProof:
     """The best day within an effort (deterministic seconds), starting from known routes."""
     from ortools.sat.python import cp_model
 
@@ -59,8 +51,8 @@ def solve_exactly(problem: DayProblem, hint: Routes, effort_s: float) -> Constra
     solver.parameters.max_deterministic_time = effort_s
     status = solver.solve(model.cp)
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
-        return ConstraintProof(None, 0.0)
-    return ConstraintProof(_extract_routes(model, solver), solver.best_objective_bound / model.units_per_money)
+        return DayProof(None, 0.0)
+    return DayProof(_extract_routes(model, solver), solver.best_objective_bound / model.units_per_money)
 
 
 def _choose_units(problem: DayProblem) -> float:

@@ -59,7 +59,11 @@ def compute_lower_bound(problem: DayProblem, known_cost: float, least_costs: Seq
     """A lower bound of the cost of a day, from the cost of a known day and the least cost of every field."""
     if not problem.field_count or not math.isfinite(known_cost) or problem.home_by_s < problem.begin_s:
         return sum(least_costs)
-    fleets, memory = _group_fleets(problem), _build_route_memory(problem)
+    kinds: dict[object, list[int]] = {}
+    for number in range(problem.fleet_count):
+        kinds.setdefault(problem.get_fleet_kind(number), []).append(number)
+    fleets = [_build_fleet_tables(problem, alike[0], len(alike)) for alike in kinds.values()]
+    memory = _build_route_memory(problem)
     skip_cost = np.array(problem.skip_cost)
     home_s = problem.home_by_s - problem.begin_s
     # Every field takes at least one grain.
@@ -92,23 +96,11 @@ def compute_lower_bound(problem: DayProblem, known_cost: float, least_costs: Seq
             continue
         direction = missing + MOMENTUM * direction
         size = float(direction @ direction)
-        if (
-            known_cost - highest <= NEGLIGIBLE_GAP * known_cost
-            or size == 0.0
-            or stride < MIN_STRIDE
-            or steps > MAX_STEPS
-        ):
+        is_close = known_cost - highest <= NEGLIGIBLE_GAP * known_cost
+        if is_close or size == 0.0 or stride < MIN_STRIDE or steps > MAX_STEPS:
             break
         prices = prices + stride * (known_cost - value) / size * direction
     return highest
-
-
-def _group_fleets(problem: DayProblem) -> list[_FleetTables]:
-    """The kinds of fleets with their tables."""
-    kinds: dict[object, list[int]] = {}
-    for fleet in range(problem.fleet_count):
-        kinds.setdefault(problem.get_fleet_kind(fleet), []).append(fleet)
-    return [_build_fleet_tables(problem, alike[0], len(alike)) for alike in kinds.values()]
 
 
 def _build_fleet_tables(problem: DayProblem, fleet: int, count: int) -> _FleetTables:
@@ -135,7 +127,10 @@ def _build_route_memory(problem: DayProblem) -> _RouteMemory:
     """The memory at every field: itself and the fields nearest to it."""
     count = problem.field_count
     memory_size = min(REMEMBERED_FIELDS, count)
-    nearest = [_sort_by_nearness(problem, field) for field in range(count)]
+    nearest = []
+    for field in range(count):
+        travel_s = problem.travel_s[0][field]
+        nearest.append(sorted(range(count), key=lambda one: (-1 if one == field else travel_s[one], one)))
     slot = np.full((count, count), -1, dtype=np.int64)
     for field, order in enumerate(nearest):
         slot[field, order[:memory_size]] = np.arange(memory_size)
@@ -148,12 +143,6 @@ def _build_route_memory(problem: DayProblem) -> _RouteMemory:
                     next_mask[a, b] |= (masks >> slot[a, neighbour] & 1) << slot[b, neighbour]
             next_mask[a, b] |= 1 << slot[b, b]
     return _RouteMemory(slot, next_mask)
-
-
-def _sort_by_nearness(problem: DayProblem, field: int) -> list[int]:
-    """All fields by travel time from one of them, itself first."""
-    travel_s = problem.travel_s[0][field]
-    return sorted(range(problem.field_count), key=lambda other: (-1 if other == field else travel_s[other], other))
 
 
 @compile_function

@@ -14,6 +14,7 @@ from functools import cached_property
 HASTE_COST_PER_S = 1e-6  # money per second and field, so that of equally expensive days the earlier one is better
 COST_TOLERANCE = 1e-9  # money; smaller differences count as equal
 Route = tuple[int, ...]
+Routes = tuple[Route, ...]
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,12 @@ class DayProblem:
         """Expected cost of a fleet's day with haste; None if the route is not feasible."""
         key = fleet, route
         if key not in self._cost_cache:
-            starts = self.schedule_starts(fleet, route)
-            self._cost_cache[key] = None if starts is None else self._compute_schedule_cost(fleet, route, starts)
+            starts, cost = self.schedule_starts(fleet, route), None
+            if starts is not None:
+                jobs = zip(route, starts, strict=True)
+                work_cost = sum(self.compute_job_cost(fleet, field, start) for field, start in jobs)
+                cost = work_cost + self.compute_travel_cost(fleet, route)
+            self._cost_cache[key] = cost
         return self._cost_cache[key]
 
     def compute_job_cost(self, fleet: int, field: int, start_s: int) -> float:
@@ -105,10 +110,6 @@ class DayProblem:
         work = self.work_s[fleet][field] or 1
         lost = self.value_at_risk[field] * self.rain.estimate_undone_share(start_s, work)
         return self.work_cost[fleet][field] + lost + HASTE_COST_PER_S * (start_s + work - self.begin_s)
-
-    def _compute_schedule_cost(self, fleet: int, route: Route, starts: list[int]) -> float:
-        jobs = sum(self.compute_job_cost(fleet, field, start) for field, start in zip(route, starts, strict=True))
-        return jobs + self.compute_travel_cost(fleet, route)
 
     def compute_travel_cost(self, fleet: int, route: Route) -> float:
         """Travel cost of a route, with the return."""
@@ -129,12 +130,17 @@ class DayProblem:
         return total
 
 
-def make_empty_routes(problem: DayProblem) -> tuple[Route, ...]:
+@dataclass(frozen=True)
+class DayProof:
+    """What a proof found: better routes (None: none or no better), and a lower bound of the cost."""
+
+    routes: Routes | None
+    lower_bound: float
+
+
+def make_empty_routes(problem: DayProblem) -> Routes:
     """A day on which no fleet works."""
     return ((),) * problem.fleet_count
-
-
-Routes = tuple[Route, ...]
 
 
 @dataclass(frozen=True)

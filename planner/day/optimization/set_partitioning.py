@@ -14,21 +14,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.day.optimization.problem import DayProblem, Route, Routes
+from planner.day.optimization.problem import DayProblem, DayProof, Route
 
 MAX_LABELS = 150_000  # of all fleets, at about 10 microseconds each
 COST_ROUNDING = 1e-6  # money, rounding error of sums
 MAX_ROUTES, MAX_NODES = 40_000, 200
-
-
-@dataclass(frozen=True)
-class RouteChoice:
-    """The best choice of routes (None: none is better than the known day), and the lower bound of the cost."""
-
-    routes: Routes | None
-    lower_bound: float
 
 
 @dataclass(order=True, frozen=True)
@@ -51,7 +42,7 @@ class _RouteEnumeration:
     best_routes: dict[int, tuple[float, Route]] = field(default_factory=dict)
 
 
-def choose_routes(problem: DayProblem, known_cost: float, least_costs: Sequence[float]) -> RouteChoice | None:
+def choose_routes(problem: DayProblem, known_cost: float, least_costs: Sequence[float]) -> DayProof | None:
     """The best routes and the bound, None with too many routes; `least_costs[f]` is the least cost of field f."""
     tables: dict[Any, dict[int, tuple[float, Route]]] = {}
     kinds, remaining_labels = [], MAX_LABELS
@@ -70,9 +61,8 @@ def _enumerate_routes(growth: _RouteEnumeration, fleet: int) -> bool:
     """Find all useful routes of a fleet by their fields; returns whether their number is within limits."""
     problem, least_total = growth.problem, sum(growth.least_costs)
     layer: dict[tuple[int, int], list[_PartialRoute]] = {}
-    for last, label, spare in _extend_label(
-        growth, fleet, _PartialRoute(problem.begin_s, 0.0, ()), problem.field_count, least_total
-    ):
+    empty = _PartialRoute(problem.begin_s, 0.0, ())
+    for last, label, spare in _extend_label(growth, fleet, empty, problem.field_count, least_total):
         if label.cost + spare <= growth.cost_limit:
             layer[1 << last, last] = [label]
     while layer:
@@ -102,11 +92,8 @@ def _extend_label(
             continue
         start_s = problem.find_earliest_start(number, label.done_s + problem.travel_s[fleet][place][number], work_s)
         if start_s is not None and start_s + work_s <= problem.home_by_s:
-            cost = (
-                label.cost
-                + problem.travel_cost[fleet][place][number]
-                + problem.compute_job_cost(fleet, number, start_s)
-            )
+            cost = label.cost + problem.travel_cost[fleet][place][number]
+            cost += problem.compute_job_cost(fleet, number, start_s)
             longer = _PartialRoute(start_s + work_s, cost, (*label.route, number))
             yield number, longer, spare - growth.least_costs[number]
 
@@ -115,10 +102,8 @@ def _store_complete_route(growth: _RouteEnumeration, fleet: int, mask: int, labe
     """Store the route with its return if it is the best one for its fields."""
     problem, last = growth.problem, label.route[-1]
     cost = label.cost + problem.travel_cost[fleet][last][problem.field_count]
-    if (
-        label.done_s + problem.travel_s[fleet][last][problem.field_count] > problem.home_by_s
-        or cost + spare > growth.cost_limit
-    ):
+    home_s = label.done_s + problem.travel_s[fleet][last][problem.field_count]
+    if home_s > problem.home_by_s or cost + spare > growth.cost_limit:
         return
     if mask not in growth.best_routes or (cost, label.route) < growth.best_routes[mask]:
         growth.best_routes[mask] = cost, label.route
@@ -132,7 +117,7 @@ def _add_undominated(labels: list[_PartialRoute], candidate: _PartialRoute) -> N
     labels.append(candidate)
 
 
-def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[float, Route]]]) -> RouteChoice | None:
+def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[float, Route]]]) -> DayProof | None:
     """The best choice of routes: a column for skipping each field, then one per fleet and route."""
     from scipy.optimize import Bounds, LinearConstraint, milp
     from scipy.sparse import csc_matrix
@@ -159,18 +144,10 @@ def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[f
     lower_bound = solution.mip_dual_bound
     if lower_bound is None or not math.isfinite(lower_bound):
         return None
-    routes = (
-        None if solution.x is None else tuple(_extract_routes(columns, solution.x[count:] > 0.5, problem.fleet_count))
-    )
-    return RouteChoice(routes, float(lower_bound))
-
-
-def _extract_routes(
-    columns: Sequence[tuple[int, float, Route]], picked: npt.NDArray[np.bool_], fleets: int
-) -> list[Route]:
-    """The route of every fleet."""
-    routes: list[Route] = [()] * fleets
-    for column in np.flatnonzero(picked).tolist():
+    if solution.x is None:
+        return DayProof(None, float(lower_bound))
+    routes: list[Route] = [()] * problem.fleet_count
+    for column in np.flatnonzero(solution.x[count:] > 0.5).tolist():
         fleet, _, route = columns[column]
         routes[fleet] = route
-    return routes
+    return DayProof(tuple(routes), float(lower_bound))

@@ -13,8 +13,15 @@ import numpy as np
 
 from planner.day.optimization.constraint_model import solve_exactly
 from planner.day.optimization.lagrangian_bound import compute_lower_bound
-from planner.day.optimization.problem import COST_TOLERANCE, DayProblem, Routes, make_empty_routes, repair_routes
-from planner.day.optimization.set_partitioning import RouteChoice, choose_routes
+from planner.day.optimization.problem import (
+    COST_TOLERANCE,
+    DayProblem,
+    DayProof,
+    Routes,
+    make_empty_routes,
+    repair_routes,
+)
+from planner.day.optimization.set_partitioning import choose_routes
 from planner.risk.random_events import create_generator
 
 DEFAULT_EFFORT = 1_600_000  # priced routes, most of them cached: a second or two
@@ -31,7 +38,10 @@ def search_routes(
     options = [repair_routes(problem, make_empty_routes(problem), all_fields, regret) for regret in (True, False)]
     options += [] if start is None else [start]
     best = current = min(options, key=lambda routes: _compute_cost_or_inf(problem, routes))
-    random, iterations = create_generator(seed, "day"), _count_iterations(problem, effort)
+    removed_count = _compute_max_removed(problem)
+    priced = removed_count * (removed_count + 1) // 2 * (problem.field_count + problem.fleet_count)  # in an iteration
+    iterations = max(MIN_ITERATIONS, min(MAX_ITERATIONS, effort // max(priced, 1)))
+    random = create_generator(seed, "day")
     for iteration in range(iterations):
         removed = _choose_removed_fields(problem, current, random)
         partial_routes = tuple(tuple(field for field in route if field not in removed) for route in current)
@@ -50,13 +60,6 @@ def _compute_cost_or_inf(problem: DayProblem, routes: Routes) -> float:
     """Cost of a day, infinite if it is not feasible."""
     cost = problem.compute_day_cost(routes)
     return math.inf if cost is None else cost
-
-
-def _count_iterations(problem: DayProblem, effort: int) -> int:
-    """Number of iterations for an effort in priced routes."""
-    removed = _compute_max_removed(problem)
-    routes_per_iteration = removed * (removed + 1) // 2 * (problem.field_count + problem.fleet_count)
-    return max(MIN_ITERATIONS, min(MAX_ITERATIONS, effort // max(routes_per_iteration, 1)))
 
 
 def _compute_max_removed(problem: DayProblem) -> int:
@@ -102,30 +105,25 @@ def solve_day(problem: DayProblem, *, seed: int = 1, exact_fields: int = EXACT_F
     is_few = problem.field_count <= exact_fields
     routes = search_routes(problem, seed=seed, effort=EXACT_SEARCH_EFFORT if is_few else LARGE_SEARCH_EFFORT)
     least_costs = compute_least_costs(problem)
-    solution = DaySolution(
-        routes,
-        _compute_cost_or_inf(problem, routes),
-        _compute_optimality_gap_pct(_compute_cost_or_inf(problem, routes), sum(least_costs)),
-    )
+    cost = _compute_cost_or_inf(problem, routes)
+    solution = DaySolution(routes, cost, _compute_optimality_gap_pct(cost, sum(least_costs)))
     if is_few and solution.gap_pct > 0.0:
-        proof = solve_exactly(problem, solution.routes, EXACT_EFFORT_S)
-        solution = _improve_solution(problem, solution, RouteChoice(proof.routes, proof.lower_bound))
-    if solution.gap_pct > 0.0 and (choice := choose_routes(problem, solution.cost, least_costs)) is not None:
-        solution = _improve_solution(problem, solution, choice)
+        solution = _improve_solution(problem, solution, solve_exactly(problem, solution.routes, EXACT_EFFORT_S))
+    if solution.gap_pct > 0.0 and (proof := choose_routes(problem, solution.cost, least_costs)) is not None:
+        solution = _improve_solution(problem, solution, proof)
     if solution.gap_pct > 0.0:
-        solution = _improve_solution(
-            problem, solution, RouteChoice(None, compute_lower_bound(problem, solution.cost, least_costs))
-        )
+        bound = compute_lower_bound(problem, solution.cost, least_costs)
+        solution = _improve_solution(problem, solution, DayProof(None, bound))
     return solution
 
 
-def _improve_solution(problem: DayProblem, solution: DaySolution, choice: RouteChoice) -> DaySolution:
+def _improve_solution(problem: DayProblem, solution: DaySolution, proof: DayProof) -> DaySolution:
     """The solution improved by a proof: cheaper routes, a smaller gap."""
     routes, cost = solution.routes, solution.cost
-    if choice.routes is not None and _compute_cost_or_inf(problem, choice.routes) < cost - COST_TOLERANCE:
-        routes, cost = choice.routes, _compute_cost_or_inf(problem, choice.routes)
+    if proof.routes is not None and _compute_cost_or_inf(problem, proof.routes) < cost - COST_TOLERANCE:
+        routes, cost = proof.routes, _compute_cost_or_inf(problem, proof.routes)
     previous_bound = solution.cost * (1.0 - 0.01 * solution.gap_pct)
-    return DaySolution(routes, cost, _compute_optimality_gap_pct(cost, max(choice.lower_bound, previous_bound)))
+    return DaySolution(routes, cost, _compute_optimality_gap_pct(cost, max(proof.lower_bound, previous_bound)))
 
 
 def compute_least_costs(problem: DayProblem) -> list[float]:
@@ -133,24 +131,18 @@ def compute_least_costs(problem: DayProblem) -> list[float]:
     least_costs = []
     for field in range(problem.field_count):
         options = [problem.skip_cost[field]]
+        elsewhere = [place for place in range(problem.field_count + 1) if place != field]
         for fleet in range(problem.fleet_count):
             work_s = problem.work_s[fleet][field]
-            start_s = (
-                None
-                if work_s is None
-                else problem.find_earliest_start(field, _find_earliest_arrival_s(problem, fleet, field), work_s)
-            )
+            if work_s is None:
+                continue
+            arrives_s = problem.begin_s + min(problem.travel_s[fleet][place][field] for place in elsewhere)
+            start_s = problem.find_earliest_start(field, arrives_s, work_s)
             if start_s is not None:
-                prices = [row[field] for row in problem.travel_cost[fleet]]
-                travel_cost = min(price for place, price in enumerate(prices) if place != field)
+                travel_cost = min(problem.travel_cost[fleet][place][field] for place in elsewhere)
                 options.append(problem.compute_job_cost(fleet, field, start_s) + travel_cost)
         least_costs.append(min(options))
     return least_costs
-
-
-def _find_earliest_arrival_s(problem: DayProblem, fleet: int, field: int) -> int:
-    """The earliest arrival of a fleet at a field."""
-    return problem.begin_s + min(row[field] for place, row in enumerate(problem.travel_s[fleet]) if place != field)
 
 
 def _compute_optimality_gap_pct(cost: float, lower_bound: float) -> float:

@@ -29,8 +29,9 @@ def _read_paths(path: str, label: str) -> LogContents:
     runs, notes = [], []
     for field_file in [one for one in members if PurePosixPath(one).name.lower() == agopengps.FIELD_FILE]:
         folder = PurePosixPath(field_file).parent
-        paths = [one for one in members if PurePosixPath(one).parent == folder and _is_recorded_path(one)]
-        for name in paths:
+        for name in [one for one in members if PurePosixPath(one).parent == folder]:
+            if not PurePosixPath(name).name.lower().endswith((RECORDED_PATH_FILE, RECORDED_PATH_EXTENSION)):
+                continue
             try:
                 runs.append(_read_run(members, field_file, name, label))
             except (FieldError, LogError) as refusal:
@@ -40,13 +41,8 @@ def _read_paths(path: str, label: str) -> LogContents:
     return LogContents(tuple(runs), tuple(notes))
 
 
-def _is_recorded_path(name: str) -> bool:
-    last = PurePosixPath(name).name.lower()
-    return last == RECORDED_PATH_FILE or last.endswith(RECORDED_PATH_EXTENSION)
-
-
 def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -> LoggedRun:
-    plane = agopengps.read_plane(members[field_file], label)
+    plane = agopengps.parse_plane(agopengps.split_lines(members[field_file]), label)
     lines = agopengps.split_lines(members[name])
     rows, unread_lines = [], 0
     for line in lines:
@@ -64,14 +60,13 @@ def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -
     notes = [NO_CLOCK_NOTE, *([f"{count_noun(unread_lines, 'unreadable line')} skipped"] if unread_lines else [])]
     lonlat = np.array([plane.to_degrees(east, north) for east, north in table[:, :2]])
     folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
-    stem = PurePosixPath(name).stem
     run = LoggedRun(
-        stem,
-        "AgOpenGPS",
-        lonlat,
-        np.concatenate([[0.0], np.cumsum(duration_s)]),
-        speed,
-        table[:, 3] > 0.5,
+        name=PurePosixPath(name).stem,
+        log_format="AgOpenGPS",
+        lonlat=lonlat,
+        time_s=np.concatenate([[0.0], np.cumsum(duration_s)]),
+        speed_mps=speed,
+        is_working=table[:, 3] > 0.5,
         field=folder,
         outline=tuple(np.array(ring) for ring in agopengps.read_boundary_degrees(members, field_file, plane)),
         notes=tuple(notes),
@@ -88,8 +83,4 @@ def _parse_point(line: str) -> tuple[float, float, float, float] | None:
     return None if numbers is None else (numbers[0], numbers[1], numbers[3], float(last.lower() == "true"))
 
 
-def _has_field_file(names: frozenset[str]) -> bool:
-    return agopengps.FIELD_FILE in names
-
-
-LOG_FORMAT = LogFormat("AgOpenGPS", (), _read_paths, _has_field_file)
+LOG_FORMAT = LogFormat("AgOpenGPS", (), _read_paths, lambda names: agopengps.FIELD_FILE in names)

@@ -20,7 +20,7 @@ from fields.errors import FieldError
 from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.markup import parse_root
-from fields.text_files import count_noun
+from fields.text_files import count_noun, parse_number
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
@@ -36,17 +36,8 @@ from planner.task_logs.runs.run_records import (
 )
 from vehicle.identification.errors import LogError
 
-_POSITION_FIELDS = (
-    ("A", "i"),
-    ("B", "i"),
-    ("C", "i"),
-    ("D", "B"),
-    ("E", "H"),
-    ("F", "H"),
-    ("G", "B"),
-    ("H", "I"),
-    ("I", "H"),
-)
+_POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", "G": "B", "H": "I", "I": "H"}
+"""Parts of a position in a record, with the kind of their number (struct)."""
 SECONDS_PER_DAY = 86_400.0
 DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1e-3
@@ -89,7 +80,7 @@ def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
         time_element = next(time_element.iter("TIM"), time_element)
     position = time_element.find("PTN")
     attributes = {} if position is None else dict(position.attrib)
-    parts = [(key, kind) for key, kind in _POSITION_FIELDS if attributes.get(key) == ""]
+    parts = [(key, kind) for key, kind in _POSITION_FIELDS.items() if attributes.get(key) == ""]
     columns = tuple((each.get("A", "").upper().zfill(4), each.get("C", "")) for each in time_element.iter("DLV"))
     if len(columns) > MAX_COLUMNS:
         raise LogError(f"{label}.xml names {len(columns)} columns; a time log has at most {MAX_COLUMNS}.")
@@ -158,15 +149,6 @@ CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
 
 
-@dataclass(frozen=True, eq=False)
-class _Partfield:
-    """A partfield: its name, stated area and rings in degrees."""
-
-    name: str
-    area_m2: float | None
-    rings: tuple[Array, ...]
-
-
 @dataclass(frozen=True)
 class _ValuePresentation:
     """Conversion of a value for display by its device: (number + offset) x scale, and its unit."""
@@ -195,7 +177,7 @@ def _read_isoxml_logs(path: str, label: str) -> LogContents:
 def _read_runs(members: ArchiveMembers, taskdata_file: str, label: str, notes: list[str]) -> Iterator[LoggedRun]:
     """The runs of one TASKDATA.XML."""
     roots = list(isoxml.read_taskdata_roots(members, taskdata_file, label))
-    partfields = {one.get("A", ""): _parse_partfield(one) for root in roots for one in root.iter("PFD")}
+    partfields = {one.get("A", ""): one for root in roots for one in root.iter("PFD")}
     values = _read_presentations(roots)
     for task, name in _list_time_logs(roots):
         try:
@@ -204,8 +186,7 @@ def _read_runs(members: ArchiveMembers, taskdata_file: str, label: str, notes: l
             notes.append(f"{name} is skipped: {refusal}")
             continue
         partfield = partfields.get(task.get("E", ""))
-        if partfield is not None:
-            run = replace(run, field=partfield.name, outline=partfield.rings, outline_m2=partfield.area_m2)
+        run = run if partfield is None else _add_partfield(run, partfield)
         yield replace(run, field=run.field or (task.get("B") or "").strip())
 
 
@@ -223,15 +204,13 @@ def _list_time_logs(roots: list[Element]) -> Iterator[tuple[Element, str]]:
 def _read_run(
     members: ArchiveMembers, taskdata_file: str, name: str, values: dict[tuple[str, str], _ValuePresentation]
 ) -> LoggedRun:
-    header, records = (
-        members.read_member_beside(taskdata_file, f"{name}.xml"),
-        members.read_member_beside(taskdata_file, f"{name}.bin"),
-    )
-    for content, ending in ((header, "xml"), (records, "bin")):
+    contents = []
+    for ending in ("xml", "bin"):
+        content = members.read_member_beside(taskdata_file, f"{name}.{ending}")
         if content is None:
             raise LogError(f"{name}.{ending} is missing in the folder; copy the whole folder.")
-    log = parse_time_log(header or b"", records or b"", name)
-    notes = []
+        contents.append(content)
+    log, notes = parse_time_log(contents[0], contents[1], name), []
     if log.lost_bytes:
         rows = count_noun(len(log.time_s), "record")
         notes.append(f"{count_noun(log.lost_bytes, 'byte')} after {rows} skipped: not a complete record")
@@ -241,13 +220,13 @@ def _read_run(
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
     run = LoggedRun(
-        name,
-        "ISOXML",
-        lonlat,
-        time_s,
-        speed,
-        is_working,
-        _estimate_width_m(log),
+        name=name,
+        log_format="ISOXML",
+        lonlat=lonlat,
+        time_s=time_s,
+        speed_mps=speed,
+        is_working=is_working,
+        width_m=_estimate_width_m(log),
         counters=_compute_counter_rises(log),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
@@ -301,11 +280,8 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
 
 def _estimate_width_m(log: TimeLog) -> float | None:
     """The largest median width of an element, in metres; sections are parts of it."""
-    widths = [
-        np.median(column[column > 0])
-        for column in log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
-        if (column > 0).any()
-    ]
+    columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
+    widths = [np.median(column[column > 0]) for column in columns if (column > 0).any()]
     return float(max(widths)) * METRES_PER_MM if widths else None
 
 
@@ -365,14 +341,14 @@ def _parse_presentation(element: Element | None) -> _ValuePresentation | None:
         return None
 
 
-def _parse_partfield(element: Element) -> _Partfield:
-    try:
-        area_m2 = float(element.get("D") or "nan")
-    except ValueError:
-        area_m2 = float("nan")
-    name = (element.get("C") or "").strip() or element.get("A", "")
-    return _Partfield(
-        name, area_m2 if area_m2 > 0.0 else None, tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element))
+def _add_partfield(run: LoggedRun, element: Element) -> LoggedRun:
+    """The run with the name, outline and stated area of its field."""
+    area_m2 = parse_number(element.get("D"))
+    return replace(
+        run,
+        field=(element.get("C") or "").strip() or element.get("A", ""),
+        outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element)),
+        outline_m2=area_m2 if area_m2 > 0.0 else None,
     )
 
 

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+import shapely
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
-from fields.formats.gdal import SHAPEFILE_DRIVER, LayerTable, read_table, restrict_gdal_drivers
+from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
+from fields.text_files import parse_number
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import WGS84, Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
@@ -59,10 +60,10 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     elevation_m = _find_elevation_m(columns, metadata, notes)
     order = np.argsort(time_s, kind="stable")
     run = LoggedRun(
-        stem,
-        "Shapefile",
-        lonlat[order],
-        time_s[order],
+        name=stem,
+        log_format="Shapefile",
+        lonlat=lonlat[order],
+        time_s=time_s[order],
         is_working=None if works is None else works[order],
         width_m=_compute_median_width_m(columns, metadata),
         start=start,
@@ -74,43 +75,19 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
 
 
 def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:
-    """Columns by lower-case names, positions in degrees, and a note on the encoding."""
-    import shapely
-
-    table = _read_table(members, name)
+    """Columns by lower-case names, positions in degrees, and a note on the encoding; raises FieldError, LogError."""
+    parts = pack_component_files(find_component_files(members, name, "it"))
+    (table,) = read_tables(parts, "it", "a Shapefile", (SHAPEFILE_DRIVER,), with_heights=False)
     points = shapely.from_wkb(table.shapes, on_invalid="ignore")
-    geometry_types = {one.geom_type for one in points if one is not None}
-    if geometry_types != {"Point"}:
+    if {one.geom_type for one in points if one is not None} != {"Point"}:
         raise LogError("its shapes are not points; name the Shapefile of logged points.")
     lonlat = np.column_stack([shapely.get_x(points), shapely.get_y(points)])
     if table.crs is None:
         raise LogError("it has no .prj with its coordinate system; export it with one.")
     if not is_wgs84_longitude_latitude(table.crs):
-        lonlat = _convert_to_degrees(lonlat, table.crs)
+        is_finite = np.isfinite(lonlat).all(axis=1)
+        lonlat[is_finite] = project(lonlat[is_finite], table.crs, WGS84)
     return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
-
-
-def _read_table(members: ArchiveMembers, name: str) -> LayerTable:
-    """The table of a Shapefile, read with GDAL restricted to its driver; raises FieldError, LogError."""
-    from pyogrio.errors import DataLayerError, DataSourceError
-
-    parts = find_component_files(members, name, "it")
-    try:
-        with warnings.catch_warnings(), restrict_gdal_drivers(SHAPEFILE_DRIVER):
-            warnings.simplefilter("ignore")  # rows with unreadable numbers are dropped later
-            return read_table(pack_component_files(parts))
-    except UnboundLocalError:  # raised by pyogrio if GDAL cannot describe a coordinate system
-        raise LogError("its .prj names an unknown coordinate system; export it again.") from None
-    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError, IndexError) as error:
-        if isinstance(error, FieldError):
-            raise
-        raise LogError("it cannot be read as a Shapefile; export it again.") from None
-
-
-def _convert_to_degrees(points: Array, crs: str) -> Array:
-    is_finite = np.isfinite(points).all(axis=1)
-    points[is_finite] = project(points[is_finite], crs, WGS84)
-    return points
 
 
 def _parse_times(columns: Mapping[str, Sequence[Any]]) -> tuple[Array, str]:
@@ -154,7 +131,7 @@ def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> 
     if name is None:
         return None
     notes.append(f"the work state is from column {name}: working if above 0")
-    values = np.array([_parse_number(value) for value in columns[name]])
+    values = np.array([parse_number(value) for value in columns[name]])
     return np.asarray(values > 0.0)
 
 
@@ -163,7 +140,7 @@ def _compute_median_width_m(columns: Mapping[str, Sequence[Any]], metadata: dict
     if "swathwidth" not in columns:
         return None
     unit = _find_unit(metadata, "swathwidth") or "ft"
-    values = np.array([_parse_number(value) for value in columns["swathwidth"]])
+    values = np.array([parse_number(value) for value in columns["swathwidth"]])
     values = values[np.isfinite(values) & (values > 0.0)]
     return float(np.median(values)) * UNIT_LENGTHS_M.get(str(unit), UNIT_LENGTHS_M["ft"]) if len(values) else None
 
@@ -176,20 +153,13 @@ def _find_elevation_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, 
     if unit_m is None:
         notes.append("heights of the column Elevation are not used, as their unit is not stated")
         return None
-    return unit_m * np.array([_parse_number(value) for value in columns[ELEVATION_COLUMN]])
+    return unit_m * np.array([parse_number(value) for value in columns[ELEVATION_COLUMN]])
 
 
 def _find_unit(metadata: dict[str, Any], column: str) -> str:
     """The unit that the metadata give a column, "" without one."""
     attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
     return str(next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == column), None) or "")
-
-
-def _parse_number(value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return math.nan
 
 
 def _read_metadata(members: ArchiveMembers, name: str, stem: str) -> dict[str, Any]:

@@ -153,6 +153,7 @@ def summarise_run(run: ProjectedRun, run_phases: RunPhases | None = None) -> Run
     total_m = counters[ACTIVE_M] + counters[INACTIVE_M] if {ACTIVE_M, INACTIVE_M} <= counters.keys() else None
     turns_without_stop = [turn for turn in run_phases.turns if not turn.standing_s]
     u_turns_s = [turn.seconds for turn in run_phases.turns if turn.is_u_turn]
+    working_mps = run.speed_mps[run.is_working & (run.speed_mps > MOVING_MPS)]
     area_m2 = counters.get(AREA_M2)
     if area_m2 is None and run.width_m and active is not None:
         area_m2 = active * run.width_m
@@ -171,7 +172,7 @@ def summarise_run(run: ProjectedRun, run_phases: RunPhases | None = None) -> Run
         u_turn_s=float(np.median(u_turns_s)) if u_turns_s else None,
         stops=len(run_phases.stops_s),
         stops_s=float(run_phases.stops_s.sum()),
-        working_mps=_compute_median(run.speed_mps[run.is_working & (run.speed_mps > MOVING_MPS)]),
+        working_mps=float(np.median(working_mps)) if len(working_mps) else None,
         turning_mps=sum(one.length_m for one in turns_without_stop) / sum(one.seconds for one in turns_without_stop)
         if turns_without_stop
         else None,
@@ -194,7 +195,3 @@ def find_run_inconsistencies(run: ProjectedRun, figures: RunFigures) -> list[str
             f"the field is {run.outline.area / 1e4:.2f} ha by its outline, {run.outline_m2 / 1e4:.2f} ha by its file"
         )
     return notes
-
-
-def _compute_median(values: Array) -> float | None:
-    return float(np.median(values)) if len(values) else None

@@ -89,11 +89,11 @@ def list_run_files(paths: Iterable[str | Path]) -> list[Path]:
     log_files: dict[Path, None] = {}
     for path in map(Path, paths):
         if path.is_dir():
-            inside = [
-                metadata_path.with_suffix(".csv")
-                for metadata_path in sorted(path.glob("*.json"))
-                if _is_imported_run(metadata_path)
-            ]
+            inside = []
+            for metadata_path in sorted(path.glob("*.json")):
+                with metadata_path.open("rb") as stream:
+                    if f'"{VERSION_KEY}"'.encode() in stream.read(200):
+                        inside.append(metadata_path.with_suffix(".csv"))
             if not inside:
                 raise LogError(
                     f"{quote_path(path)} contains no imported run; import some: headland logs import FILES -o {path}."
@@ -118,11 +118,6 @@ def load_imported_runs(paths: Iterable[str | Path]) -> list[ProjectedRun]:
         run if stem_counts[path.stem] == 1 else replace(run, name=path.with_suffix("").as_posix())
         for path, run in ((path, load_imported_run(path)) for path in files)
     ]
-
-
-def _is_imported_run(path: Path) -> bool:
-    with path.open("rb") as stream:
-        return f'"{VERSION_KEY}"'.encode() in stream.read(200)
 
 
 def load_imported_run(path: Path) -> ProjectedRun:

@@ -10,90 +10,84 @@ import numpy.typing as npt
 import shapely
 
 from fields.geometry.geodesy import find_utm_crs, project
+from fields.geometry.outline_cleaning import find_largest_polygon
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L = (
-    "active_m",
-    "inactive_m",
-    "active_s",
-    "inactive_s",
-    "area_m2",
-    "fuel_l",
-)
+ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S = "active_m", "inactive_m", "active_s", "inactive_s"
+AREA_M2, FUEL_L = "area_m2", "fuel_l"
 COUNTERS = (ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L)
 """Totals that machines count, by their keys in the files of runs."""
 
 
-@dataclass(frozen=True, eq=False)
-class LoggedRun:
-    """One run as in its file, in longitude and latitude.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunRecord:
+    """What is known of one run wherever it lies.
 
     Attributes:
         name: of the log in its file, such as TLG00001.
         log_format: name of the format.
-        lonlat: (n, 2) degrees.
         time_s: (n,) from the first row, increasing.
-        speed_mps: (n,), None if not logged.
-        is_working: (n,) whether the implement worked, None if not logged.
-        elevation_m: (n,) heights of the antenna, NaN where they are missing; None if not logged.
         width_m: working width, None if unknown.
         start: time of the first row, such as "2020-01-02T17:30:20", "" if unknown.
         field: name of the field, "" if unknown.
         counters: totals counted by the machine over the run, by names of COUNTERS.
-        outline: rings of the field in degrees, the outer one first; empty if unknown.
         outline_m2: area of the field as stated in the file.
         notes: parts of sentences on skipped or interpreted data.
+        elevation_m: (n,) heights of the antenna, NaN where they are missing; None if not logged.
     """
 
     name: str
     log_format: str
-    lonlat: Array
     time_s: Array
-    speed_mps: Array | None = None
-    is_working: Mask | None = None
     width_m: float | None = None
     start: str = ""
     field: str = ""
     counters: dict[str, float] = dataclasses.field(default_factory=dict)
-    outline: tuple[Array, ...] = ()
     outline_m2: float | None = None
     notes: tuple[str, ...] = ()
     elevation_m: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ProjectedRun:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoggedRun(RunRecord):
+    """One run as in its file, in longitude and latitude.
+
+    Attributes:
+        lonlat: (n, 2) degrees.
+        speed_mps: (n,), None if not logged.
+        is_working: (n,) whether the implement worked, None if not logged.
+        outline: rings of the field in degrees, the outer one first; empty if unknown.
+    """
+
+    lonlat: Array
+    speed_mps: Array | None = None
+    is_working: Mask | None = None
+    outline: tuple[Array, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProjectedRun(RunRecord):
     """One run in metres of `crs`.
 
     Attributes:
+        xy: (n, 2) metres.
         heading_deg: (n,) course over ground, clockwise from north.
+        speed_mps, is_working: (n,).
         has_work_state: whether the work state was logged; if not, `is_working` is False throughout.
         has_logged_speed: whether the speed was logged; if not, it is from the positions.
         outline: the field, None if unknown.
-        outline_m2: its area as stated in the file of the run.
-        elevation_m: (n,) heights of the antenna, NaN where they are missing; None if not logged.
     """
 
-    name: str
-    log_format: str
     crs: str
-    time_s: Array
     xy: Array
     heading_deg: Array
     speed_mps: Array
     is_working: Mask
     has_work_state: bool = True
     has_logged_speed: bool = True
-    width_m: float | None = None
-    start: str = ""
-    field: str = ""
-    counters: dict[str, float] = dataclasses.field(default_factory=dict)
     outline: shapely.Polygon | None = None
-    outline_m2: float | None = None
-    notes: tuple[str, ...] = ()
-    elevation_m: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -116,32 +110,29 @@ def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
     crs = crs or find_utm_crs(float(place[0]), float(place[1]))
     xy = project(run.lonlat, WGS84, crs)
     speed_by_place = compute_speeds(run.time_s, xy)
-    speed = speed_by_place if run.speed_mps is None else _replace_nan(run.speed_mps, speed_by_place)
+    speed = speed_by_place
+    if run.speed_mps is not None:
+        speed = np.where(np.isfinite(run.speed_mps), run.speed_mps, speed_by_place)
     notes = list(run.notes)
     if run.speed_mps is None:
         notes.append("no speed is logged; it is computed from the positions")
-    is_working = np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working
     if run.is_working is None:
         notes.append("no work state is logged")
+    outline = shapely.Polygon()
+    if run.outline:
+        outer, *holes = (project(ring, WGS84, crs) for ring in run.outline)
+        outline = find_largest_polygon(shapely.make_valid(shapely.Polygon(outer, holes)))
+    shared = {one.name: getattr(run, one.name) for one in dataclasses.fields(RunRecord)}
     return ProjectedRun(
-        name=run.name,
-        log_format=run.log_format,
+        **shared | {"notes": tuple(notes)},
         crs=crs,
-        time_s=run.time_s,
         xy=xy,
         heading_deg=compute_course_deg(xy),
         speed_mps=np.clip(speed, 0.0, MAX_SPEED_MPS),
-        is_working=is_working,
+        is_working=np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working,
         has_work_state=run.is_working is not None,
         has_logged_speed=run.speed_mps is not None,
-        width_m=run.width_m,
-        start=run.start,
-        field=run.field,
-        counters=run.counters,
-        outline=_project_outline(run, crs),
-        outline_m2=run.outline_m2,
-        notes=tuple(notes),
-        elevation_m=run.elevation_m,
+        outline=None if outline.is_empty else outline,
     )
 
 
@@ -170,38 +161,11 @@ def compute_course_deg(xy: Array) -> Array:
     return np.asarray(courses_deg[np.minimum(place, len(courses_deg) - 1)])
 
 
-def _replace_nan(values: Array, substitutes: Array) -> Array:
-    """The values, with NaN replaced by those of another array."""
-    return np.where(np.isfinite(values), values, substitutes)
-
-
-def _project_outline(run: LoggedRun, crs: str) -> shapely.Polygon | None:
-    if not run.outline:
-        return None
-    rings = [project(ring, WGS84, crs) for ring in run.outline]
-    shape = shapely.make_valid(shapely.Polygon(rings[0], rings[1:]))
-    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
-    return max(parts, key=lambda part: part.area) if parts else None
-
-
 def reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
-    """The run in metres of another system; its course is that of the former. Raises FieldError."""
+    """The run in metres of another system; raises FieldError."""
     if run.crs == crs:
         return run
-    outline = None
-    if run.outline is not None:
-        outline = shapely.transform(run.outline, lambda points: project(points, run.crs, crs))
-    return replace(run, crs=crs, xy=project(run.xy, run.crs, crs), outline=outline)
-
-
-def scale_run_east_west(run: ProjectedRun, factor: float) -> ProjectedRun:
-    """The run with its east-west extent scaled about the middle of its field, to undo anonymised positions."""
-    if run.outline is None:
-        return run
-    middle = np.array(run.outline.centroid.coords[0])
-    scale = np.array([factor, 1.0])
-
-    def scale_points(points: Array) -> Array:
-        return np.asarray(middle + (points - middle) * scale)
-
-    return replace(run, xy=scale_points(run.xy), outline=shapely.transform(run.outline, scale_points))
+    xy, outline = project(run.xy, run.crs, crs), run.outline
+    if outline is not None:
+        outline = shapely.transform(outline, lambda points: project(points, run.crs, crs))
+    return replace(run, crs=crs, xy=xy, heading_deg=compute_course_deg(xy), outline=outline)

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
+from fields.geometry.outline_cleaning import list_polygons
 from fields.geometry.overlays import clip_area, extract_polygons, subtract_area, unite_areas
 from planner.task_logs.runs.phases import find_true_segments
 from planner.task_logs.runs.run_records import STANDING_MPS, Array, ProjectedRun
@@ -84,9 +85,7 @@ def _drop_slivers(shape: shapely.Geometry) -> list[shapely.Polygon]:
         .buffer(-0.5 * MIN_DRAWN_WIDTH_M, join_style="mitre")
         .buffer(0.5 * MIN_DRAWN_WIDTH_M, join_style="mitre")
     )
-    parts = [
-        part for part in shapely.get_parts(core) if part.geom_type == "Polygon" and part.area > MIN_DRAWN_WIDTH_M**2
-    ]
+    parts = [part for part in list_polygons(core) if part.area > MIN_DRAWN_WIDTH_M**2]
     return sorted(parts, key=lambda part: (-part.area, part.bounds))[:MAX_PIECES]
 
 

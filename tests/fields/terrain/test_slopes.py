@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fields.errors import HeadlandError
-from fields.terrain.elevation_grid import ElevationGrid, lay_nodes
-from fields.terrain.gap_filling import fill_gaps
+from fields.terrain.elevation_grid import ElevationGrid, fill_gaps, lay_nodes
 from fields.terrain.slopes import (
     choose_contour_interval_m,
     compute_directional_slopes,
