@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -24,54 +23,32 @@ import numpy as np
 from planner.day.optimization.problem import DayProblem
 from planner.day.optimization.solver import solve_day
 from planner.farm.settings import FarmTimes
+from planner.task_logs.formats.isoxml_logs import parse_time_log
 
 PAUSE_S = 6 * 3600.0
 EPOCH = datetime(1980, 1, 1)
-DEGREE = 1e-7
 METRES_PER_DEGREE = 111_195.0
-DAY_S = 86_400.0
 KMH = 1.0 / 3.6
-PTN_BYTES = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
-"""Bytes of the attributes of a position that stand in the binary file."""
-LOG_VALUE_BYTES = 5  # number of the value, then four bytes of it
-
-
-@dataclass(frozen=True)
-class Log:
-    """First and last moment (seconds since 1980) and place (latitude, longitude in degrees) of one time log."""
-
-    begins_s: float
-    ends_s: float
-    first: tuple[float, float]
-    last: tuple[float, float]
-
-
-def read_log(stem: Path) -> Log:
-    """A time log from its header (.xml) and records (.bin); raises ValueError for one without positions."""
-    header = ElementTree.parse(stem.with_suffix(".xml")).getroot()
-    place = header.find("PTN")
-    if place is None or place.get("A") != "" or place.get("B") != "" or header.get("A") != "":
-        raise ValueError(f"{stem.name} has no time or position in every record")
-    width = sum(PTN_BYTES[name] for name, value in place.attrib.items() if value == "")
-    data, at, records = stem.with_suffix(".bin").read_bytes(), 0, []
-    while at + 6 + width < len(data):
-        milliseconds, days, north, east = struct.unpack_from("<IHii", data, at)
-        records.append((days * DAY_S + 0.001 * milliseconds, (north * DEGREE, east * DEGREE)))
-        at += 6 + width + 1 + LOG_VALUE_BYTES * data[at + 6 + width]
-    if not records:
-        raise ValueError(f"{stem.name} has no records")
-    (begins, first), (ends, last) = records[0], records[-1]
-    return Log(begins, ends, first, last)
 
 
 @dataclass(frozen=True)
 class Job:
-    """One field as it was driven: from its first log to its last."""
+    """One field as it was driven, or one log of it: first and last moment (seconds since 1980) and place (latitude,
+    longitude in degrees)."""
 
     begins_s: float
     ends_s: float
     first: tuple[float, float]
     last: tuple[float, float]
+
+
+def read_log(stem: Path) -> Job:
+    """A time log from its header (.xml) and records (.bin); raises ValueError for one without positions."""
+    log = parse_time_log(stem.with_suffix(".xml").read_bytes(), stem.with_suffix(".bin").read_bytes(), stem.name)
+    places = [(float(lat), float(lon)) for lat, lon in zip(log.lat_deg, log.lon_deg, strict=True)]
+    if not places or math.isnan(places[0][0] + places[0][1]):
+        raise ValueError(f"{stem.name} has no records with positions")
+    return Job(float(log.time_s[0]), float(log.time_s[-1]), places[0], places[-1])
 
 
 def read_jobs(folder: Path) -> list[Job]:
@@ -81,7 +58,7 @@ def read_jobs(folder: Path) -> list[Job]:
         logs = [read_log(folder / str(log.get("A"))) for log in task.iter("TLG")]
         logs.sort(key=lambda log: log.begins_s)
         if logs:
-            jobs.append(Job(logs[0].begins_s, logs[-1].ends_s, logs[0].first, logs[-1].last))
+            jobs.append(replace(logs[0], ends_s=logs[-1].ends_s, last=logs[-1].last))
     return sorted(jobs, key=lambda job: job.begins_s)
 
 

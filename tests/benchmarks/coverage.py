@@ -17,9 +17,7 @@ import json
 import statistics
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import shapely
@@ -30,32 +28,11 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.option_texts import parse_counts
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanResult, get_finished_field_s
-from tests.benchmarks.parcels import kind, parcels
+from reports.common.plan_results import PlanResult
+from tests.benchmarks.parcels import Row, add_options, count_reasons, parcels, print_reasons
 
 ENDINGS = (".geojson", ".json", ".wkt")
 WANTED_PCT, LEAST_PCT = 98.0, 95.0  # worked in the median, and on nine parcels of ten
-
-
-@dataclass(frozen=True)
-class Row:
-    """What came of one parcel: its plans, CPU seconds, or why there is none."""
-
-    name: str
-    area_ha: float
-    plans: tuple[PlanResult, ...] = ()
-    cpu_s: float = 0.0
-    refused: str = ""
-
-    @property
-    def quickest(self) -> PlanResult | None:
-        """The feasible plan that finishes the field first."""
-        return min((one for one in self.plans if one.feasible), key=get_finished_field_s, default=None)
-
-    def share(self, **what: str | int) -> tuple[int, int]:
-        """How many plans are feasible, of how many with these attributes."""
-        chosen = [one for one in self.plans if all(getattr(one, name) == value for name, value in what.items())]
-        return sum(one.feasible for one in chosen), len(chosen)
 
 
 def found(folder: Path) -> Iterator[tuple[str, Field]]:
@@ -97,14 +74,20 @@ def work(name: str, field: Field, scenario: PlanRequest) -> Row:
     try:
         plans = plan(scenario, field=field, executor=SerialExecutor(), simulate_all=True).ranking.plans
     except ValueError as refusal:
-        return Row(name, field.area_ha, refused=str(refusal), cpu_s=time.process_time() - begun)
-    return Row(name, field.area_ha, plans, time.process_time() - begun)
+        return Row(name, field.area_ha, seconds={"all": time.process_time() - begun}, refused=str(refusal))
+    return Row(name, field.area_ha, plans=[*plans], seconds={"all": time.process_time() - begun})
+
+
+def count_feasible(row: Row, **what: str | int) -> tuple[int, int]:
+    """How many plans are feasible, of how many with these attributes."""
+    chosen = [one for one in row.plans if all(getattr(one, name) == value for name, value in what.items())]
+    return sum(one.feasible for one in chosen), len(chosen)
 
 
 def line(row: Row, scenario: PlanRequest) -> str:
     """A row as it is printed."""
-    shares = [row.share(strategy=name) for name in scenario.strategies]
-    shares += [row.share(tractors=count) for count in scenario.tractors]
+    shares = [count_feasible(row, strategy=name) for name in scenario.strategies]
+    shares += [count_feasible(row, tractors=count) for count in scenario.tractors]
     parts = [f"{row.name[:18]:18} {row.area_ha:6.2f} {row.cpu_s:7.1f}", *(f"{done:2}/{of:<2}" for done, of in shares)]
     best = row.quickest
     if best is None:
@@ -113,13 +96,6 @@ def line(row: Row, scenario: PlanRequest) -> str:
     figures = (best.missed_m2, best.outside_m, best.outside_along_m, best.wheel_traffic_m2)
     cells = " ".join(f"{value or 0.0:7.1f}" for value in figures)
     return " ".join([*parts, f"{best.worked_pct or 0.0:6.2f} {cells} {gap} {best.tractors} {best.strategy}"])
-
-
-def reasons(row: Row) -> Iterator[str]:
-    """Why plans of a parcel are not feasible."""
-    for one in row.plans:
-        if not one.feasible:
-            yield f"      {one.tractors} {one.strategy}: {one.reason}"
 
 
 def totals(rows: list[Row], scenario: PlanRequest) -> Iterator[str]:
@@ -139,15 +115,12 @@ def totals(rows: list[Row], scenario: PlanRequest) -> Iterator[str]:
     farthest_m = max(((one.outside_m or 0.0) for one in best if one), default=0.0)
     yield f"outside by {farthest_m:.1f} m at most, {_sum(best, 'outside_along_m'):.0f} m of driving beyond the overhang"
     yield f"wheel traffic {_sum(best, 'wheel_traffic_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
-    plans = [one for row in rows for one in row.plans]
-    yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible"
     yield f"CPU {sum(row.cpu_s for row in rows):.0f} s, worst parcel {max(row.cpu_s for row in rows):.0f} s"
-    for reason, count in Counter(kind(one) for one in plans if not one.feasible).most_common(12):
-        yield f"  {count:4} {reason}"
+    yield from count_reasons(rows)
 
 
 def _planned(rows: list[Row], strategy: str, tractors: int) -> str:
-    done = sum(row.share(strategy=strategy, tractors=tractors)[0] > 0 for row in rows)
+    done = sum(count_feasible(row, strategy=strategy, tractors=tractors)[0] > 0 for row in rows)
     return f"{done} of {len(rows)} ({100.0 * done / len(rows):.0f} %)"
 
 
@@ -159,15 +132,10 @@ def parsed() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--every", type=int, default=1, help="take every so many-th parcel")
     parser.add_argument("--start", type=int, default=0, help="begin with this one of them, from 0")
     parser.add_argument("--only", default="", help="names, separated by commas")
-    parser.add_argument("--tractors", default="1,2,3")
-    parser.add_argument("--width", type=float, default=3.0)
+    add_options(parser, 1.0, 60.0)
     parser.add_argument("--headland", type=float, default=None)
-    parser.add_argument("--from-ha", type=float, default=1.0)
-    parser.add_argument("--to-ha", type=float, default=60.0)
-    parser.add_argument("--reasons", action="store_true", help="say why plans are not feasible")
     return parser.parse_args()
 
 
@@ -188,8 +156,8 @@ def main() -> None:
             continue
         rows.append(work(name, field, scenario))
         print(line(rows[-1], scenario), flush=True)
-        for reason in reasons(rows[-1]) if options.reasons else ():
-            print(reason, flush=True)
+        if options.reasons:
+            print_reasons(rows[-1])
     if rows:
         print("\n".join(totals(rows, scenario)))
 

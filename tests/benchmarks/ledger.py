@@ -12,24 +12,14 @@ from importlib import import_module
 from typing import Any
 
 PARTS = ("layout", "order", "paths", "traffic", "simulation", "measuring", "other")
+_EVALUATE = "planner.evaluation.candidates.evaluate"
 PLACES = {
     "layout": ("planner.evaluation.preparation.prepare_context",),
-    "order": (
-        "planner.evaluation.candidates.evaluate._run_job",
-        "strategies.programmes.programme.make_programme",
-        "planner.evaluation.candidates.evaluate.rank_start_corners",
-    ),
-    "paths": (
-        "strategies.moves.move_finder.MoveFinder.search",
-        "strategies.moves.move_finder.MoveFinder.list_moves",
-    ),
-    "traffic": ("planner.evaluation.candidates.evaluate.schedule_plan",),
+    "order": (f"{_EVALUATE}.sketch_plans", "strategies.programmes.programme.make_programme"),
+    "paths": ("strategies.moves.move_finder.MoveFinder.search", "strategies.moves.move_finder.MoveFinder.list_moves"),
+    "traffic": ("planner.evaluation.candidates.fleet_drive.schedule_plan",),
     "simulation": ("vehicle.sim.incremental.IncrementalSimulator.simulate", "vehicle.sim.world.World.run"),
-    "measuring": (
-        "planner.evaluation.candidates.evaluate.measure_candidate",
-        "planner.evaluation.candidates.evaluate._find_fault",
-        "planner.evaluation.candidates.evaluate.find_turn_deviations",
-    ),
+    "measuring": (f"{_EVALUATE}.measure_candidate", f"{_EVALUATE}._find_fault", f"{_EVALUATE}.find_contact_places"),
 }
 
 

@@ -32,6 +32,7 @@ from tests.benchmarks.coverage import found
 from tests.benchmarks.machine_cases import MACHINES, REFERENCE, TRACTORS, Machine, Row, plan_field, run_case
 from tests.benchmarks.machine_fields import EDGES, OBSTACLE_COUNTS, Condition, build_field, save_field
 from tests.benchmarks.odd_shapes import build_odd_shapes
+from tests.benchmarks.parcels import strip_numbers
 
 ASKED = "asked: 99 % feasible, worked median 99.5 %, tenth 98 %, formations 90 %, CPU ratio at most 1.5"
 SHAPE_MACHINES = (REFERENCE, next(one for one in MACHINES if one.key == "4m"))
@@ -204,11 +205,6 @@ def group_reasons(rows: Iterable[Row]) -> Iterator[str]:
             groups[f"two: {strip_numbers(row.formation_reason or '')}"].append(row.case)
     for reason, cases in sorted(groups.items(), key=lambda one: (-len(one[1]), one[0])):
         yield f"{len(cases):4} {reason}: {', '.join(cases[:4])}"
-
-
-def strip_numbers(reason: str) -> str:
-    """A sentence without the words that hold numbers, so that like ones can be counted."""
-    return " ".join(word for word in reason.split() if not any(letter.isdigit() for letter in word))[:100]
 
 
 def compare_rows(rows: Iterable[Row], before: Path) -> Iterator[str]:

@@ -15,7 +15,7 @@ import json
 import resource
 import statistics
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -47,6 +47,11 @@ class Row:
     def cpu_s(self) -> float:
         """CPU seconds of all its plans."""
         return sum(self.seconds.values())
+
+    @property
+    def quickest(self) -> PlanResult | None:
+        """The feasible plan that finishes the field first."""
+        return next(iter(self.driven), None)
 
     @property
     def driven(self) -> list[PlanResult]:
@@ -137,18 +142,33 @@ def summary(rows: list[Row]) -> None:
         worked = sorted(row.driven[0].worked_pct or 0.0 if row.driven else 0.0 for row in planned)
         tenth = worked[len(worked) // 10]
         print(f"worked by the quickest: median {statistics.median(worked):.1f} %, a tenth below {tenth:.1f} %")
-    plans = [plan for row in rows for plan in row.plans]
-    print(f"plans: {sum(plan.feasible for plan in plans)} of {len(plans)} feasible")
-    for reason, count in Counter(kind(plan) for plan in plans if not plan.feasible).most_common(12):
-        print(f"  {count:4} {reason}")
+    print("\n".join(count_reasons(rows)))
     faults = sum(row.refused.startswith("FAULT") for row in rows)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     print(f"faults: {faults}; refused whole: {sum(bool(row.refused) for row in rows)}; memory {memory:.0f} MB at most")
 
 
-def kind(plan: PlanResult) -> str:
-    """The reason without its numbers."""
-    return " ".join(word for word in (plan.reason or "no reason").split() if not any(c.isdigit() for c in word))[:80]
+def count_reasons(rows: Sequence[Row]) -> Iterator[str]:
+    """How many plans are feasible, and the most frequent reasons of the others."""
+    plans = [plan for row in rows for plan in row.plans]
+    yield f"plans: {sum(plan.feasible for plan in plans)} of {len(plans)} feasible"
+    reasons = Counter(strip_numbers(plan.reason or "no reason") for plan in plans if not plan.feasible)
+    yield from (f"  {count:4} {reason}" for reason, count in reasons.most_common(12))
+
+
+def strip_numbers(reason: str) -> str:
+    """A sentence without the words that hold numbers, so that like ones can be counted."""
+    return " ".join(word for word in reason.split() if not any(letter.isdigit() for letter in word))[:100]
+
+
+def add_options(parser: argparse.ArgumentParser, from_ha: float, to_ha: float) -> None:
+    """The options by which parcels are chosen, and how they are planned."""
+    parser.add_argument("--every", type=int, default=1, help="take every so many-th parcel")
+    parser.add_argument("--tractors", default="1,2,3")
+    parser.add_argument("--width", type=float, default=3.0)
+    parser.add_argument("--from-ha", type=float, default=from_ha)
+    parser.add_argument("--to-ha", type=float, default=to_ha)
+    parser.add_argument("--reasons", action="store_true", help="say why plans are not feasible")
 
 
 def parsed() -> argparse.Namespace:
@@ -156,16 +176,11 @@ def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--big", default="", help=f"drawn fields: some of {','.join(BIG)}")
-    parser.add_argument("--tractors", default="1,2,3")
-    parser.add_argument("--width", type=float, default=3.0)
-    parser.add_argument("--every", type=int, default=1, help="take every so many-th parcel of the files")
-    parser.add_argument("--from-ha", type=float, default=0.0)
-    parser.add_argument("--to-ha", type=float, default=1e9)
+    add_options(parser, 0.0, 1e9)
     parser.add_argument("--strategies", default="", help="some of them only")
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--headland", dest="no_headland", action="store_false", default=False, help="headlands worked")
     group.add_argument("--no-headland", dest="no_headland", action="store_true", help="headlands unworked")
-    parser.add_argument("--reasons", action="store_true")
     return parser.parse_args()
 
 

@@ -129,8 +129,8 @@ def _read_peak_mb() -> float:
     return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024.0
 
 
-def plan_apart(job: Job, checkout: Path, limit_s: float = LIMIT_S) -> Answer:
-    """The answer of a checkout to a job, from a fresh process; one that takes `limit_s` of CPU is ended.
+def plan_apart(job: Job, checkout: Path) -> Answer:
+    """The answer of a checkout to a job, from a fresh process; one that takes LIMIT_S of CPU is ended.
 
     `refused` is then None and `crash` says that there was no answer. Output of the planner is dropped.
     """
@@ -148,9 +148,9 @@ def plan_apart(job: Job, checkout: Path, limit_s: float = LIMIT_S) -> Answer:
                 break
             except subprocess.TimeoutExpired:
                 given, used_s = None, measure_session_cpu_s(process.pid)
-            if used_s > limit_s:
+            if used_s > LIMIT_S:
                 late = {"cpu_s": used_s, "wall_s": time.perf_counter() - begun}
-                return build_lost_answer(f"no answer in {limit_s:.0f} s of CPU") | late
+                return build_lost_answer(f"no answer in {LIMIT_S:.0f} s of CPU") | late
     finally:
         _end_session(process)
     if process.returncode != 0:

@@ -27,7 +27,6 @@ from vehicle.model.work_load import WorkLoad
 SMOOTHING_M, GRADE_M = 25.0, 20.0
 MIN_PASS_S, MAX_GAP_S, STRAIGHT_RAD, MIN_SPEED_MPS = 60.0, 5.0, 0.12, 0.3
 S_PER_H, J_PER_KWH, METRES_PER_DEG = 3600.0, 3.6e6, 111_320.0
-AIR_N_S2_PER_M2 = 6.0  # half of 1.2 kg/m3, a drag coefficient of 1 and 10 m2: counts on the road alone
 Floats = npt.NDArray[np.float64]
 
 

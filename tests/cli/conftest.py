@@ -5,19 +5,18 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
 from tests.cli.refusals import contents, lay_out
+from tests.drawn_fields import rectangle
 
 Ring = list[list[float]]
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What a command left behind."""
 
     status: int
@@ -29,11 +28,6 @@ class Outcome:
         """Lines on standard error, but for the word that the simulator is compiled first."""
         lines = (line for line in self.err.splitlines() if line.strip())
         return [line for line in lines if not line.startswith("Compiling the simulator")]
-
-
-def polygon(*corners: tuple[float, float]) -> dict[str, Any]:
-    """GeoJSON of a closed ring."""
-    return {"type": "Polygon", "coordinates": [[list(c) for c in (*corners, corners[0])]]}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -130,7 +124,7 @@ def command() -> list[str]:
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A field file in local metres, 45 m by 80 m."""
     place = tmp_path_factory.mktemp("fields") / "small.geojson"
-    place.write_text(json.dumps(polygon((0, 0), (45, 0), (45, 80), (0, 80))))
+    place.write_text(json.dumps(rectangle(0, 0, 45, 80)))
     return place
 
 

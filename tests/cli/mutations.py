@@ -12,6 +12,7 @@ import numpy as np
 import pyproj
 
 from planner.request.plan_request import PlanRequest
+from tests.drawn_fields import ring
 from vehicle.missions.plan import SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, resolve_tractor
@@ -41,8 +42,8 @@ ODD: dict[str, Any] = {
 def small_field() -> dict[str, Any]:
     """GeoJSON of the field of `small_plan`."""
     to_degrees = pyproj.Transformer.from_crs(CRS, "EPSG:4326", always_xy=True)
-    ring = [to_degrees.transform(x + ORIGIN_M[0], y + ORIGIN_M[1]) for x, y in (*OUTLINE_M, OUTLINE_M[0])]
-    return {"type": "Polygon", "coordinates": [ring]}
+    corners = [to_degrees.transform(x + ORIGIN_M[0], y + ORIGIN_M[1]) for x, y in OUTLINE_M]
+    return ring(*corners)
 
 
 def small_plan(machines: bool = False) -> dict[str, Any]:

@@ -4,18 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.drawn_fields import feature, point, rectangle, ring
 
-def ring(*corners: tuple[float, float]) -> dict[str, Any]:
-    return {"type": "Polygon", "coordinates": [[list(c) for c in (*corners, corners[0])]]}
-
-
-SQUARE = ring((0, 0), (100, 0), (100, 60), (0, 60))
-
-
-def feature(geometry: Any, **properties: Any) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
+SQUARE = rectangle(0, 0, 100, 60)
 FILES: dict[str, Any] = {
     "good": SQUARE,
     "text": "this is no field",
@@ -29,12 +20,12 @@ FILES: dict[str, Any] = {
     "nan": '{"type": "Polygon", "coordinates": [[[0, 0], [NaN, 0], [100, 100], [0, 0]]]}',
     "infinite": '{"type": "Polygon", "coordinates": [[[0, 0], [1e999, 0], [100, 100], [0, 0]]]}',
     "collection": {"type": "FeatureCollection", "features": []},
-    "point": {"type": "Point", "coordinates": [0, 0]},
+    "point": point(0, 0),
     "words": {"type": "Polygon", "coordinates": [[["a", "b"], [1, 2], [3, 4], ["a", "b"]]]},
     "degrees": ring((10, 50), (10.002, 50), (10.002, 50.001), (10, 50.001)),
-    "tiny": ring((0, 0), (19, 0), (19, 5.5), (0, 5.5)),
-    "narrow": ring((0, 0), (200, 0), (200, 2), (0, 2)),
-    "huge": ring((0, 0), (1e6, 0), (1e6, 1e6), (0, 1e6)),
+    "tiny": rectangle(0, 0, 19, 5.5),
+    "narrow": rectangle(0, 0, 200, 2),
+    "huge": rectangle(0, 0, 1e6, 1e6),
     "several": {"type": "FeatureCollection", "features": [feature(SQUARE), feature(SQUARE)]},
     "ground": feature(SQUARE, default_ground="lava"),
 }

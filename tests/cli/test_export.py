@@ -7,14 +7,14 @@ import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
 from fields.documents.reader import read_field
-from tests.cli.conftest import Outcome, polygon
+from tests.cli.conftest import Outcome
+from tests.drawn_fields import ring
 from tests.planner.saved_plans import saved
 from vehicle.missions.plan_file import format_plan
 
@@ -177,15 +177,16 @@ def test_a_folder_that_takes_no_files_is_refused(headland: Run, plan: Path) -> N
 def test_a_plan_of_a_field_is_exported_with_it(headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines of a real plan lie in the boundary that was planned, have its worked metres, and work most of it."""
     monkeypatch.chdir(tmp_path)
-    ring: Any = ((10.0, -30.0), (10.0006, -30.0), (10.0006, -29.9993), (10.0, -29.9993))
-    Path("farm.geojson").write_text(json.dumps(polygon(*ring)), encoding="utf-8")
+    corners = ((10.0, -30.0), (10.0006, -30.0), (10.0006, -29.9993), (10.0, -29.9993))
+    Path("farm.geojson").write_text(json.dumps(ring(*corners)), encoding="utf-8")
     words = ("--width", "6", "--tractors", "1", "--strategies", "split-field", "--processes", "1", "--json")
     assert headland("plan", "farm.geojson", *words, "--save", "plan.json").status == 0
     Path("farm.geojson").unlink()
     assert headland("export", "plan.json", "--to", "isoxml4").status == 0
     field = read_field("plan-isoxml4")
     assert (
-        field.name == "farm" and np.abs(field.to_wgs84(shapely.get_coordinates(field.boundary))[:4] - ring).max() < 1e-6
+        field.name == "farm"
+        and np.abs(field.to_wgs84(shapely.get_coordinates(field.boundary))[:4] - corners).max() < 1e-6
     )
     lines = [one.line for one in field.guidance_lines]
     assert all(shapely.covers(field.boundary.buffer(0.01), line) for line in lines)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 from tests.examples import seldom
 
 
@@ -95,20 +96,12 @@ def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_pat
 
 
 def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: Path) -> None:
-    square = {"type": "Polygon", "coordinates": [[[0, 0], [60, 0], [60, 100], [0, 100], [0, 0]]]}
-    pole = {"type": "Point", "coordinates": [30, 50]}
 
     def saved(**properties: Any) -> Path:
-        features = [
-            {"type": "Feature", "properties": {}, "geometry": square},
-            {"type": "Feature", "properties": {"role": "obstacle", **properties}, "geometry": pole},
-        ]
-        place = tmp_path / "pole.geojson"
-        place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-        return place
+        pole = feature(point(30, 50), role="obstacle", **properties)
+        return write_features(tmp_path / "pole.geojson", feature(rectangle(0, 0, 60, 100)), pole)
 
     # A circle is drawn with 64 corners: 32 r^2 sin(2 pi / 64) is 7.06 m2 for 1.5 m, 3.14 m2 for 1 m.
-    words = ("--local", "--json", "--no-headland", "--margin", "0.5")
     words = ("--local", "--json", "--no-headland", "--margin", "0.5")
     told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), *words).out)
     (mast,) = told["obstacles"]
@@ -158,20 +151,14 @@ def test_a_headland_for_turning_is_told_as_left(facts: dict[str, Any]) -> None:
     assert facts["covered_pct"] == pytest.approx(100 * (1 - 2 * facts["headland_m"] / 80), abs=0.05)
 
 
-def drawn(folder: Path, *corners: tuple[float, float]) -> Path:
-    place = folder / "drawn.geojson"
-    ring = [list(corner) for corner in (*corners, corners[0])]
-    place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    return place
-
-
 @pytest.mark.slow
 def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any], tmp_path: Path) -> None:
     # A block of 60 m by 100 m, a spur of 2 m by 30 m, and behind a neck of 2 m by 10 m a piece of 20 m by 20 m.
-    place = drawn(
-        tmp_path, (0, 0), (60, 0), (60, 10), (70, 10), (70, 0), (90, 0), (90, 20), (70, 20), (70, 12), (60, 12),
+    outline = ring(
+        (0, 0), (60, 0), (60, 10), (70, 10), (70, 0), (90, 0), (90, 20), (70, 20), (70, 12), (60, 12),
         (60, 60), (90, 60), (90, 62), (60, 62), (60, 100), (0, 100),
     )  # fmt: skip
+    place = write_features(tmp_path / "drawn.geojson", feature(outline))
     told = left_open(json.loads(headland("field", place, "--local", "--json").out))
     assert told["narrower than the implement"] == pytest.approx(2 * 30 + 2 * 10, abs=1.5)
     assert told["cut off: no passage as wide as the machines"] == pytest.approx(400.0, abs=1.0)
@@ -180,14 +167,8 @@ def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any
 
 
 def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_path: Path) -> None:
-    square = {"type": "Polygon", "coordinates": [[[0, 0], [60, 0], [60, 100], [0, 100], [0, 0]]]}
-    ditch = {"type": "LineString", "coordinates": [[-5, 80], [65, 80]]}
-    features = [
-        {"type": "Feature", "properties": {}, "geometry": square},
-        {"type": "Feature", "properties": {"role": "obstacle", "width_m": 2.0}, "geometry": ditch},
-    ]
-    place = tmp_path / "ditch.geojson"
-    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    ditch = feature(line((-5, 80), (65, 80)), role="obstacle", width_m=2.0)
+    place = write_features(tmp_path / "ditch.geojson", feature(rectangle(0, 0, 60, 100)), ditch)
     told = json.loads(headland("field", place, "--local", "--json").out)
     # North of the ditch are 60 m by 19 m; the margin takes 0.3 m on either side of it.
     behind = {why: area for why, area in left_open(told).items() if "obstacles" in why}
@@ -209,14 +190,9 @@ def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts
 
 def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., Any], tmp_path: Path) -> None:
     """A ditch of 1.5 m across 100 m by 60 m, 30 m from the left; a margin of 0.3 m is kept to it."""
-    ring = [[0, 0], [100, 0], [100, 60], [0, 60], [0, 0]]
-    ditch = {"type": "LineString", "coordinates": [[30, -5], [30, 65]]}
-    features = [
-        {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}},
-        {"type": "Feature", "properties": {"role": "obstacle", "kind": "ditch"}, "geometry": ditch},
-    ]
-    place, picture = tmp_path / "cut.geojson", tmp_path / "cut.png"
-    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    ditch = feature(line((30, -5), (30, 65)), role="obstacle", kind="ditch")
+    place = write_features(tmp_path / "cut.geojson", feature(rectangle(0, 0, 100, 60)), ditch)
+    picture = tmp_path / "cut.png"
     outcome = headland("field", place, "--local", "--json", "--png", picture)
     told = json.loads(outcome.out)
     assert told["cut_off_m2"] == pytest.approx((30 - 0.75 - 0.3) * 60, abs=0.1)
@@ -227,11 +203,8 @@ def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., 
 
 
 def test_obstacles_are_added_and_left_out(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
-    field = {"type": "Feature", "properties": {}, "geometry": json.loads(small.read_text())}
-    mast = {"type": "Point", "coordinates": [20.0, 40.0]}
-    marked = tmp_path / "marked.geojson"
-    features = [field, {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": mast}]
-    marked.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    mast = feature(point(20.0, 40.0), name="Strommast")
+    marked = write_features(tmp_path / "marked.geojson", feature(json.loads(small.read_text())), mast)
     words = ("field", marked, "--local", "--json", "--no-headland")
     with_mast = headland(*words)
     assert "(1) pylon 'Strommast', radius 3 m. To leave one out" in " ".join(with_mast.err.split())

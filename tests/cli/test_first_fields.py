@@ -11,21 +11,16 @@ import numpy as np
 import pytest
 import shapely
 
-from tests.cli.refusals import assert_refused, feature, ring
+from tests.cli.refusals import assert_refused
+from tests.drawn_fields import feature, rectangle, ring, write_features
 
 ONE = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
 
 
-def write(folder: Path, *features: Any) -> Path:
-    file = folder / "farm.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return file
-
-
 @pytest.mark.slow
 def test_fields_that_share_an_id_are_all_planned(headland: Callable[..., Any], tmp_path: Path) -> None:
-    squares = [ring((x, 0), (x + 60, 0), (x + 60, 40), (x, 40)) for x in (0, 100, 200)]
-    file = write(tmp_path, *(feature(square, id=key) for square, key in zip(squares, (2, 2, 1), strict=True)))
+    squares = [feature(rectangle(x, 0, 60, 40), id=key) for x, key in ((0, 2), (100, 2), (200, 1))]
+    file = write_features(tmp_path / "farm.geojson", *squares)
     outcome = headland("plan", f"{file}#*", "--local", *ONE, "--csv")
     assert outcome.status == 0
     rows = list(csv.DictReader(io.StringIO(outcome.out)))
@@ -36,12 +31,12 @@ def test_fields_that_share_an_id_are_all_planned(headland: Callable[..., Any], t
 def test_swapped_axes_are_refused_and_the_advice_helps(headland: Callable[..., Any], tmp_path: Path) -> None:
     west, south, side = 9.5, 56.0, 0.002
     corners = [(west, south), (west + side, south), (west + side, south + side), (west, south + side)]
-    file = write(tmp_path, feature(ring(*[(y, x) for x, y in corners])))
+    file = write_features(tmp_path / "farm.geojson", feature(ring(*[(y, x) for x, y in corners])))
     assert_refused(
         headland("plan", file, *ONE), "lies at latitude 9.50, longitude 56.00", "lies on land: add --swap-axes."
     )
     assert headland("field", file, "--swap-axes", "--json").status == 0
-    write(tmp_path, feature(ring(*corners)))
+    write_features(tmp_path / "farm.geojson", feature(ring(*corners)))
     assert_refused(headland("plan", file, *ONE, "--swap-axes"), "leave out --swap-axes.")
 
 
@@ -51,7 +46,7 @@ def test_a_rough_outline_is_cleaned_and_planned(headland: Callable[..., Any], tm
     outline = shapely.LinearRing([(0, 0), (90, 0), (90, 60), (0, 60)])
     places = shapely.line_interpolate_point(outline, np.linspace(0.0, outline.length, 2_000, endpoint=False))
     rough = (shapely.get_coordinates(places) + rng.normal(0.0, 0.3, (2_000, 2))).tolist()
-    file = write(tmp_path, feature(ring(*rough[:700], (50, 90), *rough[699:])))
+    file = write_features(tmp_path / "farm.geojson", feature(ring(*rough[:700], (50, 90), *rough[699:])))
     outcome = headland("plan", file, "--local", *ONE, "--json")
     assert outcome.status == 0 and "of its 2002 points remain" in outcome.err
     (plan,) = json.loads(outcome.out)["plans"]

@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+from tests.drawn_fields import write_farm, write_heights
+
 CONTRACT = [
     "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
     "worked_pct", "overlap_pct", "outside_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
@@ -62,9 +64,7 @@ def test_json_types(answer: dict[str, Any]) -> None:
 def test_a_plan_on_heights_says_its_slopes_in_every_form(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
-    rows = "\n".join(" ".join(f"{100.0 + 0.16 * column:.2f}" for column in range(70)) for _ in range(70))
-    heights = tmp_path / "hill.asc"
-    heights.write_text(f"ncols 70\nnrows 70\nxllcorner -40\nyllcorner -40\ncellsize 2\n{rows}\n")
+    heights = write_heights(tmp_path / "hill.asc", lambda x, y: 100.0 + 0.08 * x, -40.0, 100.0)
     page, picture, saved = (tmp_path / f"plan.{end}" for end in ("html", "png", "json"))
     asked = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--elevation", heights)
     outcome = headland(*asked, "--soil", "loam", "--html", page, "--png", picture, "--save", saved, "--json")
@@ -228,13 +228,7 @@ def test_the_order_of_tractors_and_processes_change_no_byte(headland: Callable[.
 
 @pytest.mark.slow
 def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_path: Path) -> None:
-    def block(name: str, x: float) -> dict[str, Any]:
-        ring = [[x, 0], [x + 40, 0], [x + 40, 70], [x, 70], [x, 0]]
-        geometry = {"type": "Polygon", "coordinates": [ring]}
-        return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
-
-    place = tmp_path / "farm.geojson"
-    place.write_text(json.dumps({"type": "FeatureCollection", "features": [block("west", 0), block("east", 100)]}))
+    place = write_farm(tmp_path / "farm.geojson", west=(0, 40, 70), east=(100, 40, 70))
     outcome = headland("plan", f"{place}#east", "--local", "--tractors", "1", "--json")
     assert outcome.status == 0, outcome.err
     assert json.loads(outcome.out)["field"]["name"] == "east"

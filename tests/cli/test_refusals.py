@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.cli.refusals import SQUARE, assert_refused, feature, ring
+from tests.cli.refusals import SQUARE, assert_refused
+from tests.drawn_fields import feature, point, ring, write_features
 
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 0", ("--width", "0", "more than 0")),
@@ -273,9 +274,7 @@ class TestFieldFiles:
 
     @pytest.fixture
     def pond(self, folder: Path) -> Iterator[Path]:
-        place = folder / "pond.geojson"
-        point = feature({"type": "Point", "coordinates": [20, 20]}, role="crop")
-        place.write_text(json.dumps({"type": "FeatureCollection", "features": [feature(SQUARE), point]}))
+        place = write_features(folder / "pond.geojson", feature(SQUARE), feature(point(20, 20), role="crop"))
         yield place
         for path in (place, folder / "pond.html"):
             path.unlink(missing_ok=True)
@@ -292,10 +291,9 @@ class TestFieldFiles:
         assert words.replace("'", "&#39;") in (pond.parent / "pond.html").read_text(encoding="utf-8")
 
     def test_every_field_of_a_file_is_listed(self, headland: Callable[..., Any], folder: Path) -> None:
-        place = folder / "farm.geojson"
         blocks = [feature(SQUARE, name=f"plot-{i}") for i in range(94)]
         blocks[7] = feature(ring((0, 0), (100, 100), (100, 0), (0, 100)), name="bow")
-        place.write_text(json.dumps({"type": "FeatureCollection", "features": blocks}))
+        place = write_features(folder / "farm.geojson", *blocks)
         refused = headland("plan", "farm.geojson", "--local")
         table = headland("field", "farm.geojson", "--local", "--list")
         rows = json.loads(headland("field", "farm.geojson", "--local", "--list", "--json").out)

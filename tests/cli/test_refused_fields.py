@@ -15,7 +15,8 @@ from planner.errors import RequestError
 from planner.evaluation.preparation import prepare_context
 from planner.pipeline.ranking import check_margin
 from planner.request.plan_request import PlanRequest
-from tests.cli.refusals import SQUARE, assert_refused, feature, ring
+from tests.cli.refusals import SQUARE, assert_refused
+from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 
 FIELD_FILES = [
     ("text", "is not JSON"),
@@ -48,19 +49,15 @@ def test_field_files(headland: Callable[..., Any], folder: Path, command: str, n
     assert_refused(headland(command, f"{name}.geojson", "--local"), words)
 
 
-def line(*points: tuple[float, float]) -> dict[str, Any]:
-    return {"type": "LineString", "coordinates": [list(point) for point in points]}
-
-
 OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
     ([feature(ring((-1, -1), (101, -1), (101, 61), (-1, 61)), role="obstacle")], ("(--margin) of 0.3 m", "leave 0 m2")),
-    ([feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
+    ([feature(point(50, 30), role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
     ([feature(line((0, 0), (100, 0)), edge="wall")], ("'edge' of a line", "'wall'", "use 'fence' or 'open'")),
     ([feature(line((0, 0), (100, 0)), edge=3)], ("'edge' of a line", "is 3", "use 'fence' or 'open'")),
     ([feature(line((20, 30), (80, 30)), edge="fence")], ("does not follow the boundary", "20.0 m away")),
     ([feature(line((20, 5), (80, 5)), edge="open", id="gap")], ("line 'gap' with edge 'open'", "5.0 m away")),
     (
-        [feature({"type": "Point", "coordinates": [350, 30]}, role="obstacle", kind="pole", id="mast")],
+        [feature(point(350, 30), role="obstacle", kind="pole", id="mast")],
         ("Obstacle 'mast' (pole)", "lies outside the field, 250 m away", "check the coordinates"),
     ),
     ([feature(line((5, 5)), edge="fence")], ("fewer than 2 distinct positions",)),
@@ -78,8 +75,7 @@ def test_obstacles_and_edges(
 
 def _with(headland: Callable[..., Any], folder: Path, command: str, features: list[Any], *options: str) -> Any:
     """What a command says to a file of these features, which is gone afterwards."""
-    place = folder / "features.geojson"
-    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    place = write_features(folder / "features.geojson", *features)
     try:
         return headland(command, place.name, "--local", *options)
     finally:
@@ -94,13 +90,13 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
     assert_refused(_with(headland, folder, command, [*closed, gap]), "no opening", "3 m or more")
     hedge = [feature(SQUARE, edge="hedge")]
     assert_refused(_with(headland, folder, command, hedge), "'edge' of the boundary", "'hedge'")
-    gate = feature({"type": "Point", "coordinates": [50, 0]}, role="entrance")
+    gate = feature(point(50, 0), role="entrance")
     margin = ("--margin", "40")
     assert_refused(
         _with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "margin of 20 m"
     )
     assert_refused(_with(headland, folder, command, [feature(SQUARE)], "--margin", "60"), "60 m", "60 m across")
-    pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
+    pole = feature(point(50, 30), role="obstacle", kind="pole")
     told = _with(headland, folder, command, [feature(SQUARE, name="plot"), pole], "--margin", "45")
     assert_refused(told, "--margin) of 45 m is too wide for field 'plot'", "leaves 50", "of 6000 m2")
 
@@ -108,7 +104,7 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
 @pytest.mark.slow
 def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., Any], folder: Path) -> None:
     """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
-    pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
+    pole = feature(point(50, 30), role="obstacle", kind="pole")
     options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--explain")
     outcome = _with(headland, folder, "plan", [feature(SQUARE), pole], *options)
     told = " ".join(outcome.out.split())
@@ -130,7 +126,7 @@ def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
     headland: Callable[..., Any], folder: Path
 ) -> None:
     """A pole at the end of 100 m x 60 m with a margin of 60 m: some 43 m of the length are left."""
-    pole = feature({"type": "Point", "coordinates": [0, 30]}, role="obstacle", kind="pole")
+    pole = feature(point(0, 30), role="obstacle", kind="pole")
     options = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     wide = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "60", *options)
     assert_refused(wide, "--margin) of 60 m leaves 4", "less than half", "smaller margin")
@@ -141,7 +137,7 @@ def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
 def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:
     features = [
         feature(SQUARE), feature(line((0, 0), (100, 0)), edge="fence"), feature(line((3, 3), (9, 9)), role="drain"),
-        feature({"type": "Point", "coordinates": [5, 5]}),
+        feature(point(5, 5)),
         feature(line((100, 0), (100, 30), (160, 30)), edge="fence"),
     ]  # fmt: skip
     outcome = _with(headland, folder, "field", features, "--json")
@@ -154,16 +150,15 @@ def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable
 
 def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder: Path) -> None:
     def pole(x: float, **more: Any) -> Any:
-        return feature({"type": "Point", "coordinates": [x, 30]}, role="obstacle", kind="pole", **more)
+        return feature(point(x, 30), role="obstacle", kind="pole", **more)
 
     outcome = _with(headland, folder, "field", [feature(SQUARE), pole(50), pole(400, id="mast"), pole(105)], "--json")
     assert outcome.status == 0 and len(json.loads(outcome.out)["obstacles"]) == 2
     told = " ".join(outcome.err.split())
     assert "Obstacle 'mast' (pole), 300 m away, lies outside the field and is skipped." in told
     assert "An obstacle (pole) stands beside the field, not in it" in told
-    several = [feature(SQUARE, id="a"), feature(ring((500, 0), (600, 0), (600, 60), (500, 60)), id="b"), pole(550)]
-    place = folder / "many.geojson"
-    place.write_text(json.dumps({"type": "FeatureCollection", "features": several}))
+    several = [feature(SQUARE, id="a"), feature(rectangle(500, 0, 100, 60), id="b"), pole(550)]
+    place = write_features(folder / "many.geojson", *several)
     try:
         told = headland("field", "many.geojson#a", "--local").err
     finally:

@@ -17,6 +17,7 @@ from zlib import crc32
 import numpy as np
 
 from tests.truth.cases import TruthCase
+from tests.truth.drawing import EITHER_WAY
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE
 from tests.truth.effects import scaled as scale_effect
 
@@ -30,8 +31,6 @@ BLOCKS = {
     "speed": ("wheel_slip", "implement_slip", "speed_lag"),
     "position": ("antenna_forward", "antenna_right", "gnss_latency", "heading_bias"),
 }  # fmt: skip
-EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
-              "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
 MOST_ABOVE, SPREAD_M, EMPTY_SETS = 1.25, 6.0, 3
 ONE_WAY = ("steering_offset", "implement_side_draft", "cross_slope_drift", "heading_bias")
 UNEVEN = ("steering_offset", "steering_dead_time", "implement_slip", "gnss_latency", "cross_slope_drift")

@@ -102,12 +102,6 @@ def logged(shown: DriveSegment, wheel: Array, speed: Array) -> DriveSegment:
     return replace(shown, wheel=wheel, speed=speed, grids=grids)
 
 
-def course_of(*segments: DriveSegment) -> DriveDataset:
-    """Segments as a course, one run each."""
-    names = tuple(f"run {one.run}" for one in segments)
-    return DriveDataset(names, segments, (0.0, 0.0), sum(one.rows for one in segments))
-
-
 def simulated(programme: str, settings: Settings) -> DriveDataset:
     """What the tractor of `rig` would log with these effects on a programme, without noise."""
     made = next(one for one in DRIVE_PROGRAMMES if one.id == programme)

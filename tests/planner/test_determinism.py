@@ -14,6 +14,7 @@ from planner import HeadlandError, LocalPool, PlanningResult, PlanRequest, Seria
 from planner.request.option_texts import parse_counts
 from reports.common.plan_results import PlanRanking
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from tests.drawn_fields import rectangle
 from vehicle.model.tractor import load_tractor
 
 
@@ -48,8 +49,7 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> PlanRequest:
     import json
 
     place = tmp_path_factory.mktemp("field") / "small.geojson"
-    ring = [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]]
-    place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    place.write_text(json.dumps(rectangle(0, 0, 45, 60)))
     names = ("split-field", "interleaved", "row-by-row-optimised")  # one of each kind
     return PlanRequest(str(place), local=True, tractors=(1, 2), strategies=names, seed=7)
 

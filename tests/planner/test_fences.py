@@ -175,8 +175,6 @@ def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -
     )
 
 
-MACHINE = MachineBody(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)
-HEDGE = shapely.LineString([(10.0, -40.0), (12.0, 0.0), (9.0, 40.0)])
 POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
 
 

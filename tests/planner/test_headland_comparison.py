@@ -1,6 +1,5 @@
 """Headlands compared: the way of a request, plans of every way, sums, and finished ground under wheels."""
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,6 +27,7 @@ from planner.pipeline.headland_comparison import (
 )
 from planner.request.plan_request import PlanRequest
 from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
+from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 
@@ -125,15 +125,7 @@ class TestChoices:
 @pytest.fixture(scope="module")
 def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
     """A rectangle of 48 m by 30 m and one of 36 m by 30 m with two and with three passes of 3 m, headland last."""
-    path = tmp_path_factory.mktemp("farm") / "farm.geojson"
-    features = [
-        {
-            "type": "Feature", "id": name, "properties": {"name": name},
-            "geometry": {"type": "Polygon", "coordinates": [[[x, 0], [x + wide, 0], [x + wide, 30], [x, 30], [x, 0]]]},
-        }
-        for name, x, wide in (("long", 0, 48), ("short", 200, 36))
-    ]  # fmt: skip
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    path = write_farm(tmp_path_factory.mktemp("farm") / "farm.geojson", long=(0, 48, 30), short=(200, 36, 30))
     request = PlanRequest(f"{path}#long", local=True, tractors=(1,), strategies=("split-field",), bearing_deg=90.0)
     inputs = [build_inputs_without_farm(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
     choices = HeadlandChoices(("square",), ("last",), (2, 3))

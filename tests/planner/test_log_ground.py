@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from planner import HeadlandError, diagnose, replay
 from planner.errors import RequestError
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from tests.diagnosis.hiding import brief_programme
+from tests.drawn_fields import write_heights
 from tests.reports.test_diagnosis import diagnosis, finding
 from tests.truth.body import Ground, falls
 from tests.truth.model import make_logs
@@ -63,16 +64,6 @@ def add_heights(frames: Sequence[pd.DataFrame], noise_m: float, sign: float = 1.
     ]
 
 
-def write_raster(path: Path, compute: Callable[[np.ndarray, np.ndarray], np.ndarray], cell_m: float = 2.0) -> Path:
-    """An ASCII grid 300 m wide about the origin."""
-    places = np.arange(-150.0, 150.0, cell_m) + 0.5 * cell_m
-    east, north = np.meshgrid(places, places[::-1])
-    rows = "\n".join(" ".join(f"{height:.4f}" for height in row) for row in compute(east, north))
-    count = len(places)
-    path.write_text(f"ncols {count}\nnrows {count}\nxllcorner -150\nyllcorner -150\ncellsize {cell_m}\n{rows}\n")
-    return path
-
-
 def list_told(logs: Sequence[Log]) -> tuple[str, str]:
     """What is said of drift and of speed."""
     (across,), (along,) = estimate_cross_slope(logs).remarks, estimate_grade_speed(logs).remarks
@@ -84,7 +75,7 @@ def read_number(sentence: str, after: str) -> float:
 
 
 def test_a_raster_gives_the_fall_under_every_row(frames: list[pd.DataFrame], tmp_path: Path) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     for log in add_known_ground(read(frames), HeightFile(raster)):
         assert log.ground_fall is not None
         true = [[falls(*place, turn, HILLS)[1] for turn in (0.5 * math.pi, 0.0)]
@@ -95,7 +86,7 @@ def test_a_raster_gives_the_fall_under_every_row(frames: list[pd.DataFrame], tmp
 def test_heights_explain_drift_and_speed_and_what_they_leave_is_said(
     frames: list[pd.DataFrame], tmp_path: Path
 ) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     logs = add_known_ground(read(frames), HeightFile(raster))
     across, along = list_told(logs)
     assert across.startswith("The heights of dem.asc give the slope across the direction of travel, 5.")
@@ -110,7 +101,7 @@ def test_heights_explain_drift_and_speed_and_what_they_leave_is_said(
 
 
 def test_heights_of_a_file_take_the_place_of_sensors(frames: list[pd.DataFrame], tmp_path: Path) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     logs = add_known_ground(read([frame.assign(roll_deg=1.0) for frame in frames]), HeightFile(raster))
     assert all(log.roll_deg is None for log in logs)
     assert logs[0].set_remarks == ("The heights of dem.asc are used instead of roll_deg.",)
@@ -191,14 +182,14 @@ def test_the_metres_of_logs_in_degrees_have_a_system(frames: list[pd.DataFrame])
 def test_systems_that_do_not_fit_are_refused(
     frames: list[pd.DataFrame], tmp_path: Path, systems: dict[str, str], sentence: str
 ) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height, 10.0)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0, 10.0)
     with pytest.raises(HeadlandError, match=sentence) as caught:
         add_known_ground(read(frames[:1]), HeightFile(raster, **systems))
     assert "\n" not in str(caught.value)
 
 
 def test_the_system_of_the_heights_is_that_of_the_logs_and_said(frames: list[pd.DataFrame], tmp_path: Path) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height, 5.0)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0, 5.0)
     logs = add_known_ground(read(frames[:1]), HeightFile(raster, elevation_crs="EPSG:32632"))
     assert logs[0].set_remarks[0].endswith("in the coordinate system of dem.asc, EPSG:32632.")
 
@@ -209,7 +200,7 @@ def test_what_tyres_leave_of_the_drift_is_said(frames: list[pd.DataFrame], tmp_p
     words = get_effect(SLOPE_DRIFT).describe(values)
     assert BY_ROLL in words
     found = diagnosis(finding("cross_slope_drift", NAMED, value=values, description=words))
-    raster = write_raster(tmp_path / "dem.asc", compute_height, 10.0)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0, 10.0)
     told = describe_known_ground(found, add_known_ground(read(frames[:1]), HeightFile(raster)))
     (drift,) = [each for each in told.findings if each.id == SLOPE_DRIFT]
     assert drift.description.endswith("across a slope of 10 %, as the heights have the slope.")
@@ -221,7 +212,7 @@ def test_what_tyres_leave_of_the_drift_is_said(frames: list[pd.DataFrame], tmp_p
 
 @pytest.mark.matrix
 def test_drift_is_named_per_slope_of_the_heights(frames: list[pd.DataFrame], tmp_path: Path) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     found = diagnose(read(frames), heights=raster)
     (drift,) = [each for each in found.findings if each.id == SLOPE_DRIFT]
     assert found.named == (SLOPE_DRIFT,) and found.unexplained_share < 0.05
@@ -230,7 +221,7 @@ def test_drift_is_named_per_slope_of_the_heights(frames: list[pd.DataFrame], tmp
 
 
 def test_a_replay_takes_heights_as_a_diagnosis_does(frames: list[pd.DataFrame], tmp_path: Path) -> None:
-    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     log = read(frames)[0]
     bare, known = replay(log), replay(log, heights=raster)
     assert known.replayed.errors[5.0].along_cm < 0.5 * bare.replayed.errors[5.0].along_cm, "speeds uphill are explained"

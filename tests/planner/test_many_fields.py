@@ -26,6 +26,7 @@ from planner.pipeline.many_fields import (
 from planner.request.option_texts import parse_widths
 from planner.request.plan_request import PlanRequest
 from reports.plan.ranking_export import format_ranking_json
+from tests.drawn_fields import feature, point, rectangle, write_farm, write_features
 
 
 @pytest.mark.parametrize("named", ["elevation", "soil"])
@@ -43,24 +44,10 @@ def test_answers_hold_for_what_the_files_hold(tmp_path: Path, named: str) -> Non
     assert len(keys) == 2
 
 
-def feature(name: str, x: float, wide: float, high: float) -> dict[str, object]:
-    """A rectangle in local metres."""
-    ring = [[x, 0], [x + wide, 0], [x + wide, high], [x, high], [x, 0]]
-    return {
-        "type": "Feature",
-        "id": name,
-        "properties": {"name": name},
-        "geometry": {"type": "Polygon", "coordinates": [ring]},
-    }
-
-
 @pytest.fixture
 def farm(tmp_path: Path) -> Path:
     """Three fields in one file: one of them much too small."""
-    path = tmp_path / "farm.geojson"
-    features = [feature("north", 0, 70, 40), feature("tiny", 200, 2, 2), feature("south", 400, 60, 50)]
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return path
+    return write_farm(tmp_path / "farm.geojson", north=(0, 70, 40), tiny=(200, 2, 2), south=(400, 60, 50))
 
 
 def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
@@ -85,8 +72,7 @@ def test_a_star_stands_for_every_field_of_a_file(farm: Path) -> None:
 
 def test_a_pond_is_left_out_of_all_fields_and_told(farm: Path) -> None:
     document = json.loads(farm.read_text())
-    document["features"].append(feature("pond", 20, 10, 10))
-    document["features"][-1]["geometry"]["coordinates"][0] = [[20, 10], [30, 10], [30, 20], [20, 20], [20, 10]]
+    document["features"].append(feature(rectangle(20, 10, 10, 10), name="pond") | {"id": "pond"})
     farm.write_text(json.dumps(document))
     remarks: list[str] = []
     names = expand_field_names([f"{farm}#*", f"{farm}#pond"], local=True, show_remarks=remarks.extend)
@@ -97,8 +83,7 @@ def test_a_pond_is_left_out_of_all_fields_and_told(farm: Path) -> None:
 def test_obstacles_and_names_count_where_they_lie(farm: Path) -> None:
     """A tree is in the south field, 430,20 as well; what no field has is refused, and so is a number."""
     document = json.loads(farm.read_text())
-    tree = {"type": "Point", "coordinates": [450, 20]}
-    document["features"].append({"type": "Feature", "properties": {"name": "Eiche"}, "geometry": tree})
+    document["features"].append(feature(point(450, 20), name="Eiche"))
     farm.write_text(json.dumps(document))
     names = (f"{farm}#north", f"{farm}#south")
 
@@ -116,9 +101,9 @@ def test_obstacles_and_names_count_where_they_lie(farm: Path) -> None:
 
 
 def test_fields_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
-    path = tmp_path / "twins.geojson"
-    features = [feature("twin", 0, 70, 40), feature("twin", 200, 70, 40), feature("other", 400, 60, 50)]
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    named = ((0, "twin"), (200, "twin"), (400, "other"))
+    features = [feature(rectangle(x, 0, 70, 40), name=name) | {"id": name} for x, name in named]
+    path = write_features(tmp_path / "twins.geojson", *features)
     assert expand_field_names([f"{path}#*"], local=True) == (f"{path}#twin-1", f"{path}#twin-2", f"{path}#other")
 
 

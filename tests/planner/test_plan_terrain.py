@@ -30,6 +30,7 @@ from planner.pipeline.outputs.saved_physics import export_physics, read_physics
 from planner.pipeline.outputs.saved_plans import rerun_plan, write_saved_plan
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
+from tests.drawn_fields import feature, rectangle, write_features, write_heights
 from vehicle.missions.plan_file import parse_saved_plan
 from vehicle.missions.run import Stall
 from vehicle.model.terrain import Terrain
@@ -41,12 +42,7 @@ ONE = Candidate("row-by-row", 1)
 
 def write_plane(path: Path, east: float, north: float, *, cell_m: float = 2.0) -> Path:
     """An ASCII grid of the plane z = 100 + east x + north y, from -60 m to 160 m."""
-    places = np.arange(-60.0, 160.0, cell_m) + 0.5 * cell_m
-    heights = 100.0 + east * places[None, :] + north * places[::-1, None]
-    rows = "\n".join(" ".join(f"{height:.4f}" for height in row) for row in heights)
-    count = len(places)
-    path.write_text(f"ncols {count}\nnrows {count}\nxllcorner -60\nyllcorner -60\ncellsize {cell_m}\n{rows}\n")
-    return path
+    return write_heights(path, lambda x, y: 100.0 + east * x + north * y, -60.0, 160.0, cell_m)
 
 
 @cache
@@ -194,14 +190,8 @@ class TestFieldKey:
     """The boundary of a field file names a file beside it."""
 
     def write(self, folder: Path, name: object) -> Path:
-        import json
 
-        ring = [[0, 0], [36, 0], [36, 80], [0, 80], [0, 0]]
-        feature = {"type": "Feature", "properties": {"elevation": name},
-                   "geometry": {"type": "Polygon", "coordinates": [ring]}}  # fmt: skip
-        path = folder / "field.geojson"
-        path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
-        return path
+        return write_features(folder / "field.geojson", feature(rectangle(0, 0, 36, 80), elevation=name))
 
     def test_it_is_read_unless_the_request_has_another(self, tmp_path: Path) -> None:
         write_plane(tmp_path / "own.asc", 0.05, 0.0)

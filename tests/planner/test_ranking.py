@@ -16,6 +16,7 @@ from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
 from strategies.names import STRATEGY_NAMES
+from tests.drawn_fields import rectangle
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(60))
@@ -208,8 +209,7 @@ class TestMoney:
         import json
 
         place = tmp_path_factory.mktemp("field") / "small.geojson"
-        ring = [[0, 0], [36, 0], [36, 80], [0, 80], [0, 0]]
-        place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+        place.write_text(json.dumps(rectangle(0, 0, 36, 80)))
         scenario = PlanRequest(
             str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
             price_per_tractor=7.0, start_s=36000, deadline_s=36000 + 900, no_headland=True,

@@ -26,6 +26,7 @@ from reports.plan.answer import format_stated_end
 from reports.plan.first_screen import build_first_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
+from tests.drawn_fields import rectangle
 from tests.examples import draw_seed
 from vehicle.missions.plan_file import parse_saved_plan
 
@@ -146,8 +147,7 @@ km = 2.5
 @pytest.mark.slow
 @pytest.mark.parametrize("rain", ["08:30=40,09:00=40", "09:10=60"])
 def test_a_day_is_done_when_its_last_field_is(rain: str, tmp_path: Path) -> None:
-    ring = [[0, 0], [40, 0], [40, 90], [0, 90], [0, 0]]
-    (tmp_path / "small.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}), encoding="utf-8")
+    (tmp_path / "small.geojson").write_text(json.dumps(rectangle(0, 0, 40, 90)), encoding="utf-8")
     (tmp_path / "day.toml").write_text(DAY.format(rain=rain), encoding="utf-8")
     day = plan_day(tmp_path / "day.toml", samples=SAMPLES)
     last_s = max(job.p50_end_s for job in day.jobs)

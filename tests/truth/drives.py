@@ -194,9 +194,3 @@ def three_speeds_programme() -> list[Drive]:
 def one_way_programme(bearing_deg: float = 90.0) -> list[Drive]:
     """Four straight passes, all the same way and with the implement down: offset, draft and slope look the same."""
     return [replace(straight(bearing_deg, 1.0), name=f"one_way_{index}") for index in range(4)]
-
-
-def both_ways_programme(bearing_deg: float = 90.0) -> list[Drive]:
-    """The same line there and back, twice, the implement down on one pair only: what the one-way passes lack."""
-    back = (bearing_deg + 180.0) % 360.0
-    return [straight(way, implement) for implement in (1.0, 0.0) for way in (bearing_deg, back)]

@@ -39,74 +39,50 @@ Outside the catalogue (`OUTSIDE`):
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 Effects = Mapping[str, Mapping[str, float]]
 
-NEUTRAL: dict[str, dict[str, float]] = {
-    "steering_offset": {"angle_deg": 0.0},
-    "steering_gain": {"ratio": 1.0},
-    "steering_asymmetry": {"ratio": 1.0},
-    "steering_dead_time": {"time_s": 0.0},
-    "steering_lag": {"time_s": 0.1},
-    "steering_rate": {"rate_deg_per_s": 16.0},
-    "steering_deadband": {"angle_deg": 0.1},
-    "steering_backlash": {"angle_deg": 0.0},
-    "side_slip": {"limit_g": float("inf")},
-    "understeer": {"deg_per_mps2": 0.0},
-    "cross_slope_drift": {"ratio": 0.0, "bearing_deg": 0.0},
-    "implement_side_draft": {"curvature_per_m": 0.0},
-    "wheel_slip": {"ratio": 0.0},
-    "implement_slip": {"ratio": 0.0},
-    "speed_lag": {"time_s": 0.0},
-    "antenna_forward": {"distance_m": 0.0},
-    "antenna_right": {"distance_m": 0.0},
-    "gnss_latency": {"time_s": 0.0},
-    "heading_bias": {"angle_deg": 0.0},
-    "grip_patch": {"ratio": 1.0, "east_m": 0.0, "north_m": 0.0, "radius_m": 0.0},
-    "grip_drift": {"per_minute": 0.0},
+CATALOGUE: dict[str, dict[str, tuple[float, float]]] = {
+    "steering_offset": {"angle_deg": (0.0, 1.0)},
+    "steering_gain": {"ratio": (1.0, 1.08)},
+    "steering_asymmetry": {"ratio": (1.0, 1.1)},
+    "steering_dead_time": {"time_s": (0.0, 0.25)},
+    "steering_lag": {"time_s": (0.1, 0.35)},
+    "steering_rate": {"rate_deg_per_s": (16.0, 9.0)},
+    "steering_deadband": {"angle_deg": (0.1, 1.0)},
+    "steering_backlash": {"angle_deg": (0.0, 1.5)},
+    "side_slip": {"limit_g": (math.inf, 0.08)},
+    "understeer": {"deg_per_mps2": (0.0, 2.0)},
+    "cross_slope_drift": {"ratio": (0.0, 0.03), "bearing_deg": (0.0, 200.0)},
+    "implement_side_draft": {"curvature_per_m": (0.0, 0.006)},
+    "wheel_slip": {"ratio": (0.0, 0.08)},
+    "implement_slip": {"ratio": (0.0, 0.1)},
+    "speed_lag": {"time_s": (0.0, 1.2)},
+    "antenna_forward": {"distance_m": (0.0, 0.4)},
+    "antenna_right": {"distance_m": (0.0, 0.15)},
+    "gnss_latency": {"time_s": (0.0, 0.2)},
+    "heading_bias": {"angle_deg": (0.0, 1.5)},
+    "grip_patch": {"ratio": (1.0, 0.7), "east_m": (0.0, 12.0), "north_m": (0.0, 8.0), "radius_m": (0.0, 15.0)},
+    "grip_drift": {"per_minute": (0.0, 0.1)},
+}
+"""Parameters of each effect: neutral, and of a clear size."""
+OUTSIDE_CATALOGUE: dict[str, dict[str, tuple[float, float]]] = {
+    "steering_temperature": {"share": (0.0, 0.12), "period_s": (40.0, 40.0)},
+    "speed_pull": {"deg_per_m2ps2": (0.0, 0.4)},
+    "steering_wobble": {"angle_deg": (0.0, 1.5), "period_s": (4.0, 4.0)},
+    "tyre_relaxation": {"length_m": (0.3, 1.5)},
+    "wind_drift": {"speed_mps": (0.0, 0.05), "bearing_deg": (0.0, 60.0)},
 }
 
-CLEAR_SIZES: dict[str, dict[str, float]] = {
-    "steering_offset": {"angle_deg": 1.0},
-    "steering_gain": {"ratio": 1.08},
-    "steering_asymmetry": {"ratio": 1.10},
-    "steering_dead_time": {"time_s": 0.25},
-    "steering_lag": {"time_s": 0.35},
-    "steering_rate": {"rate_deg_per_s": 9.0},
-    "steering_deadband": {"angle_deg": 1.0},
-    "steering_backlash": {"angle_deg": 1.5},
-    "side_slip": {"limit_g": 0.08},
-    "understeer": {"deg_per_mps2": 2.0},
-    "cross_slope_drift": {"ratio": 0.03, "bearing_deg": 200.0},
-    "implement_side_draft": {"curvature_per_m": 0.006},
-    "wheel_slip": {"ratio": 0.08},
-    "implement_slip": {"ratio": 0.10},
-    "speed_lag": {"time_s": 1.2},
-    "antenna_forward": {"distance_m": 0.4},
-    "antenna_right": {"distance_m": 0.15},
-    "gnss_latency": {"time_s": 0.2},
-    "heading_bias": {"angle_deg": 1.5},
-    "grip_patch": {"ratio": 0.7, "east_m": 12.0, "north_m": 8.0, "radius_m": 15.0},
-    "grip_drift": {"per_minute": 0.10},
-}
 
-OUTSIDE_NEUTRAL: dict[str, dict[str, float]] = {
-    "steering_temperature": {"share": 0.0, "period_s": 40.0},
-    "speed_pull": {"deg_per_m2ps2": 0.0},
-    "steering_wobble": {"angle_deg": 0.0, "period_s": 4.0},
-    "tyre_relaxation": {"length_m": 0.3},
-    "wind_drift": {"speed_mps": 0.0, "bearing_deg": 0.0},
-}
+def _take(table: Mapping[str, Mapping[str, tuple[float, float]]], place: int) -> dict[str, dict[str, float]]:
+    return {name: {key: pair[place] for key, pair in values.items()} for name, values in table.items()}
 
-OUTSIDE: dict[str, dict[str, float]] = {
-    "steering_temperature": {"share": 0.12, "period_s": 40.0},
-    "speed_pull": {"deg_per_m2ps2": 0.4},
-    "steering_wobble": {"angle_deg": 1.5, "period_s": 4.0},
-    "tyre_relaxation": {"length_m": 1.5},
-    "wind_drift": {"speed_mps": 0.05, "bearing_deg": 60.0},
-}
 
+NEUTRAL, CLEAR_SIZES = _take(CATALOGUE, 0), _take(CATALOGUE, 1)
+OUTSIDE_NEUTRAL, OUTSIDE = _take(OUTSIDE_CATALOGUE, 0), _take(OUTSIDE_CATALOGUE, 1)
 PLACES = ("bearing_deg", "east_m", "north_m", "radius_m", "period_s")  # where an effect is, not how large
 
 

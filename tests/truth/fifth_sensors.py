@@ -21,7 +21,6 @@ corrects its tilt. The heading is that of two antennas, or of a gyroscope that c
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numba
@@ -38,7 +37,6 @@ from tests.truth.signals import FROZEN, NO_CLOCK, draw_slow, is_within, lose_pos
 
 Array = npt.NDArray[np.float64]
 ROW_S, NOMINAL_M, DAY_STARTS_S = body.STEP_S * body.ROW_STEPS, 1.1, 25_000.0
-Outside = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)

@@ -29,31 +29,12 @@ WIDTH, EDGE_M = 8, 7
 # fmt: off
 (P_OFFSET, P_GAIN, P_LEFT, P_DEAD_TIME, P_LAG, P_RATE, P_DEAD_BAND, P_PLAY, P_LIMIT, P_UNDERSTEER, P_SLOPE, P_DRAFT,
  P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_DRIFT, P_SLOPE_TO, P_PATCH_E, P_PATCH_N, P_PATCH_R) = range(21)
+BODY_EFFECTS = {name: place for place, name in enumerate((
+    "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "steering_lag", "steering_rate",
+    "steering_deadband", "steering_backlash", "side_slip", "understeer", "cross_slope_drift", "implement_side_draft",
+    "wheel_slip", "implement_slip", "speed_lag", "grip_patch", "grip_drift",
+))}
 # fmt: on
-BODY_EFFECTS = {
-    name: place
-    for place, name in enumerate(
-        (
-            "steering_offset",
-            "steering_gain",
-            "steering_asymmetry",
-            "steering_dead_time",
-            "steering_lag",
-            "steering_rate",
-            "steering_deadband",
-            "steering_backlash",
-            "side_slip",
-            "understeer",
-            "cross_slope_drift",
-            "implement_side_draft",
-            "wheel_slip",
-            "implement_slip",
-            "speed_lag",
-            "grip_patch",
-            "grip_drift",
-        )
-    )
-}  # fmt: skip
 """Effects of a machine's body, and the places of their first values among its parameters; others are of instruments."""
 NAMES = ("offset", "gain", "left_gain", "dead_time", "lag", "rate", "dead_band", "play", "limit", "understeer", "slope",
          "draft", "slip", "tool_slip", "speed_lag", "patch", "drift", "slope_to", "patch_east", "patch_north",

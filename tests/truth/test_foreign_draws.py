@@ -6,8 +6,6 @@ from tests.truth import fifth, fifth_cases, fourth, fourth_cases
 from tests.truth.cases import KINDS, Fault, Law, TruthCase
 from tests.truth.effects import NEUTRAL
 
-KNOWN = {"numpy", "pandas", "numba", "math", "dataclasses", "collections", "typing", "functools", "__future__"}
-
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_seed_of_the_fourth_has_all_kinds_and_other_draws_than_the_next(seed: int) -> None:

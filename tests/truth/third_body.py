@@ -35,7 +35,6 @@ BRAKE_SPEED, BRAKE_SHARE = 0.1, 0.5  # m/s below which a standing tractor is hel
 SPOOL_S, PRESSURE_S, OVERLAP, PUMP_DEG_PER_S = 0.018, 0.05, 0.04, 75.0
 RIGHT_AREA, LEFT_AREA = 1.02, 0.98  # speed of the cylinder per flow, by the side it moves to
 SWITCH_DEG, RELEASE_DEG = 5.0, 0.3
-SLOPE_EDGE_M = 0.8
 SWING_RATE, SWING_DAMPING = 2.6, 0.08  # of a trailed implement: rad/s, share of critical
 TABLE_SIZE, TABLE_MOST = 801, 0.45  # curvature (1/m) on both sides
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
-from tests.truth.drawing import Rng, Row, build_case, check_kinds, pick, pick_names
+from tests.truth.drawing import Rng, build_case, check_kinds, pick, pick_names
 from tests.truth.effects import CLEAR_SIZES, scaled
 
-Draw = Callable[[Rng, int], list[TruthCase]]
+Draw = Callable[[Rng], list[TruthCase]]
 SMALLEST, LARGEST = 1.0, 1.25  # shares of the clear size
 SIGNED = (
     "steering_offset", "implement_side_draft", "antenna_forward", "antenna_right", "heading_bias", "grip_drift",
@@ -58,34 +58,29 @@ def hide_effects(kind: str, names: Iterable[str], rng: Rng, programme: str = "th
     return build_case(kind, draw_seed(rng), hidden, programme=programme)
 
 
-def draw_clean(rng: Rng, count: int) -> list[TruthCase]:
+def draw_clean(rng: Rng) -> list[TruthCase]:
     """Nothing hidden, in several programmes, rates and instruments as they come."""
     programmes = rng.permutation(["three_speeds", "mixed", "closed", "three_speeds"])
-    rates = (10.0, 5.0, 20.0, 10.0)
-    return [
-        TruthCase("clean", draw_seed(rng), programme=str(programmes[index % 4]), rate_hz=rates[index % 4])
-        for index in range(count)
-    ]
+    return [TruthCase("clean", draw_seed(rng), programme=str(programme), rate_hz=rate_hz)
+            for programme, rate_hz in zip(programmes, (10.0, 5.0, 20.0, 10.0), strict=True)]  # fmt: skip
 
 
-def draw_effects(rng: Rng, count: int) -> list[TruthCase]:
+def draw_effects(rng: Rng) -> list[TruthCase]:
     """One effect of the catalogue each."""
-    names = pick_names(sorted(CLEAR_SIZES), len(CLEAR_SIZES), rng)
-    return [hide_effects("effect", (names[index % len(names)],), rng) for index in range(count)]
+    return [hide_effects("effect", (name,), rng) for name in pick_names(sorted(CLEAR_SIZES), 9, rng)]
 
 
-def draw_pairs(rng: Rng, count: int) -> list[TruthCase]:
+def draw_pairs(rng: Rng) -> list[TruthCase]:
     """Two effects at once."""
-    return [hide_effects("pair", names, rng) for names in choose_rows(PAIRS, count, rng)]
+    return [hide_effects("pair", names, rng) for names in pick(PAIRS, 2, rng)]
 
 
-def draw_closed(rng: Rng, count: int) -> list[TruthCase]:
+def draw_closed(rng: Rng) -> list[TruthCase]:
     """One effect with a path follower in the loop all the time."""
-    names = pick_names(CLOSED_EFFECTS, len(CLOSED_EFFECTS), rng)
-    return [hide_effects("closed_loop", (names[index % len(names)],), rng, "closed") for index in range(count)]
+    return [hide_effects("closed_loop", (name,), rng, "closed") for name in pick_names(CLOSED_EFFECTS, 3, rng)]
 
 
-def draw_columns(rng: Rng, count: int) -> list[TruthCase]:
+def draw_columns(rng: Rng) -> list[TruthCase]:
     """One column that is late, held, filtered, scaled or stamped by another clock."""
     side = rng.choice([-1.0, 1.0])
     held = ColumnClock(hold_s=2.0, hold_jitter=0.05)
@@ -103,15 +98,10 @@ def draw_columns(rng: Rng, count: int) -> list[TruthCase]:
         ({"position": ColumnClock(drift_s_per_min=side * rng.uniform(0.3, 0.5))}, ("position", "clock")),
     ]
     return [build_case("column", draw_seed(rng), columns=clocks, words=words)
-            for clocks, words in choose_rows(table, count, rng)]  # fmt: skip
+            for clocks, words in pick(table, 4, rng)]  # fmt: skip
 
 
-def choose_rows(table: Sequence[Row], count: int, rng: Rng) -> list[Row]:
-    """Rows of a table in a drawn order, all of them before any comes again."""
-    return [row for _ in range(count // len(table) + 1) for row in pick(table, len(table), rng)][:count]
-
-
-def draw_laws(rng: Rng, count: int) -> list[TruthCase]:
+def draw_laws(rng: Rng) -> list[TruthCase]:
     """A parameter that depends on time, place, run, implement, side, angle or speed; or a driveline a little slow."""
     turn, side = rng.uniform(0.0, 360.0), rng.choice([-1.0, 1.0])
     slope = side * rng.uniform(0.006, 0.010)
@@ -139,14 +129,14 @@ def draw_laws(rng: Rng, count: int) -> list[TruthCase]:
         (Law("speed_lag", "constant", {"value": rng.uniform(0.45, 0.75)}), {"speed_lag"}, ("speed",)),
     ]  # fmt: skip
     cases = []
-    for law, also, words in choose_rows(table, count, rng):
+    for law, also, words in pick(table, 4, rng):
         effects = {law.effect: {"bearing_deg": turn}} if law.effect == "cross_slope_drift" else {}
         wanted = () if law.kind == "constant" else (law.effect,)
         cases.append(build_case("law", draw_seed(rng), effects, laws=(law,), also=also, wanted=wanted, words=words))
     return cases
 
 
-def draw_faults(rng: Rng, count: int) -> list[TruthCase]:
+def draw_faults(rng: Rng) -> list[TruthCase]:
     """One thing that breaks in one of eight runs, at times until the end of its log.
 
     Runs are those in which it shows at once: a wire that comes loose while the wheels stand still has no onset.
@@ -167,7 +157,7 @@ def draw_faults(rng: Rng, count: int) -> list[TruthCase]:
         ("wheel_sensor_frozen", {}, "mixed", (2, 4)),
     ]
     cases = []
-    for name, detail, programme, runs in choose_rows(table, count, rng):
+    for name, detail, programme, runs in pick(table, 4, rng):
         start = float(rng.uniform(15.0, 30.0))
         end = None if rng.uniform() < 0.5 else start + float(rng.uniform(12.0, 20.0))
         fault = Fault(name, int(rng.choice(runs)), start, end, detail)
@@ -175,7 +165,7 @@ def draw_faults(rng: Rng, count: int) -> list[TruthCase]:
     return cases
 
 
-def draw_outside(rng: Rng, count: int) -> list[TruthCase]:
+def draw_outside(rng: Rng) -> list[TruthCase]:
     """A cause outside the catalogue, with the ids that would still be right and words of a useful hint."""
     turn, run = rng.uniform(0.0, 360.0), int(rng.integers(2, 5))
     push = {"mps2": rng.uniform(0.5, 0.9), "bearing_deg": turn}
@@ -210,11 +200,11 @@ def draw_outside(rng: Rng, count: int) -> list[TruthCase]:
     ]  # fmt: skip
     return [
         build_case("outside", draw_seed(rng), outside={name: {key: float(value) for key, value in values.items()}},
-                   also=also, words=words) for name, values, also, words in choose_rows(table, count, rng)
+                   also=also, words=words) for name, values, also, words in pick(table, 5, rng)
     ]  # fmt: skip
 
 
-def draw_odd_runs(rng: Rng, count: int) -> list[TruthCase]:
+def draw_odd_runs(rng: Rng) -> list[TruthCase]:
     """One run of eight with another tractor's values: less gain, another offset, slower steering."""
     table = (
         ("steering_gain", 1.0 - rng.uniform(0.12, 0.18), 1.0, (2, 3, 4)),
@@ -223,57 +213,36 @@ def draw_odd_runs(rng: Rng, count: int) -> list[TruthCase]:
         ("wheel_slip", rng.uniform(0.09, 0.12), 0.0, tuple(range(7))),
     )
     cases = []
-    for name, value, other, runs in choose_rows(table, count, rng):
+    for name, value, other, runs in pick(table, 2, rng):
         law = Law(name, "by_run", {"run": float(rng.choice(runs)), "value": float(value), "other": other})
         cases.append(build_case("odd_run", draw_seed(rng), laws=(law,), wanted=(), words=("run", "unlike")))
     return cases
 
 
-def draw_one_sided(rng: Rng, count: int) -> list[TruthCase]:
-    """Circles to the right only, clean or with something that they cannot tell from its neighbours."""
-    cases = []
-    for index in range(count):
-        if index % 2 == 0:
-            cases.append(TruthCase("one_sided", draw_seed(rng), programme="one_sided", hint_words=("drive", "left")))
-        else:
-            name = str(rng.choice(["steering_gain", "steering_offset", "antenna_right"]))
-            cases.append(hide_effects("one_sided", (name,), rng, "one_sided"))
-    return cases
+def draw_one_sided(rng: Rng) -> list[TruthCase]:
+    """Circles to the right only, clean and with something that they cannot tell from its neighbours."""
+    clean = TruthCase("one_sided", draw_seed(rng), programme="one_sided", hint_words=("drive", "left"))
+    name = str(rng.choice(["steering_gain", "steering_offset", "antenna_right"]))
+    return [clean, hide_effects("one_sided", (name,), rng, "one_sided")]
 
 
-def draw_one_speed(rng: Rng, count: int) -> list[TruthCase]:
-    """One speed, or angles in order of time: clean, and with one clear effect that still shows."""
-    cases = []
-    for index in range(count):
-        programme = "one_speed" if index % 2 == 0 else "ordered_angles"
-        if index % 4 < 2:
-            cases.append(TruthCase("one_speed", draw_seed(rng), programme=programme))
-        else:
-            name = str(rng.choice(["steering_gain", "steering_offset", "antenna_forward"]))
-            cases.append(hide_effects("one_speed", (name,), rng, programme))
-    return cases
+def draw_one_speed(rng: Rng) -> list[TruthCase]:
+    """One speed, or angles in order of time, with nothing hidden."""
+    return [TruthCase("one_speed", draw_seed(rng), programme=name) for name in ("one_speed", "ordered_angles")]
 
 
-def draw_mixed(rng: Rng, count: int) -> list[TruthCase]:
-    """An effect of the catalogue together with a column's clock, or a fault in one run."""
-    cases = []
-    for index in range(count):
-        name = str(rng.choice(["steering_offset", "steering_gain", "steering_lag", "antenna_right", "wheel_slip"]))
-        hidden = {name: draw_size(name, rng)}
-        if index % 2 == 0:
-            clocks = {"position": ColumnClock(delay_s=float(rng.uniform(0.2, 0.35)))}
-            cases.append(build_case("mixed", draw_seed(rng), hidden, columns=clocks, programme="mixed"))
-        else:
-            fault = Fault("steering_loose", 4, float(rng.uniform(18.0, 30.0)))
-            cases.append(build_case("mixed", draw_seed(rng), hidden, faults=(fault,)))
-    return cases
+def draw_mixed(rng: Rng) -> list[TruthCase]:
+    """An effect of the catalogue together with a late column."""
+    name = str(rng.choice(["steering_offset", "steering_gain", "steering_lag", "antenna_right", "wheel_slip"]))
+    hidden = {name: draw_size(name, rng)}
+    clocks = {"position": ColumnClock(delay_s=float(rng.uniform(0.2, 0.35)))}
+    return [build_case("mixed", draw_seed(rng), hidden, columns=clocks, programme="mixed")]
 
 
-DRAWS: dict[str, tuple[Draw, int]] = {
-    "clean": (draw_clean, 4), "effect": (draw_effects, 9), "pair": (draw_pairs, 2), "closed_loop": (draw_closed, 3),
-    "column": (draw_columns, 4), "law": (draw_laws, 4), "fault": (draw_faults, 4), "outside": (draw_outside, 5),
-    "odd_run": (draw_odd_runs, 2), "one_sided": (draw_one_sided, 2), "one_speed": (draw_one_speed, 2),
-    "mixed": (draw_mixed, 1),
+DRAWS: dict[str, Draw] = {
+    "clean": draw_clean, "effect": draw_effects, "pair": draw_pairs, "closed_loop": draw_closed,
+    "column": draw_columns, "law": draw_laws, "fault": draw_faults, "outside": draw_outside, "odd_run": draw_odd_runs,
+    "one_sided": draw_one_sided, "one_speed": draw_one_speed, "mixed": draw_mixed,
 }  # fmt: skip
 
 
@@ -284,7 +253,6 @@ def draw_third_cases(seed: int, kinds: Iterable[str] | None = None) -> list[Trut
     """
     cases = []
     for kind in check_kinds(kinds):
-        draw, count = DRAWS[kind]
-        cases += draw(np.random.default_rng([seed, KINDS.index(kind), 41]), count)
+        cases += DRAWS[kind](np.random.default_rng([seed, KINDS.index(kind), 41]))
     order = np.random.default_rng([seed, 42]).permutation(len(cases))
     return [cases[place] for place in order]

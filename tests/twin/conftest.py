@@ -28,6 +28,19 @@ def hook(speed_mps: float = 1.1) -> Mission:
     ))  # fmt: skip
 
 
+def lay_rows(count: int) -> Mission:
+    """Rows of 80 m at 5 km/h, the implement down on them, joined by half circles of 5 m radius."""
+    legs: list[Leg] = []
+    for number in range(count):
+        x, up = 10.0 * number, number % 2 == 0
+        begin, end = (0.0, 80.0) if up else (80.0, 0.0)
+        legs.append(Leg(np.array([[x, begin], [x, end]]), 1.4, implement=True, task=LegTask(SWATH, number)))
+        if number + 1 < count:
+            angles = np.linspace(math.pi, 0.0 if up else 2.0 * math.pi, 31)
+            legs.append(Leg(np.stack([x + 5.0 * (1.0 + np.cos(angles)), end + 5.0 * np.sin(angles)], axis=1), 1.4))
+    return Mission(tuple(legs))
+
+
 def fix_of(state: RobotState, age_s: float = 0.0) -> PoseFix:
     """The fix of a state, with an age."""
     return PoseFix(state.time_s, state.x_m, state.y_m, state.heading_rad, state.speed_mps, state.time_s + age_s)

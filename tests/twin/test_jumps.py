@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.benchmarks.twins import rows
 from tests.examples import seldom
-from tests.twin.conftest import fix_of
+from tests.twin.conftest import fix_of, lay_rows
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.twin.mismatch import (
     JUMP_PROBABILITY,
@@ -36,7 +35,7 @@ def driven(
 ) -> Twin:  # fmt: skip
     """A twin that follows rows of 80 m with ten commands a second; from AT_S on, for `back_s`, fixes are `metres` off
     in the direction `angle`, and by `right_m` to the right of the tractor."""
-    mission, tractor = rows(4), load_tractor("eg105")
+    mission, tractor = lay_rows(4), load_tractor("eg105")
     real = RobotTractor(mission, tractor, Implement(), hidden_effects=hidden, noise=TractorNoise(), seed=seed)
     real.base_legs = len(mission.legs)
     twin = Twin(tractor, Implement(), fix_of(real.state))

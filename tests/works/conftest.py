@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.task_logs.example_logs import DDI_COLUMNS, encode_records
+from tests.cli.conftest import built, headland  # noqa: F401
 from tests.fields.farm_files import METRE_EAST, METRE_NORTH, place
 
 WIDTH_M, WORK_MPS, TURN_MPS = 6.0, 2.0, 1.0

@@ -28,6 +28,7 @@ from reports.task_logs.plan_comparison import (
     render_comparison_page,
 )
 from reports.task_logs.run_results import STANDING, TURNING, WORKING, PlanComparison
+from tests.drawn_fields import ring
 from tests.fields.farm_files import place
 
 WIDTH_M = 6.0
@@ -84,9 +85,8 @@ def test_standing_adds_no_ground() -> None:
 def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, ExampleTaskData]:
     """A plan for two tractors, runs that were imported of its example, and the truth of that."""
     folder = tmp_path_factory.mktemp("plan")
-    corners = [(0, 0), (60, 0), (60, 120), (0, 120), (0, 0)]
-    ring = [list(reversed(place(*corner))) for corner in corners]
-    (folder / "field.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    corners = [place(x, y)[::-1] for x, y in ((0, 0), (60, 0), (60, 120), (0, 120))]
+    (folder / "field.geojson").write_text(json.dumps(ring(*corners)))
     scenario = PlanRequest(
         field=str(folder / "field.geojson"), width_m=WIDTH_M, tractors=(2,), strategies=("split-field",), samples=0
     )

@@ -3,33 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from planner.cli.main import main
 from tests.works.conftest import STOP_S, TRACK_M, TRACKS
-
-
-@pytest.fixture
-def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str, str]]:
-    """Run the command in this process: status, what it prints, what it says on standard error."""
-
-    def run(*words: str | Path) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["headland", *map(str, words)])
-        capfd.readouterr()
-        status = 0
-        try:
-            main()
-        except SystemExit as end:
-            status = int(end.code or 0)
-        printed = capfd.readouterr()
-        return status, printed.out, printed.err
-
-    return run
 
 
 def test_a_table_and_two_files_a_run(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:

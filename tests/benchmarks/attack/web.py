@@ -7,7 +7,6 @@ import http.client
 import io
 import json
 import secrets
-import socket
 import time
 import zipfile
 from collections.abc import Mapping
@@ -72,13 +71,6 @@ def upload(
     body = b"".join([*parts, f"--{mark}--\r\n".encode()])
     return ask(port, "POST", f"{API}/{kind}", token=token, body=body, source=source, timeout_s=timeout_s,
                headers={"Content-Type": f"multipart/form-data; boundary={mark}"})  # fmt: skip
-
-
-def open_raw(port: int, head: bytes, source: str = HOST, timeout_s: float = 5.0) -> socket.socket:
-    """A connection on which some bytes were sent and nothing is read."""
-    link = socket.create_connection((HOST, port), timeout_s, (source, 0))
-    link.sendall(head)
-    return link
 
 
 def pack_zip(members: Mapping[str, bytes]) -> bytes:

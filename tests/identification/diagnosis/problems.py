@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tests.identification.analytic_drives import rig
 from vehicle.identification.diagnosis.drive_data import build_drive_data
-from vehicle.identification.diagnosis.grammar import list_nuisances
+from vehicle.identification.diagnosis.grammar import Hypothesis, build_constant, list_nuisances
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import POSE_AMOUNTS
 from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.model.effects import get_effect
 
+PACE_MPS = 1.4
+Effects = Mapping[str, Mapping[str, float]]
 Alter = Callable[[DriveSegment], DriveSegment]
 
 
@@ -29,7 +33,7 @@ def build_drives(alter: Alter = lambda segment: segment) -> DriveDataset:
         ("four-ways", 0.0),
     ):
         made = next(one for one in DRIVE_PROGRAMMES if one.id == name)
-        for segment in simulate_programme(rig(), made, heading, 1.4, {}).segments:
+        for segment in simulate_programme(rig(), made, heading, PACE_MPS, {}).segments:
             segments.append(alter(replace(segment, run=len(segments))))
     names = tuple(f"run {run}" for run in range(len(segments)))
     return DriveDataset(names, tuple(segments), (0.0, 0.0), sum(segment.rows for segment in segments))
@@ -65,3 +69,28 @@ def leave_parts(problem: Problem, parts: tuple[int, ...]) -> None:
     pose = np.full(len(POSE_AMOUNTS), -30.0)
     pose[list(parts)] = 2.0 * np.log(np.array(POSE_AMOUNTS)[list(parts)])
     problem.set_noise({"pose": pose, "wheel": np.full(5, -40.0), "speed": np.full(5, -40.0)})
+
+
+def build_drive_problem(programme: str, effects: Effects, has_heading: bool = True, has_wheel: bool = True) -> Problem:
+    """What a tractor with these effects would log on a programme."""
+    made = next(one for one in DRIVE_PROGRAMMES if one.id == programme)
+    dataset = simulate_programme(rig(), made, 0.3, PACE_MPS, effects)
+    segments = tuple(
+        replace(one, heading_measured=has_heading, wheel=one.wheel if has_wheel else None) for one in dataset.segments
+    )
+    return Problem(build_drive_data(replace(dataset, segments=segments)), rig())
+
+
+def build_hypothesis(problem: Problem, name: str) -> Hypothesis:
+    return build_constant(get_effect(name), problem.data, problem.rig.tractor)
+
+
+def build_fit(model: Sequence[Any], amounts: Sequence[float], curvature: np.ndarray) -> Fit:
+    """A fit written by hand."""
+    return Fit(tuple(model), np.array(amounts), 0.0, {}, curvature)
+
+
+def fit_with(problem: Problem, *hypotheses: Hypothesis) -> Fit:
+    """The fit of some hypotheses beside the nuisances, at the noise as it is."""
+    model = (*list_nuisances(problem.data), *hypotheses)
+    return problem.refit(model, np.zeros(sum(one.size for one in model)))

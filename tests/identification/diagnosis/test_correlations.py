@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from tests.identification.diagnosis.programme_problems import build_hypothesis, build_problem
+from tests.identification.diagnosis.problems import build_drive_problem, build_fit, build_hypothesis
 from vehicle.identification.diagnosis.grammar import build_scope, list_nuisances
 from vehicle.identification.diagnosis.linear_response import build_patch
-from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.values import compute_value_correlations, compute_values
 
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    return build_problem("circles", {})
-
-
-def build_fit(model: Any, amounts: list[float], curvature: np.ndarray) -> Fit:
-    return Fit(tuple(model), np.array(amounts), 0.0, {}, curvature)
+    return build_drive_problem("circles", {})
 
 
 def test_two_values_are_correlated_by_their_curvature_whatever_their_units(problem: Problem) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.identification.diagnosis.programme_problems import PACE_MPS, build_hypothesis, build_problem, fit_with
+from tests.identification.diagnosis.problems import PACE_MPS, build_drive_problem, build_hypothesis, fit_with
 from vehicle.identification.diagnosis.curves import (
     CURVE_BINS,
     QUANTITIES,
@@ -82,8 +82,10 @@ def test_every_effect_has_a_plot_and_laws_are_plotted_against_what_they_depend_o
 def test_an_offset_turns_the_tractor_evenly_until_it_is_known(has_heading: bool) -> None:
     """Straight ahead the tractor turns as the measured heading does: heading or not, within two standard errors."""
     effects = {"steering_offset": {"angle_deg": 1.0}}
-    rate = -np.degrees(np.gradient(build_problem("there-and-back", effects).data.path["heading"], PATH_STEP_S)[300])
-    plot, _ = plot_effect(build_problem("there-and-back", effects, has_heading), "steering_offset")
+    rate = -np.degrees(
+        np.gradient(build_drive_problem("there-and-back", effects).data.path["heading"], PATH_STEP_S)[300]
+    )
+    plot, _ = plot_effect(build_drive_problem("there-and-back", effects, has_heading), "steering_offset")
     assert (plot.quantity, plot.regressor) == ("remaining turning rate, deg/s", "wheel angle, deg")
     assert rate > 0.2 and (np.abs(plot.before - rate) < 2.0 * plot.before_error).all()
     assert (plot.before > 4.0 * plot.before_error).all() and np.abs(plot.after).max() < 0.1 * rate
@@ -92,7 +94,7 @@ def test_an_offset_turns_the_tractor_evenly_until_it_is_known(has_heading: bool)
 
 def test_an_antenna_further_ahead_turns_the_course_by_the_turning_rate() -> None:
     """The angle from heading to course is the distance times the turning rate over the speed."""
-    plot, _ = plot_effect(build_problem("circles", {"antenna_forward": {"distance_m": 0.5}}), "antenna_forward")
+    plot, _ = plot_effect(build_drive_problem("circles", {"antenna_forward": {"distance_m": 0.5}}), "antenna_forward")
     assert plot.regressor == "turning rate, deg/s" and np.abs(plot.regressor_values).min() > 5.0
     shown = 0.5 * plot.regressor_values / PACE_MPS
     assert (np.abs(plot.before - shown) < 2.0 * plot.before_error).all()
@@ -100,7 +102,7 @@ def test_an_antenna_further_ahead_turns_the_course_by_the_turning_rate() -> None
 
 
 def test_a_limit_is_drawn_where_it_was_found() -> None:
-    problem = build_problem("bends-at-speeds", {"side_slip": {"limit_g": 0.04}})
+    problem = build_drive_problem("bends-at-speeds", {"side_slip": {"limit_g": 0.04}})
     slip = build_hypothesis(problem, "side_slip")
     base, fit = fit_with(problem), problem.refit((slip,), np.array([20.0]))
     plot = build_residual_plot(problem, base, fit, "side_slip")
@@ -109,7 +111,7 @@ def test_a_limit_is_drawn_where_it_was_found() -> None:
 
 
 def test_what_was_not_measured_has_no_plot() -> None:
-    blind = build_problem("circles", {}, has_heading=False, has_wheel=False)
+    blind = build_drive_problem("circles", {}, has_heading=False, has_wheel=False)
     base = fit_with(blind)
     assert build_residual_plot(blind, base, base, "heading_bias") is None
     assert build_residual_plot(blind, base, base, "steering_lag") is None

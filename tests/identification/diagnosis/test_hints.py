@@ -33,7 +33,6 @@ from vehicle.model.effects import PATH
 
 RNG = np.random.default_rng(5)
 BLOCKS = 60
-ABOVE = Unexplained(1.0, (5.0,))
 NOTHING = Unexplained(0.0, ())
 clean = lru_cache(maxsize=1)(lambda: build_problem(seed=1))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.identification.diagnosis.programme_problems import build_hypothesis, build_problem, fit_with
+from tests.identification.diagnosis.problems import build_drive_problem, build_hypothesis, fit_with
 from vehicle.identification.diagnosis.grammar import build_scope
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Fit, Problem
 from vehicle.identification.diagnosis.next_drive import (
@@ -64,7 +64,7 @@ def test_an_effect_that_adapts_to_nothing_is_not_there() -> None:
 @pytest.fixture(scope="module")
 def circles() -> Problem:
     """Circles at one speed and one angle, on which a loss by lateral acceleration is a gain."""
-    return build_problem("circles", UNDERSTEER)
+    return build_drive_problem("circles", UNDERSTEER)
 
 
 def build_pair(problem: Problem, first: str, second: str) -> tuple[Fit, Any]:
@@ -92,7 +92,7 @@ def test_a_circle_at_two_speeds_tells_understeer_from_a_gain(circles: Problem, m
 
 
 def test_lifting_the_implement_tells_an_offset_from_a_draft(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = build_problem("there-and-back", {"steering_offset": {"angle_deg": 2.0}})
+    problem = build_drive_problem("there-and-back", {"steering_offset": {"angle_deg": 2.0}})
     fit, pair = build_pair(problem, "steering_offset", "implement_side_draft")
     shorten(monkeypatch, "implement-lifted", "there-and-back")
     drive = choose_next_drive(problem, fit, [pair])
@@ -130,7 +130,7 @@ def test_the_fault_of_one_run_is_not_on_the_next_drive(circles: Problem) -> None
 
 
 def test_a_drive_has_the_columns_and_the_noise_of_the_logs() -> None:
-    bare = build_problem("circles", {}, has_heading=False, has_wheel=False)
+    bare = build_drive_problem("circles", {}, has_heading=False, has_wheel=False)
     bare.noise["pose"].set_amounts(bare.noise["pose"].amounts + 1.0)
     trial = build_trial(bare, BY_ID["four-ways"])
     assert trial.data.east.observed.any() and trial.data.speed.observed.any()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -69,17 +68,6 @@ def turn_compass(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
     """The run with headings that point COMPASS_DEG too far to the side where `bearing_deg` is on the left."""
     wrong_deg = COMPASS_DEG * np.sin(np.radians(run["heading_deg"] - bearing_deg))
     return run.assign(heading_deg=np.mod(run["heading_deg"] + wrong_deg, 360.0))
-
-
-def push_aside(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
-    """The run on ground that pushes to a bearing, by tan(COMPASS_DEG) per metre driven across it."""
-    ahead, heading = (
-        run["speed_mps"] * run["shuttle"] * run["time_s"].diff().fillna(0.0),
-        np.radians(run["heading_deg"]),
-    )
-    aside = math.tan(math.radians(COMPASS_DEG)) * ahead * np.sin(math.radians(bearing_deg) - heading)
-    moved = {"easting_m": (aside * np.cos(heading)).cumsum(), "northing_m": -(aside * np.sin(heading)).cumsum()}
-    return run.assign(**{name: run[name] + shift for name, shift in moved.items()})
 
 
 @pytest.mark.slow
