@@ -27,7 +27,7 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.fleets.twin_routes import TwinDiagnosis
 from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.job_runs import build_json_file
+from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.fleets import fleet_plan
@@ -102,7 +102,9 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     store.claim_job("test")
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    store.finish_job(job.number, "test", [build_json_file("plan.json", TEXT), build_json_file("result.json", ranking)])
+    store.finish_job(
+        job.number, "test", [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
+    )
     id = new(client, plan=job.id, deadline="23:59").json()["id"]
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
@@ -115,7 +117,7 @@ def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
     store.claim_job("test")
     made = [
         ("map.png", b"\x89PNG\xff", "image/png"),
-        build_json_file("result.json", json.dumps({"best": None, "plans": []})),
+        build_result_file("result.json", json.dumps({"best": None, "plans": []})),
     ]
     store.finish_job(job.number, "test", made)
     answer = new(client, plan=job.id, result="map.png")

@@ -36,7 +36,8 @@ from planner.service.api.monitoring import ServiceMetrics
 from planner.service.fleets import fleet_routes, fleet_socket
 from planner.service.fleets.fleet_routes import build_asyncapi_document
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.fleets.fleet_socket import PendingConnections
+from planner.service.fleets.fleet_socket import PENDING_LIMITS
+from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import add_error_handlers
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
@@ -46,7 +47,7 @@ from tests.service.fleets import fleet_plan
 from vehicle.identification.logs.reader import read_log
 
 TOLD = TypeAdapter(outgoing.OutboundMessage)
-OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.OUTBOUND_MESSAGES}
+OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.list_outbound_messages()}
 
 
 @dataclass
@@ -80,7 +81,8 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
     app = FastAPI(lifespan=life)
     app.state.settings, app.state.store, app.state.hub, app.state.book = given_settings, store, hub, hub.book
-    app.state.logins, app.state.greetings, app.state.metrics = BrowserLogins(), PendingConnections(), ServiceMetrics()
+    app.state.logins, app.state.metrics = BrowserLogins(), ServiceMetrics()
+    app.state.greetings = ConnectionRegistry(PENDING_LIMITS)
     app.include_router(fleet_socket.link_router, prefix="/api/v1")
     app.include_router(fleet_routes.fleet_router, prefix="/api/v1")
     app.include_router(fleet_routes.recording_router, prefix="/api/v1")

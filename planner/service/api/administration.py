@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 
-from planner.service.access.permissions import Caller, require_right
+from planner.service.access.permissions import AdminAccess, ReadAccess
 from planner.service.access.token_cache import TokenCache
 from planner.service.gateway.responses import (
+    CHANGE_ERRORS,
+    ITEM_ERRORS,
+    LIST_ERRORS,
     READ_ROUTE_ERRORS,
     EventList,
     NewToken,
     TokenInfo,
     TokenList,
     TokenScope,
-    document_errors,
 )
 from planner.service.store.service_store import Store
 
@@ -27,7 +29,7 @@ events_router = APIRouter(tags=["events"])
 @events_router.get("/events", responses=READ_ROUTE_ERRORS)
 def list_events(
     request: Request,
-    _caller: Annotated[Caller, Depends(require_right("read"))],
+    _caller: ReadAccess,
     since: Annotated[int, Query(ge=0, le=LARGEST_EVENT_ID, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
 ) -> EventList:
@@ -36,7 +38,6 @@ def list_events(
     return EventList.model_validate({"items": store.list_events(since, fleet)})
 
 
-AdminAccess = Annotated[Caller, Depends(require_right("administer"))]
 tokens_router = APIRouter(prefix="/tokens", tags=["tokens"])
 
 
@@ -55,13 +56,13 @@ class TokenRequest(BaseModel):
     expires: Annotated[str, Field(max_length=40)] | None = None
 
 
-@tokens_router.get("", responses=document_errors(401, 403), operation_id="list_tokens")
+@tokens_router.get("", responses=LIST_ERRORS, operation_id="list_tokens")
 def list_tokens(request: Request, _caller: AdminAccess) -> TokenList:
     """All tokens with name, scopes and expiry; their texts are stored nowhere."""
     return TokenList.model_validate({"items": request.app.state.store.list_tokens()})
 
 
-@tokens_router.post("", status_code=201, responses=document_errors(401, 403, 404, 409, 422), operation_id="make_token")
+@tokens_router.post("", status_code=201, responses=CHANGE_ERRORS, operation_id="make_token")
 def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> NewToken:
     """Make a token; its text is shown only once."""
     store: Store = request.app.state.store
@@ -72,9 +73,7 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     return NewToken(**info.model_dump(), token=text)
 
 
-@tokens_router.delete(
-    "/{name}", status_code=204, responses=document_errors(401, 403, 404, 422), operation_id="revoke_token"
-)
+@tokens_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
 def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
     """Revoke a token."""
     request.app.state.store.revoke_token(name)

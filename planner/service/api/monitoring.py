@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Annotated
+from functools import partial
+from typing import TYPE_CHECKING
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
@@ -18,11 +18,18 @@ from starlette.responses import RedirectResponse
 
 from planner.errors import HeadlandError
 from planner.service.access.one_time_links import BrowserLogins
-from planner.service.access.permissions import RIGHTS_BY_SCOPE, Caller, identify_caller, read_bearer, require_right
+from planner.service.access.permissions import RIGHTS_BY_SCOPE, OwnReadAccess, identify_caller, read_bearer
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ServiceError, StorageError
-from planner.service.gateway.request_gate import build_message_response, build_refusal_response
-from planner.service.gateway.responses import CallerInfo, HealthInfo, ReadinessInfo, document_errors
+from planner.service.gateway.responses import (
+    CallerInfo,
+    HealthInfo,
+    ReadinessInfo,
+    build_error_response,
+    build_refusal_response,
+    document_errors,
+)
+from planner.service.settings import find_version
 
 if TYPE_CHECKING:
     from planner.service.fleets.fleet_sessions import FleetSessions
@@ -56,13 +63,11 @@ class ServiceMetrics:
             registry=self.registry,
             buckets=(0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1.0),
         )
-        self.office_starts = Gauge(
-            "headland_office_starts", "How often the office was started.", registry=self.registry
-        )
-        self.ready = Gauge("headland_ready", "1 when database and office can be used.", registry=self.registry)
-        self.loop_lag_s = Gauge(
-            "headland_loop_lag_seconds", "By how much the last step of the fleets came late.", registry=self.registry
-        )
+        gauge = partial(Gauge, registry=self.registry)
+        self.office_starts = gauge("headland_office_starts", "How often the office was started.")
+        self.ready = gauge("headland_ready", "1 when database and office can be used.")
+        self.loop_lag_s = gauge("headland_loop_lag_seconds", "By how much the last step of the fleets came late.")
+        self.jobs, self._jobs_counted_s = gauge("headland_jobs", "Jobs by state.", ("status",)), float("-inf")
 
     def observe_request(self, method: str, status: int, seconds: float) -> None:
         """Count an answered request."""
@@ -74,9 +79,14 @@ class ServiceMetrics:
         self.stops.labels(source).inc()
         self.stop_seconds.observe(seconds)
 
-    def format_metrics(self) -> bytes:
-        """All metrics as text."""
-        return generate_latest(self.registry)
+    def update_job_counts(self, store: Store) -> None:
+        """Count the jobs in the database where the last count is old; call this in a thread. Raises DBAPIError."""
+        if time.monotonic() - self._jobs_counted_s < JOB_COUNT_PERIOD_S:
+            return
+        self._jobs_counted_s = time.monotonic()
+        counts = store.count_jobs()
+        for state in JOB_STATES:
+            self.jobs.labels(state).set(counts.get(state, 0))
 
 
 class FleetMetrics(Collector):
@@ -127,28 +137,10 @@ class ConnectionMetrics(Collector):
         return opened, closed
 
 
-class JobMetrics:
-    """Jobs by state, counted in the database at most every few seconds."""
-
-    def __init__(self, metrics: ServiceMetrics, store: Store) -> None:
-        self._gauge = Gauge("headland_jobs", "Jobs by state.", ("status",), registry=metrics.registry)
-        self._store, self._counted_s = store, float("-inf")
-
-    def update_job_counts(self) -> None:
-        """Count again where the last count is old; call this in a thread. Raises DBAPIError."""
-        if time.monotonic() - self._counted_s < JOB_COUNT_PERIOD_S:
-            return
-        self._counted_s = time.monotonic()
-        counts = self._store.count_jobs()
-        for state in JOB_STATES:
-            self._gauge.labels(state).set(counts.get(state, 0))
-
-
 TOKENS_STALE_S = 5.0
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
 health_router = APIRouter(tags=["service"])
-OwnReadAccess = Annotated[Caller, Depends(require_right("read", allows_own_fleet=True))]
 
 
 @health_router.get("/health", responses=document_errors())
@@ -184,7 +176,7 @@ async def log_in_browser(request: Request) -> Response:
     A HEAD request, such as a link preview, does not use the address up.
     """
     if request.method != "GET":
-        return build_message_response(405, "This address takes GET.", {"allow": "GET"})
+        return build_error_response(405, "This address takes GET.", {"allow": "GET"})
     logins: BrowserLogins = request.app.state.logins
     code = request.query_params.get("code", "")
     if logins.is_logged_in(request) and not (logins.make_token and logins.is_current_code(code)):
@@ -207,15 +199,14 @@ async def show_metrics(request: Request) -> Response:
     except ServiceError as error:
         return build_refusal_response(error)
     metrics: ServiceMetrics = state.metrics
-    figures: JobMetrics = state.job_figures
     faults = list_service_faults(request)
     if state.book.age_s <= TOKENS_STALE_S:
         with suppress(SQLAlchemyError, HeadlandError):
-            await run_in_threadpool(figures.update_job_counts)
+            await run_in_threadpool(metrics.update_job_counts, state.store)
     metrics.loop_lag_s.set(state.hub.lag_s)
     metrics.ready.set(0 if faults else 1)
     metrics.office_starts.set(0 if state.office is None else state.office.starts)
-    return Response(metrics.format_metrics(), media_type=METRICS_MEDIA_TYPE)
+    return Response(generate_latest(metrics.registry), media_type=METRICS_MEDIA_TYPE)
 
 
 def list_service_faults(request: Request) -> list[str]:
@@ -232,11 +223,3 @@ def list_service_faults(request: Request) -> list[str]:
     if state.office is not None and state.office.url is None:
         faults.append(OFFICE_STARTING)
     return faults
-
-
-def find_version() -> str:
-    """The installed version of Headland."""
-    try:
-        return version("headland")
-    except PackageNotFoundError:
-        return "unknown"

@@ -1,9 +1,8 @@
 """What the readers make of a file or a request, in processes that can do nothing else: no file can hold up, end or
 betray the service.
 
-Who asks waits in a queue of his own and in no thread of the server's; a file that needs long or much delays him alone.
-
-Who has something read waits in a queue of his own, and the queues take turns.
+Who asks waits in a queue of his own and in no thread of the server's, and the queues take turns: a file that needs long
+or much delays him alone.
 """
 
 from __future__ import annotations
@@ -126,16 +125,11 @@ class FairQueue:
             future.set_exception(error)
 
 
-LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = (
-    60.0,
-    10.0,
-    5.0,
-)  # at most, up to a megabyte, for every further one
+LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
+"""At most, for up to a megabyte, and for every further one."""
 LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
 MOST_CACHED_SUMMARIES = 100
 _WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
-
-ReadResult = dict[str, Any]
 
 
 class FileReader:
@@ -146,7 +140,7 @@ class FileReader:
         self._queue, self._processes = FairQueue(), choose_reader()
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._lock = threading.Lock()
-        self._cache: dict[str, ReadResult] = {}
+        self._cache: dict[str, Any] = {}
         self._running_reads: dict[str, tuple[str, Future[Any]]] = {}
 
     def start_processes(self) -> None:
@@ -160,55 +154,31 @@ class FileReader:
         self._processes.close()
         self._queue, self._processes = FairQueue(), choose_reader()
 
-    async def check_request(self, client: str, kind: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
-        """Raise HeadlandError for a request that cannot be fulfilled, BusyError where too many of a client's wait."""
-        await self._read_in_turn(client, f"check {kind}", inputs, [dict(values)], {})
-
-    async def check_upload(
-        self, client: str, kind: str, file_path: str, inputs: Mapping[str, str], **options: Any
-    ) -> None:
-        """Raise HeadlandError for a file that is not of its kind, read with the options of its upload."""
-        await self._read_in_turn(client, f"upload {kind}", inputs, [file_path], options)
-
-    async def summarize_file(
-        self, client: str, kind: str, file_path: str, inputs: Mapping[str, str], **options: Any
-    ) -> ReadResult:
-        """The summary of a file or a sample; raises HeadlandError.
-
-        Who asks for the same while it is read waits for the same reading.
-        """
-        key = repr((kind, file_path, sorted(inputs.items()), sorted(options.items())))
-        summary: ReadResult = await self._read_in_turn(client, f"summary {kind}", inputs, [file_path], options, key)
-        return summary
-
-    async def read_form(
-        self,
-        client: str,
-        kind: str,
-        text: str,
-        changes: list[dict[str, Any]],
-        farm_path: str | None,
-        inputs: Mapping[str, str],
-    ) -> ReadResult:
-        """Text, values and faults of a day or farm file after changes; raises HeadlandError."""
-        form: ReadResult = await self._read_in_turn(client, f"form {kind}", inputs, [text, changes, farm_path], {})
-        return form
-
-    async def _read_in_turn(
+    async def read(
         self,
         client: str,
         reading: str,
         inputs: Mapping[str, str],
         arguments: list[Any],
-        options: ReadResult,
-        key: str = "",
+        options: Mapping[str, Any] | None = None,
+        *,
+        is_shared: bool = False,
     ) -> Any:
-        """The result of a reading at the client's turn; shared by all requests with the same key."""
+        """The result of a reading (confined_reading.list_readings) at the client's turn.
+
+        Where it `is_shared`, who asks for the same while it is read waits for the same reading, and results are kept.
+        Raises HeadlandError as the reading does, BusyError where too many of a client's wait.
+        """
+        options = dict(options or {})
+        key = repr((reading, arguments, sorted(inputs.items()), sorted(options.items()))) if is_shared else ""
 
         def read_and_cache() -> Any:
             result = self._read_in_folder(reading, inputs, arguments, options)
             if key:
-                self._cache_result(key, result)
+                with self._lock:
+                    if len(self._cache) >= MOST_CACHED_SUMMARIES:
+                        self._cache.clear()
+                    self._cache[key] = result
             return result
 
         with self._lock:
@@ -216,10 +186,12 @@ class FileReader:
                 return self._cache[key]
             owner, shared = self._running_reads.get(key, ("", None))
             # A piece that waits stays in the queue of its own client, so nobody else waits behind it.
-            is_shared = shared is not None and (owner == client or shared.running())
-            future = (
-                None if self._reads_inline else shared if is_shared else self._queue.submit_work(client, read_and_cache)
-            )
+            if self._reads_inline:
+                future = None
+            elif shared is not None and (owner == client or shared.running()):
+                future = shared
+            else:
+                future = self._queue.submit_work(client, read_and_cache)
             if key and future is not None:
                 self._running_reads[key] = client, future
         if future is None:
@@ -229,19 +201,13 @@ class FileReader:
         future.add_done_callback(lambda done: self._forget_running(key, done))
         return await asyncio.shield(asyncio.wrap_future(future))
 
-    def _cache_result(self, key: str, result: ReadResult) -> None:
-        with self._lock:
-            if len(self._cache) >= MOST_CACHED_SUMMARIES:
-                self._cache.clear()
-            self._cache[key] = result
-
     def _forget_running(self, key: str, future: Future[Any]) -> None:
         with self._lock:
             if self._running_reads.get(key, ("", None))[1] is future:
                 del self._running_reads[key]
 
     def _read_in_folder(
-        self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: ReadResult
+        self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: dict[str, Any]
     ) -> Any:
         """Write the files of a reading to a folder of its own and read them there."""
         self._work_folder.mkdir(parents=True, exist_ok=True)
@@ -249,11 +215,8 @@ class FileReader:
             write_inputs(self._store, inputs, Path(folder))
             if self._reads_inline:
                 return _read_in_process(folder, list_readings()[reading], arguments, options)
-            seconds = (
-                LONGEST_READ_S
-                if reading.startswith("check ")
-                else compute_read_timeout_s(_sum_file_bytes(Path(folder)))
-            )
+            size_bytes = sum(each.stat().st_size for each in Path(folder).rglob("*") if each.is_file())
+            seconds = LONGEST_READ_S if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)
             return extract_reading_value(self._processes.read_order(order), seconds, self._memory_bytes)
 
@@ -270,11 +233,6 @@ def compute_read_timeout_s(size_bytes: int) -> float:
     return min(LONGEST_READ_S, SHORTEST_READ_S + READ_S_PER_MEGABYTE * max(0.0, size_bytes / MEGABYTE_BYTES - 1.0))
 
 
-def _sum_file_bytes(folder: Path) -> int:
-    """Bytes of all files below a folder."""
-    return sum(each.stat().st_size for each in folder.rglob("*") if each.is_file())
-
-
 def compute_reading_memory_limit_bytes() -> int:
     """Memory limit of one reading, bytes: an eighth of the memory of the machine, within bounds."""
     try:
@@ -284,7 +242,9 @@ def compute_reading_memory_limit_bytes() -> int:
     return max(LEAST_MEMORY_BYTES, min(MOST_MEMORY_BYTES, total_bytes // 8))
 
 
-def _read_in_process(folder: str, read_function: Callable[..., Any], arguments: list[Any], options: ReadResult) -> Any:
+def _read_in_process(
+    folder: str, read_function: Callable[..., Any], arguments: list[Any], options: dict[str, Any]
+) -> Any:
     """Read inside a folder, where files have the names of their uploads."""
     with _WORKING_FOLDER_LOCK, ExitStack() as stack:
         stack.callback(os.chdir, os.getcwd())

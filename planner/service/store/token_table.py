@@ -11,7 +11,6 @@ from itertools import count
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.store.store_part import StorePart, check_name, format_time, format_utc_now_ms, is_storable_text
@@ -68,28 +67,21 @@ class TokenStore(StorePart):
         end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
         text = TOKEN_PREFIX + secrets.token_urlsafe(32)
         row = TokenRow(
-            name=check_name(name),
-            scopes=" ".join(chosen),
-            sha256=hash_token(text),
-            created=format_utc_now_ms(),
-            fleet=fleet,
-            tractor=tractor,
-            expires=end,
-        )
+            name=check_name(name), scopes=" ".join(chosen), sha256=hash_token(text), created=format_utc_now_ms(),
+            fleet=fleet, tractor=tractor, expires=end,
+        )  # fmt: skip
         try:
             with self.database.open_write_session() as session:
-                _check_fleet_exists(session, fleet)
+                if fleet is not None and (not is_storable_text(fleet) or session.get(FleetRow, fleet) is None):
+                    raise NotFoundError(
+                        f"There is no fleet {fleet[:60]!r}; the address of its page, and /api/v1/fleets, show its id.",
+                        parameter="fleet",
+                    )
                 session.add(row)
         except sa.exc.IntegrityError:
             sentence = f"There is a token {name!r}; choose another name or revoke it."
             raise ConflictError(sentence, parameter="name") from None
         return text, row
-
-    def find_token(self, token_text: str) -> TokenRow | None:
-        """The token of a text; None for an unknown or expired one."""
-        with self.database.open_read_session() as session:
-            row = session.scalar(sa.select(TokenRow).where(TokenRow.sha256 == hash_token(token_text)))
-        return None if row is None or has_expired(row) else row
 
     def list_tokens(self) -> list[TokenRow]:
         """All tokens, the oldest first, expired ones included."""
@@ -199,13 +191,3 @@ def _parse_expiry_time(text: str, begin: datetime) -> datetime | None:
         return end.replace(tzinfo=UTC) if end.tzinfo is None else end.astimezone(UTC)
     except (ValueError, OverflowError):
         return None
-
-
-def _check_fleet_exists(session: Session, fleet: str | None) -> None:
-    if fleet is None:
-        return
-    if not is_storable_text(fleet) or session.get(FleetRow, fleet) is None:
-        raise NotFoundError(
-            f"There is no fleet {fleet[:60]!r}; the address of its page, and /api/v1/fleets, show its id.",
-            parameter="fleet",
-        )
