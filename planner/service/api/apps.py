@@ -26,8 +26,8 @@ from planner.request.parameter_names import strip_unit
 from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
-from planner.service.api import monitoring
-from planner.service.api.administration import events_router, tokens_router
+from planner.service.api import administration
+from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics
 from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import (
     JOB_KIND_BY_PATH,
@@ -36,7 +36,6 @@ from planner.service.api.job_routes import (
     exports_router,
     views_router,
 )
-from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, ServiceMetrics
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
@@ -161,7 +160,7 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [monitoring.health_router, fleet_routes.fleet_router, video_router, twin_router, link_router]
+    return [administration.health_router, fleet_routes.fleet_router, video_router, twin_router, link_router]
 
 
 @cache
@@ -174,7 +173,7 @@ def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     return [
         *_build_kind_routers(), exports_router, form_router, all_jobs_router, views_router, background_router,
-        fleet_routes.recording_router, tokens_router, events_router, docs_router,
+        fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
     ]  # fmt: skip
 
 
@@ -203,8 +202,8 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state.metrics = ServiceMetrics()
     state.metrics.registry.register(FleetMetrics(state.hub))
     state.hub.on_stop = partial(state.metrics.count_stop, "link")
-    app.add_route(LOGIN_PATH, monitoring.log_in_browser, methods=["GET"], include_in_schema=False)
-    app.add_route("/metrics", monitoring.show_metrics, methods=["GET"], include_in_schema=False)
+    app.add_route(LOGIN_PATH, administration.log_in_browser, methods=["GET"], include_in_schema=False)
+    app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
 
 
 def _set_up_back_office_state(app: FastAPI) -> None:

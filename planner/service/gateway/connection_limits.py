@@ -127,7 +127,13 @@ class ConnectionRegistry:
         """Close a connection for a reason, which is counted, and logged at most once a minute."""
         self.remove_connection(connection)
         self.closed_by_reason[reason] += 1
-        self._log_closed(connection.address, reason)
+        self._unreported += 1
+        if self.clock() - self._reported_s >= REPORT_PERIOD_S:
+            logging.getLogger(__name__).warning(
+                "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the "
+                "earliest.", self._unreported, connection.address, reason, REPORT_PERIOD_S,
+            )  # fmt: skip
+            self._reported_s, self._unreported = self.clock(), 0
         connection.close()
 
     def is_body_too_slow(self, connection: OpenConnection) -> bool:
@@ -147,20 +153,6 @@ class ConnectionRegistry:
             return False
         self.end_connection(oldest, "displaced")
         return True
-
-    def _log_closed(self, address: str, reason: str) -> None:
-        now = self.clock()
-        self._unreported += 1
-        if now - self._reported_s < REPORT_PERIOD_S:
-            return
-        logging.getLogger(__name__).warning(
-            "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the earliest.",
-            self._unreported,
-            address,
-            reason,
-            REPORT_PERIOD_S,
-        )
-        self._reported_s, self._unreported = now, 0
 
 
 def compute_network_key(host: str) -> str:

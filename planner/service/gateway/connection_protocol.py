@@ -115,14 +115,8 @@ CLOSE_TIMEOUT_S = 1.0  # in which a link must answer a close frame
 
 def build_limited_protocol_class(connections: ConnectionRegistry, rank: RankToken) -> type[H11Protocol]:
     """The class of protocols whose connections stand in a book and pass one turnstile."""
-    scheduler = RequestScheduler()
-
-    class RegisteredProtocol(LimitedProtocol):
-        """A protocol of this book."""
-
-        connection_registry, request_scheduler, rank_token = connections, scheduler, staticmethod(rank)
-
-    return RegisteredProtocol
+    shared = {"connection_registry": connections, "request_scheduler": RequestScheduler()}
+    return type("RegisteredProtocol", (LimitedProtocol,), shared | {"rank_token": staticmethod(rank)})
 
 
 class LimitedProtocol(H11Protocol):

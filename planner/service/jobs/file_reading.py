@@ -15,8 +15,8 @@ import time
 import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
-from contextlib import ExitStack
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import chdir
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -45,84 +45,68 @@ class FairQueue:
 
     Args:
         slots: pieces that are done at a time.
-        each: pieces that may wait for one client.
-        all: pieces that may wait at all.
+        most_per_client: pieces that may wait for one client.
+        most_waiting: pieces that may wait at all.
     """
 
     def __init__(
         self, slots: int = READ_SLOTS, most_per_client: int = MOST_WAITING_PER_CLIENT, most_waiting: int = MOST_WAITING
     ) -> None:
         self._slots, self._most_per_client, self._most_waiting = slots, most_per_client, most_waiting
-        self._changed = threading.Condition()
+        self._lock, self._threads = threading.Lock(), ThreadPoolExecutor(slots, thread_name_prefix="reading")
         self._waiting: OrderedDict[str, deque[_WaitingPiece]] = OrderedDict()
         self._busy_clients: set[str] = set()
-        self._threads = 0
-        self._closed = False
 
     def submit_work(self, client: str, work: Callable[[], T]) -> Future[T]:
         """Queue a piece of work for a client; raises BusyError where too many wait."""
         future: Future[T] = Future()
-        with self._changed:
-            waiting = sum(map(len, self._waiting.values()))
+        with self._lock:
             if len(self._waiting.get(client, ())) >= self._most_per_client:
                 raise BusyError(
                     f"{self._most_per_client} files of yours wait to be read already; ask again when some are done."
                 )
-            if waiting >= self._most_waiting:
+            if sum(map(len, self._waiting.values())) >= self._most_waiting:
                 raise BusyError(f"{self._most_waiting} files wait to be read already; ask again in a minute.")
             self._waiting.setdefault(client, deque()).append((time.monotonic(), future, work))
-            if self._threads < min(self._slots, len(self._busy_clients) + waiting + 1):
-                self._threads += 1
-                threading.Thread(target=self._run_thread, name=f"reading {self._threads}", daemon=True).start()
-            self._changed.notify()
+            self._start_next()
         return future
 
     def close(self) -> None:
         """Accept no more work, and drop what waits."""
-        with self._changed:
-            self._closed = True
+        with self._lock:
             dropped = [future for own in self._waiting.values() for _, future, _ in own]
             self._waiting.clear()
-            self._changed.notify_all()
+            self._threads.shutdown(wait=False)
         for future in dropped:
             future.cancel()
 
-    def _run_thread(self) -> None:
-        while (piece := self._take_next()) is not None:
-            client, (since, future, work) = piece
-            try:
-                self._run_piece(since, future, work)
-            finally:
-                with self._changed:
-                    self._busy_clients.discard(client)
-                    self._changed.notify()
-
-    def _take_next(self) -> tuple[str, _WaitingPiece] | None:
-        """The next piece of the client whose turn it is; None at the end."""
-        with self._changed:
-            while not self._closed:
-                for client in self._waiting:
-                    if client not in self._busy_clients:
-                        client_queue = self._waiting.pop(client)
-                        piece = client_queue.popleft()
-                        if client_queue:
-                            self._waiting[client] = client_queue  # behind all others
-                        self._busy_clients.add(client)
-                        return client, piece
-                self._changed.wait()
-            return None
-
-    def _run_piece(self, since: float, future: Future[Any], work: Callable[[], Any]) -> None:
-        if not future.set_running_or_notify_cancel():
+    def _start_next(self) -> None:
+        """Start the next piece of the client whose turn it is, where a thread is free; to be called with the lock."""
+        client = next((each for each in self._waiting if each not in self._busy_clients), None)
+        if client is None or len(self._busy_clients) >= self._slots:
             return
+        client_queue = self._waiting.pop(client)
+        piece = client_queue.popleft()
+        if client_queue:
+            self._waiting[client] = client_queue  # behind all others
+        self._busy_clients.add(client)
+        self._threads.submit(self._run_piece, client, *piece)
+
+    def _run_piece(self, client: str, since: float, future: Future[Any], work: Callable[[], Any]) -> None:
         try:
-            if time.monotonic() - since > LONGEST_WAIT_S:
-                raise BusyError(
-                    f"This file has waited {LONGEST_WAIT_S:.0f} s to be read; try again when the service is less busy."
-                )
-            future.set_result(work())
+            if future.set_running_or_notify_cancel():
+                if time.monotonic() - since > LONGEST_WAIT_S:
+                    raise BusyError(
+                        f"This file has waited {LONGEST_WAIT_S:.0f} s to be read; try again when the service is less "
+                        "busy."
+                    )
+                future.set_result(work())
         except BaseException as error:
             future.set_exception(error)
+        finally:
+            with self._lock:
+                self._busy_clients.discard(client)
+                self._start_next()
 
 
 LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
@@ -214,7 +198,13 @@ class FileReader:
         with tempfile.TemporaryDirectory(dir=self._work_folder, prefix="read-") as folder:
             write_inputs(self._store, inputs, Path(folder))
             if self._reads_inline:
-                return _read_in_process(folder, list_readings()[reading], arguments, options)
+                try:
+                    with _WORKING_FOLDER_LOCK, chdir(folder):  # files have the names of their uploads there
+                        return list_readings()[reading](*arguments, **options)
+                except (HeadlandError, MemoryError):
+                    raise
+                except Exception:
+                    raise build_refusal(traceback.format_exc()) from None
             size_bytes = sum(each.stat().st_size for each in Path(folder).rglob("*") if each.is_file())
             seconds = LONGEST_READ_S if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)
@@ -240,18 +230,3 @@ def compute_reading_memory_limit_bytes() -> int:
     except (AttributeError, ValueError, OSError):
         return MOST_MEMORY_BYTES
     return max(LEAST_MEMORY_BYTES, min(MOST_MEMORY_BYTES, total_bytes // 8))
-
-
-def _read_in_process(
-    folder: str, read_function: Callable[..., Any], arguments: list[Any], options: dict[str, Any]
-) -> Any:
-    """Read inside a folder, where files have the names of their uploads."""
-    with _WORKING_FOLDER_LOCK, ExitStack() as stack:
-        stack.callback(os.chdir, os.getcwd())
-        os.chdir(folder)
-        try:
-            return read_function(*arguments, **options)
-        except (HeadlandError, MemoryError):
-            raise
-        except Exception:
-            raise build_refusal(traceback.format_exc()) from None

@@ -202,14 +202,10 @@ def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
     """Work in a folder of its own with the files of a job, which keep the names of their uploads."""
     base = store.settings.data.resolve() / WORK_FOLDER
     base.mkdir(parents=True, exist_ok=True)
-    previous_folder = os.getcwd()
     with tempfile.TemporaryDirectory(dir=base, prefix=f"{job.id}-") as folder:
         write_inputs(store, job.inputs, Path(folder))
-        os.chdir(folder)
-        try:
+        with contextlib.chdir(folder):
             yield
-        finally:
-            os.chdir(previous_folder)
 
 
 SUPERVISE_PERIOD_S = 1.0

@@ -127,14 +127,8 @@ class FileStore(StorePart):
 
     def _put_content(self, content: bytes, suffix: str, options: Mapping[str, Any] | None) -> dict[str, Any]:
         """Store the bytes of a file; returns the columns that describe them."""
-        sha256, media = self.blobs.put_bytes(content), MEDIA_BY_SUFFIX[suffix]
-        return {
-            "suffix": suffix,
-            "sha256": sha256,
-            "size": len(content),
-            "media": media,
-            "options": dict(options or {}),
-        }
+        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX[suffix], "options": dict(options or {})}
+        return values | {"sha256": self.blobs.put_bytes(content), "size": len(content)}
 
     def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:
         """Give a file another name; raises NotFoundError, ServiceError, or ConflictError where the name is taken."""

@@ -57,7 +57,7 @@ def restore_backup(store: Store, file: Path) -> int:
     try:
         with zipfile.ZipFile(file) as archive, tempfile.TemporaryDirectory(dir=data, prefix=".restore-") as folder:
             backup = _OpenBackup(file, archive, _read_checked_manifest(archive, file))
-            store.check_disk_space(backup.manifest.total_bytes)
+            store.blobs.check_disk_space(backup.manifest.total_bytes)
             copy = Path(folder) / DATABASE_FILE
             with open(copy, "wb") as stream:
                 backup.read_part(DATABASE_FILE, stream.write)

@@ -45,23 +45,19 @@ class TokenStore(StorePart):
         fleet: str | None = None,
         tractor: int | None = None,
         expires: str | None = None,
+        is_for_browser: bool = False,
     ) -> tuple[str, TokenRow]:
         """Make a token: its text, which is stored nowhere, and its row.
 
-        `expires` is as of `parse_end`; without it a robot's token ends after 30 days and others never. Raises
+        `expires` is as of `parse_expiry`; without it a robot's token ends after 30 days and others never. Raises
         ServiceError, also for a name that browsers have, NotFoundError for a fleet that there is not, ConflictError.
         """
-        if name.startswith(BROWSER_TOKEN_PREFIX):
+        if name.startswith(BROWSER_TOKEN_PREFIX) and not is_for_browser:
             raise ServiceError(
                 f"The name {name!r} is one for browsers that log in on the machine of the service; choose a name that "
                 f"does not begin with {BROWSER_TOKEN_PREFIX.strip()!r}.",
                 parameter="name",
             )
-        return self._create_token(name, scopes, fleet=fleet, tractor=tractor, expires=expires)
-
-    def _create_token(
-        self, name: str, scopes: str | Iterable[str], *, fleet: str | None, tractor: int | None, expires: str | None
-    ) -> tuple[str, TokenRow]:
         chosen = check_scopes(scopes.split() if isinstance(scopes, str) else scopes)
         check_robot_binding(chosen, fleet, tractor)
         end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
@@ -98,7 +94,7 @@ class TokenStore(StorePart):
             return None
         number = next(each for each in count(1) if f"{BROWSER_TOKEN_PREFIX}{each}" not in names)
         name = f"{BROWSER_TOKEN_PREFIX}{number}"
-        return self._create_token(name, BROWSER_SCOPES, fleet=None, tractor=None, expires=BROWSER_TOKEN_LIFE)[0]
+        return self.create_token(name, BROWSER_SCOPES, expires=BROWSER_TOKEN_LIFE, is_for_browser=True)[0]
 
     def revoke_token(self, name: str) -> None:
         """Revoke a token; raises NotFoundError."""
