@@ -128,7 +128,7 @@ def test_a_worker_without_a_job_loads_what_the_first_one_needs(monkeypatch: pyte
 
     monkeypatch.setattr("signal.signal", lambda *_: None)  # a worker ignores Ctrl-C, this process does not
     monkeypatch.setattr(workers, "_claim_next_job", claim)
-    monkeypatch.setattr(workers, "_exit_with_service", lambda: None)
+    monkeypatch.setattr(workers, "end_with_service", lambda: None)
     monkeypatch.setattr(workers, "run_and_store_job", lambda *_: heard.append("run"))
     monkeypatch.setattr(job_runs, "load_job_libraries", lambda: heard.append("load"))
     with pytest.raises(StopIteration):
