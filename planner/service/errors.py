@@ -1,15 +1,4 @@
-"""Refusals of the service: each is one sentence, with its HTTP status.
-
-ServiceError                 a request that cannot be fulfilled (422)
-├── TokenError               no token, or an unknown one (401)
-├── ScopeError               a token without the right (403)
-├── NotFoundError            nothing of that name (404)
-├── ConflictError            a name that is taken, or a state that does not allow it (409)
-├── TooLargeError            too many bytes (413)
-├── BusyError                too many requests or jobs (429)
-├── DatabaseError            a database that cannot be used (503)
-└── StorageError             no room left on the disk (507)
-"""
+"""Refusals of the service: each is one sentence, with its HTTP status."""
 
 from __future__ import annotations
 

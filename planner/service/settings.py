@@ -8,6 +8,7 @@ import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from planner.service.errors import ServiceError
@@ -26,6 +27,14 @@ def find_default_data() -> Path:
         return Path(configured)
     base = os.environ.get("LOCALAPPDATA" if os.name == "nt" else "XDG_DATA_HOME")
     return (Path(base) if base else Path.home() / ".local" / "share") / "headland"
+
+
+def find_version() -> str:
+    """The installed version of Headland."""
+    try:
+        return version("headland")
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def count_cores() -> int:

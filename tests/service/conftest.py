@@ -13,6 +13,8 @@ from starlette.testclient import TestClient
 from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
+from planner.service.store.tables import TokenRow
+from planner.service.store.token_table import has_expired, hash_token
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
 from tests.service.watching import BROWSER, LONGEST_WAIT_S, WatchedPage, serve_app
@@ -119,3 +121,9 @@ def log_in(client: TestClient) -> TestClient:
 def bearer(app: FastAPI, scope: str, **more: Any) -> dict[str, str]:
     """The header of a new token of a scope, or of several with spaces between them."""
     return {"Authorization": f"Bearer {app.state.store.create_token_text(f'a {scope}', scope, **more)}"}
+
+
+def find_token(store: Store, text: str) -> TokenRow | None:
+    """The token of a text in a store; None for an unknown or expired one."""
+    rows = [row for row in store.list_tokens() if row.sha256 == hash_token(text) and not has_expired(row)]
+    return rows[0] if rows else None

@@ -12,8 +12,8 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
-from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
+from planner.service.api.form_routes import build_plan_form
 from planner.service.errors import ServiceError
 from planner.service.fleets.video_addresses import check_video_address, find_origin
 from planner.service.pages.static_files import mount_pages
@@ -29,6 +29,7 @@ REPORT = (
 )
 
 
+EVENT = {"id": 1, "time": "2026-11-20T08:30:00Z", "fleet": "f1", "who": "office", "what": "start", "data": {}}
 NOTHING = {"named": [], "words": "Nothing was found that the tractor file lacks.", "extends_model": False}
 UNDERSTEER = {"named": ["understeer"], "words": "The tractor turns less than its wheels say.", "extends_model": True}
 
@@ -118,18 +119,7 @@ def _files(app: FastAPI, made: Made) -> None:
                 ]
             }
         if kind == "events":
-            return {
-                "items": [
-                    {
-                        "id": 1,
-                        "time": "2026-11-20T08:30:00Z",
-                        "fleet": "f1",
-                        "who": "office",
-                        "what": "start",
-                        "data": {},
-                    }
-                ]
-            }
+            return {"items": [EVENT]}
         if kind == "fleets":
             return {"items": [_fleet()]}
         if kind in ("plans", "days", "diagnoses"):
@@ -190,7 +180,7 @@ def _forms(app: FastAPI) -> None:
 
     @app.get("/api/v1/forms/plan")
     def plan_labels() -> dict[str, Any]:
-        return {"labels": LABELS, "strategies": STRATEGY_LABELS}
+        return build_plan_form().model_dump()
 
     @app.get("/api/v1/forms/{kind}")
     def example(kind: str) -> dict[str, Any]:
@@ -229,18 +219,7 @@ def _jobs(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/{kind}/{name}")
     def one(kind: str, name: str) -> Any:
         if kind == "events":
-            return {
-                "items": [
-                    {
-                        "id": 1,
-                        "time": "2026-11-20T08:30:00Z",
-                        "fleet": "f1",
-                        "who": "office",
-                        "what": "start",
-                        "data": {},
-                    }
-                ]
-            }
+            return {"items": [EVENT]}
         if kind == "fleets":
             return _fleet() | {"videos": made.videos}
         made.polls += made.polls >= 0

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
+from fastapi import FastAPI
 
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.fleet_plan import FleetPlan
@@ -13,6 +16,16 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import FleetEvent, TractorOrder, TractorReport
 from planner.request.plan_request import PlanRequest
+from planner.service.access.one_time_links import BrowserLogins
+from planner.service.api.administration import ServiceMetrics
+from planner.service.fleets.fleet_routes import fleet_router, recording_router
+from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
+from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
+from planner.service.gateway.connection_limits import ConnectionRegistry
+from planner.service.gateway.responses import add_error_handlers
+from planner.service.jobs.file_reading import FileReader
+from planner.service.store.service_store import Store
 from vehicle.missions.plan import SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import SavedPlan
 from vehicle.model.tractor import Implement, load_tractor
@@ -20,6 +33,26 @@ from vehicle.model.tractor import Implement, load_tractor
 SPEED, LENGTH = 1.0, 20.0
 EG105, BAR = load_tractor("eg105"), Implement(width_m=2.0)
 Gates = dict[tuple[int, int], tuple[LegGate, ...]]
+
+
+def fleet_app(store: Store, hub: FleetSessions) -> FastAPI:
+    """The routes of fleets, links and twins alone, over the sessions of a test."""
+
+    @asynccontextmanager
+    async def life(_app: FastAPI) -> AsyncIterator[None]:
+        await hub.start()
+        yield
+        await hub.stop()
+
+    app = FastAPI(lifespan=life)
+    app.state.settings, app.state.store, app.state.hub, app.state.book = store.settings, store, hub, hub.book
+    app.state.logins, app.state.metrics = BrowserLogins(), ServiceMetrics()
+    app.state.greetings = ConnectionRegistry(PENDING_LIMITS)
+    app.state.diagnosing = TwinDiagnosis(store, FileReader(store.settings, store, reads_inline=True))
+    for router in (link_router, fleet_router, twin_router, recording_router):
+        app.include_router(router, prefix="/api/v1")
+    add_error_handlers(app, lambda parameter: parameter)
+    return app
 
 
 def fleet_plan(

@@ -16,7 +16,8 @@ from planner.service.access.permissions import RIGHTS_BY_SCOPE, RequiredRight, i
 from planner.service.api.apps import API_PREFIX, create_app, list_back_office_routers, list_control_routers
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel
-from planner.service.gateway.request_gate import RateLimiter, find_route_rule, list_route_rules
+from planner.service.gateway.connection_limits import RateLimiter
+from planner.service.gateway.request_gate import find_route_rule, list_route_rules
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import ResultRow, TokenRow
 from tests.service.conftest import BOTH, HERE, SMALL, Shared, bearer
@@ -255,7 +256,7 @@ def test_an_order_to_stop_is_never_too_often(tmp_path: Path) -> None:
 
 def test_a_bucket_fills_again() -> None:
     now = [0.0]
-    buckets = RateLimiter(60, lambda: now[0])
+    buckets = RateLimiter(1.0, 60, lambda: now[0])
     assert [buckets.take_token("a") for _ in range(60)] == [0.0] * 60
     assert buckets.take_token("a") == pytest.approx(1.0) and buckets.take_token("b") == 0.0
     now[0] = 2.0

@@ -23,11 +23,17 @@ from pyproj import Transformer
 from starlette.testclient import TestClient
 
 from planner.service.api.apps import create_app
-from planner.service.backgrounds.map_background import MapBackground, TilePicture
-from planner.service.backgrounds.tile_addresses import TileAddress
-from planner.service.backgrounds.tile_cache import CACHE_FOLDER, TileCache
-from planner.service.backgrounds.tile_grid import HALF_WIDTH_M, Tile, evaluate_polynomial, place_degrees, place_metres
-from planner.service.backgrounds.tile_images import MOST_TILE_BYTES, TileError
+from planner.service.backgrounds.map_background import MapBackground
+from planner.service.backgrounds.tile_grid import (
+    HALF_WIDTH_M,
+    MOST_TILE_BYTES,
+    Tile,
+    TileError,
+    evaluate_polynomial,
+    place_degrees,
+    place_metres,
+)
+from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache
 from planner.service.errors import ServiceError
 from planner.service.settings import ServiceSettings
 from tests.examples import count_examples
@@ -43,10 +49,10 @@ def make_settings(folder: Path, background: str | Path, **more: object) -> Servi
     return ServiceSettings(data=folder / "data", workers=0, background=str(background), **more)  # type: ignore[arg-type]
 
 
-def read_tiles(background: MapBackground, *tiles: Tile) -> list[TilePicture | None]:
+def read_tiles(background: MapBackground, *tiles: Tile) -> list[tuple[bytes, str] | None]:
     """Tiles asked for at once; the connection to the server is closed afterwards."""
 
-    async def read_all() -> list[TilePicture | None]:
+    async def read_all() -> list[tuple[bytes, str] | None]:
         try:
             return list(await asyncio.gather(*(background.read_tile(tile) for tile in tiles)))
         finally:
@@ -153,8 +159,8 @@ def test_tiles_outside_the_grid_are_refused(tile: tuple[int, int, int]) -> None:
 def test_a_tile_is_fetched_once_and_kept_over_a_restart(tmp_path: Path) -> None:
     with serve_tiles() as host:
         first, second = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE, TILE)
-        assert first is not None and first == second and first.media == "image/png"
-        assert first.content == paint_tile(TILE.column, TILE.row) and host.paths == ["/16/33601/21613.png"]
+        assert first is not None and first == second and first[1] == "image/png"
+        assert first[0] == paint_tile(TILE.column, TILE.row) and host.paths == ["/16/33601/21613.png"]
         sent = host.headers[0]
         assert "Headland" in sent["user-agent"] and not {"cookie", "referer", "authorization"} & sent.keys()
         [again] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
@@ -272,7 +278,7 @@ def test_an_old_tile_is_fetched_again_if_the_server_answers(tmp_path: Path) -> N
         os.utime(kept, (0.0, 0.0))
         host.answer = lambda _: (500, {}, b"")
         [stale] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-    assert renewed is not None and renewed.content == paint_tile(1, 1) and stale == renewed
+    assert renewed is not None and renewed[0] == paint_tile(1, 1) and stale == renewed
 
 
 def test_mbtiles_are_read_with_their_rows_from_the_south(tmp_path: Path) -> None:
@@ -282,8 +288,8 @@ def test_mbtiles_are_read_with_their_rows_from_the_south(tmp_path: Path) -> None
     )  # fmt: skip
     background = MapBackground(make_settings(tmp_path, path))
     found, missing = read_tiles(background, TILE, Tile(16, 33602, 21613))
-    assert found is not None and found.content == paint_tile(1, 2) and missing is None
-    assert background.attribution == "Drone of the farm" and background.bounds_deg == (4.5, 52.1, 4.6, 52.2)
+    assert found is not None and found[0] == paint_tile(1, 2) and missing is None
+    assert background.facts.attribution == "Drone of the farm" and background.facts.bounds_deg == (4.5, 52.1, 4.6, 52.2)
 
 
 def write_no_database(path: Path) -> None:
@@ -360,8 +366,8 @@ def test_a_geotiff_of_utm_lies_where_proj_says(tmp_path: Path) -> None:
         x, y = into.transform(west_m + east_m, north_m - south_m)
         column, row = int((x + HALF_WIDTH_M) / side_m), int((HALF_WIDTH_M - y) / side_m)
         [picture] = read_tiles(background, Tile(zoom, column, row))
-        assert picture is not None and picture.media == "image/png"
-        image = Image.open(io.BytesIO(picture.content))
+        assert picture is not None and picture[1] == "image/png"
+        image = Image.open(io.BytesIO(picture[0]))
         pixel = (int(((x + HALF_WIDTH_M) / side_m - column) * 256), int(((HALF_WIDTH_M - y) / side_m - row) * 256))
         assert image.getpixel(pixel) == (*colour, 255)
     assert read_tiles(background, Tile(zoom, 0, 0)) == [None]

@@ -21,6 +21,7 @@ from planner.service.store.database import hold_service_lock
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from planner.service.store.token_table import parse_expiry
+from tests.service.conftest import find_token
 from tests.service.databases import KINDS, database
 
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
@@ -51,9 +52,9 @@ def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_pat
     assert listed.endswith("  never expires\n")
     assert all(token.encode() not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
     store = Store(ServiceSettings(data=tmp_path))
-    assert store.find_token(token) is not None
+    assert find_token(store, token) is not None
     assert run("token", "revoke", "operator-planner-1", "--data", tmp_path)[0] == 0
-    assert store.find_token(token) is None
+    assert find_token(store, token) is None
     store.close()
 
 
@@ -65,7 +66,7 @@ def test_a_token_for_a_robot_is_for_one_tractor_and_ends(
     words = ("token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "2", "--data", tmp_path)
     assert run(*words)[0] == 0
     status, out, err = run(*words, "--name", "short", "--expires", "90m")
-    row = store.find_token(out.strip())
+    row = find_token(store, out.strip())
     assert status == 0 and row is not None and (row.fleet, row.tractor, row.scopes) == ("f1", 2, "robot")
     assert f"expires {row.expires}" in err
     lines = run("token", "list", "--data", tmp_path)[1].splitlines()
@@ -77,7 +78,7 @@ def test_a_token_for_a_robot_is_for_one_tractor_and_ends(
     with store.database.open_write_session() as session:
         session.execute(sa.update(TokenRow).values(expires="2026-01-01T00:00:00.000Z"))
     assert (
-        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and store.find_token(out.strip()) is None
+        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and find_token(store, out.strip()) is None
     )
     store.close()
 

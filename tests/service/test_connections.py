@@ -18,8 +18,13 @@ from starlette.responses import PlainTextResponse, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from planner.service.errors import BusyError
-from planner.service.fleets.fleet_socket import FrameRateLimit, PendingConnections
-from planner.service.gateway.connection_limits import ConnectionLimits, ConnectionRegistry, compute_network_key
+from planner.service.fleets.fleet_socket import PENDING_LIMITS, hold_place_until_connect
+from planner.service.gateway.connection_limits import (
+    ConnectionLimits,
+    ConnectionRegistry,
+    RateLimiter,
+    compute_network_key,
+)
 from planner.service.gateway.connection_protocol import (
     MOST_PER_TURN,
     LimitedWebSocket,
@@ -214,12 +219,12 @@ def test_places_are_given_back() -> None:
 
 def test_greetings_give_way_to_newer_ones() -> None:
     async def main() -> tuple[int, bool]:
-        greetings, displaced = PendingConnections(), 0
+        greetings, displaced = ConnectionRegistry(PENDING_LIMITS), 0
 
         async def wait() -> None:
             nonlocal displaced
             try:
-                with greetings.hold_place_until_connect("a"):
+                with hold_place_until_connect(greetings, "a"):
                     await asyncio.sleep(30)
             except BusyError:
                 displaced += 1
@@ -254,7 +259,7 @@ def test_few_are_admitted_at_once_and_many_in_turns_by_address() -> None:
         turns.schedule_request("b", lambda: admitted.append("b"))
         left = turns.schedule_request("b", lambda: admitted.append("never"))
         assert left is not None and len(admitted) == MOST_PER_TURN and len(turns) == 8
-        left.cancel_ticket()
+        left.admit = None
         while len(turns):
             await asyncio.sleep(0.001)
         return admitted
@@ -322,7 +327,7 @@ def test_a_link_of_many_pings_or_fragments_is_ended_and_an_ordinary_one_is_not()
 
 def test_an_allowance_lets_so_many_through_at_once_and_then_so_many_a_second() -> None:
     now = [0.0]
-    allowance = FrameRateLimit(5.0, 3.0, lambda: now[0])
-    assert [allowance.reserve_frame() for _ in range(5)] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.4])
+    allowance = RateLimiter(5.0, 3.0, lambda: now[0])
+    assert [allowance.take_token() for _ in range(5)] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.2])
     now[0] = 10.0
-    assert [allowance.reserve_frame() for _ in range(4)] == pytest.approx([0.0, 0.0, 0.0, 0.2])
+    assert [allowance.take_token() for _ in range(4)] == pytest.approx([0.0, 0.0, 0.0, 0.2])

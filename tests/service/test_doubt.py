@@ -12,7 +12,7 @@ import pytest
 
 from planner.fleet.session.state_recorder import average_commands
 from planner.service.fleets import twin_routes
-from planner.service.jobs.job_runs import build_json_file, build_toml_file
+from planner.service.jobs.job_runs import build_result_file
 from tests.service.doubting import DoubtedFleet
 from tests.service.fleets import EG105, fleet_plan
 from vehicle.model.tractor import Tractor
@@ -46,8 +46,8 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedF
         job.number,
         "test",
         [
-            build_json_file("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
-            build_toml_file("tractor.toml", format_tractor_toml(mended)),
+            build_result_file("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
+            build_result_file("tractor.toml", format_tractor_toml(mended)),
         ],
     )
     asyncio.run(fleet.look())
@@ -76,8 +76,8 @@ def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedF
         job.number,
         "test",
         [
-            build_json_file("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
-            build_toml_file("tractor.toml", format_tractor_toml(same)),
+            build_result_file("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
+            build_result_file("tractor.toml", format_tractor_toml(same)),
         ],
     )
     asyncio.run(fleet.look())
@@ -91,7 +91,7 @@ def test_a_diagnosis_that_harms_unseen_driving_offers_no_file(fleet: DoubtedFlee
     fleet.client.post(f"{TWIN}/diagnose")
     job = fleet.store.claim_job("test")
     assert job is not None
-    result = build_json_file("result.json", json.dumps({"verdict": "It slips.", "named": ["wheel_slip"]}))
+    result = build_result_file("result.json", json.dumps({"verdict": "It slips.", "named": ["wheel_slip"]}))
     fleet.store.finish_job(job.number, "test", [result])
     asyncio.run(fleet.look())
     told = fleet.client.get(TWIN).json()["finding"]

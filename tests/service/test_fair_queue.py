@@ -265,7 +265,7 @@ def test_an_upload_that_names_the_database_of_the_service(
 def test_a_reader_inline_stands_in_the_same_words(tmp_path: Path) -> None:
     app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
     reader: FileReader = app.state.reader
-    found = asyncio.run(reader.summarize_file("me", "field", "netherlands", {}))
+    found = asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
     assert found["field"]["name"] == "netherlands"
     reader.close()
     app.state.store.close()
@@ -302,7 +302,7 @@ def test_a_fault_in_a_reading_here_is_one_sentence_too(tmp_path: Path, monkeypat
     monkeypatch.setattr(file_reading, "list_readings", lambda: {"summary field": read})
     app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
     with pytest.raises(ServiceError, match=r"^This file cannot be read: "):
-        asyncio.run(app.state.reader.summarize_file("me", "field", "netherlands", {}))
+        asyncio.run(app.state.reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
     app.state.reader.close()
     app.state.store.close()
 
@@ -318,7 +318,10 @@ def test_a_reader_that_is_closed_reads_again_when_it_is_asked(tmp_path: Path) ->
     reader: FileReader = app.state.reader
     reader.close()
     try:
-        assert asyncio.run(reader.summarize_file("me", "field", "netherlands", {}))["field"]["name"] == "netherlands"
+        assert (
+            asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))["field"]["name"]
+            == "netherlands"
+        )
     except ServiceError:
         pytest.fail("a closed reader is a new one")
     finally:

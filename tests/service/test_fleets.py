@@ -7,30 +7,23 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
-from planner.service.access.one_time_links import BrowserLogins
-from planner.service.api.monitoring import ServiceMetrics
-from planner.service.fleets import fleet_routes, twin_routes
+from planner.service.fleets import fleet_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.fleets.twin_routes import TwinDiagnosis
-from planner.service.gateway.responses import add_error_handlers
-from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.job_runs import build_json_file
+from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import fleet_app, fleet_plan
 from vehicle.missions.plan_file import format_plan
 
 PLAN = fleet_plan(2, 2)
@@ -53,23 +46,8 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def client(data: Path) -> Iterator[TestClient]:
-    settings = ServiceSettings(data=data)
-    store = Store(settings)
-    hub = InlineHub(store)
-
-    @asynccontextmanager
-    async def life(app: FastAPI) -> Any:
-        await hub.start()
-        yield
-        await hub.stop()
-
-    app = FastAPI(lifespan=life)
-    app.state.settings, app.state.store, app.state.hub, app.state.book = settings, store, hub, hub.book
-    app.state.logins, app.state.metrics = BrowserLogins(), ServiceMetrics()
-    app.state.diagnosing = TwinDiagnosis(store, FileReader(settings, store, reads_inline=True))
-    for router in (fleet_routes.fleet_router, twin_routes.twin_router, fleet_routes.recording_router):
-        app.include_router(router, prefix="/api/v1")
-    add_error_handlers(app, lambda parameter: parameter)
+    store = Store(ServiceSettings(data=data))
+    app = fleet_app(store, InlineHub(store))
     token = store.create_token_text("anna", "operator")
     with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 4000)) as made:
         made.headers["authorization"] = f"Bearer {token}"
@@ -102,7 +80,9 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     store.claim_job("test")
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    store.finish_job(job.number, "test", [build_json_file("plan.json", TEXT), build_json_file("result.json", ranking)])
+    store.finish_job(
+        job.number, "test", [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
+    )
     id = new(client, plan=job.id, deadline="23:59").json()["id"]
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
@@ -115,7 +95,7 @@ def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
     store.claim_job("test")
     made = [
         ("map.png", b"\x89PNG\xff", "image/png"),
-        build_json_file("result.json", json.dumps({"best": None, "plans": []})),
+        build_result_file("result.json", json.dumps({"best": None, "plans": []})),
     ]
     store.finish_job(job.number, "test", made)
     answer = new(client, plan=job.id, result="map.png")

@@ -177,8 +177,18 @@ def test_every_option_has_a_label_with_its_unit(shared: Shared) -> None:
     units = {name: option.limits.unit for name, option in PLAN_OPTIONS.items() if option.limits and option.limits.unit}
     assert [name for name, unit in units.items() if not labels[name].endswith(f", {unit}")] == [] and len(units) > 10
     assert not [label for label in labels.values() if label.startswith("-") or "_" in label], "no names of programs"
-    rows = re.findall(r'\["(\w+)", (?:num\(|\{)', (STATIC_FOLDER / "js" / "planoptions.js").read_text())
+    rows = re.findall(r'\["(\w+)", \{', (STATIC_FOLDER / "js" / "planoptions.js").read_text())
     assert set(rows) <= set(labels) and len(rows) > 35
+
+
+def test_the_form_of_a_plan_is_made_from_its_request(shared: Shared) -> None:
+    client, _ = shared
+    options = client.get("/api/v1/forms/plan").json()["options"]
+    assert set(options) == set(PLAN_OPTIONS)
+    kinds = {name: options[name]["kind"] for name in ("width", "part", "all", "obstacle", "deadline", "turn")}
+    assert list(kinds.values()) == ["number", "number", "check", "list", "text", "choice"]
+    assert options["turn"]["choices"] == ["auto", "u", "omega", "switch-back"]
+    assert options["objective"]["choices"] == ["", "fastest", "cheapest", "surest", "fuel"]
 
 
 def test_a_refusal_comes_with_the_labels_of_the_form_too(shared: Shared) -> None:

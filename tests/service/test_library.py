@@ -153,13 +153,13 @@ def test_only_the_owner_and_an_administrator_change_a_thing(app: FastAPI, client
 def test_a_name_that_is_taken_while_an_upload_is_read_stays_its_owners(
     app: FastAPI, client: TestClient, token: Header, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = app.state.reader.check_upload
+    read = app.state.reader.read
 
     async def read_slowly(*arguments: Any, **options: Any) -> None:
         await read(*arguments, **options)
         app.state.store.add_file("field", "north", SMALL, owner="somebody else")
 
-    monkeypatch.setattr(app.state.reader, "check_upload", read_slowly)
+    monkeypatch.setattr(app.state.reader, "read", read_slowly)
     assert add_field(client, token, "north", LARGER, replace="true").status_code == 403
     assert client.get("/api/v1/fields/north").content == SMALL
 

@@ -8,7 +8,6 @@ import json
 import time
 import zipfile
 from collections.abc import Iterator
-from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
-from fastapi import FastAPI
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
@@ -32,21 +30,18 @@ from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.fleet_twins import FleetTwins
 from planner.fleet.session.state_recorder import format_log_csv
 from planner.service.access.one_time_links import LOGIN_COOKIE, BrowserLogins
-from planner.service.api.monitoring import ServiceMetrics
-from planner.service.fleets import fleet_routes, fleet_socket
+from planner.service.fleets import fleet_socket
 from planner.service.fleets.fleet_routes import build_asyncapi_document
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.fleets.fleet_socket import PendingConnections
-from planner.service.gateway.responses import add_error_handlers
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from tests.examples import seldom
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import fleet_app, fleet_plan
 from vehicle.identification.logs.reader import read_log
 
 TOLD = TypeAdapter(outgoing.OutboundMessage)
-OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.OUTBOUND_MESSAGES}
+OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.list_outbound_messages()}
 
 
 @dataclass
@@ -67,24 +62,9 @@ class Service:
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     data: Path = tmp_path_factory.mktemp("service")
-    given_settings = ServiceSettings(data=data)
-    store = Store(given_settings)
+    store = Store(ServiceSettings(data=data))
     hub = FleetSessions(store)
-
-    @asynccontextmanager
-    async def life(app: FastAPI) -> Any:
-        await hub.start()
-        yield
-        await hub.stop()
-        store.close()
-
-    app = FastAPI(lifespan=life)
-    app.state.settings, app.state.store, app.state.hub, app.state.book = given_settings, store, hub, hub.book
-    app.state.logins, app.state.greetings, app.state.metrics = BrowserLogins(), PendingConnections(), ServiceMetrics()
-    app.include_router(fleet_socket.link_router, prefix="/api/v1")
-    app.include_router(fleet_routes.fleet_router, prefix="/api/v1")
-    app.include_router(fleet_routes.recording_router, prefix="/api/v1")
-    add_error_handlers(app, lambda parameter: parameter)
+    app = fleet_app(store, hub)
     tokens = {scope: store.create_token_text(scope, scope) for scope in ("read", "planner", "operator", "admin")}
     begin = time.time()
     for fleet_id in ("f1", "f2"):
@@ -96,6 +76,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         fleet = FleetSession("f1", "small", fleet_plan(3), FleetRules(), begin_s=begin)
         hub.add(fleet)
         yield Service(client, hub, fleet, tokens, app.state.logins)
+    store.close()
 
 
 def hello(session: WebSocketTestSession, role: str, tractor: int | None = None, token: str | None = None) -> Any:

@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 import pytest
+from playwright.sync_api import Page
 
 from planner.service.jobs import job_runs, workers
 from planner.service.settings import ServiceSettings
@@ -15,11 +16,16 @@ from tests.service.watching import WatchedPage, needs_browser
 COST = "18"  # 3 tractors x 470 s / 80, as it is stated: the expected cost, in whole units from 10 on
 
 
+def open_plan(watched: WatchedPage) -> Page:
+    page = watched.open("/plan/old")
+    page.wait_for_selector("text=Plans, best first")
+    return page
+
+
 @pytest.mark.slow
 @needs_browser
 def test_the_plan_to_take_is_first_with_the_cost_of_the_figures(watched: WatchedPage) -> None:
-    page = watched.open("/plan/old")
-    page.wait_for_selector("text=Plans, best first")
+    page = open_plan(watched)
     table = page.locator("[aria-label='Ranked plans']")
     heads = [head for head in table.locator("th").all_inner_texts() if head]
     assert len([each for each in table.locator("th").all() if each.is_visible()]) <= 8
@@ -34,8 +40,7 @@ def test_the_plan_to_take_is_first_with_the_cost_of_the_figures(watched: Watched
 @pytest.mark.slow
 @needs_browser
 def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
-    page = watched.open("/plan/old")
-    page.wait_for_selector("text=Plans, best first")
+    page = open_plan(watched)
     table = page.locator("[aria-label='Ranked plans']")
     assert not table.locator("th:has-text('Turning')").is_visible()
     page.click("text=All columns")
@@ -49,8 +54,7 @@ def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
 @pytest.mark.slow
 @needs_browser
 def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> None:
-    page = watched.open("/plan/old")
-    page.wait_for_selector("text=Plans, best first")
+    page = open_plan(watched)
     assert page.locator("summary:has-text('not possible')").inner_text() == "1 plan not possible, with the reason"
     assert page.locator("text=1 plan not simulated, as others are estimated to be faster.").is_visible()
     watched.well()
@@ -62,8 +66,7 @@ def test_the_tractor_is_named_first_in_form_and_answer(watched: WatchedPage) -> 
     page = watched.open("/plan")
     page.wait_for_selector("form section:first-child p:text-is('Yanmar EG105')")
     assert page.locator("form h2").first.inner_text() == "Tractor"
-    page = watched.open("/plan/old")
-    page.wait_for_selector("text=Plans, best first")
+    page = open_plan(watched)
     assert page.locator("h1").inner_text().startswith("Yanmar EG105: ")
     watched.well()
 
@@ -125,7 +128,7 @@ def test_a_worker_without_a_job_loads_what_the_first_one_needs(monkeypatch: pyte
 
     monkeypatch.setattr("signal.signal", lambda *_: None)  # a worker ignores Ctrl-C, this process does not
     monkeypatch.setattr(workers, "_claim_next_job", claim)
-    monkeypatch.setattr(workers, "_exit_with_service", lambda: None)
+    monkeypatch.setattr(workers, "end_with_service", lambda: None)
     monkeypatch.setattr(workers, "run_and_store_job", lambda *_: heard.append("run"))
     monkeypatch.setattr(job_runs, "load_job_libraries", lambda: heard.append("load"))
     with pytest.raises(StopIteration):

@@ -91,9 +91,9 @@ def test_what_a_write_says_of_a_full_disk_is_believed(tmp_path: Path, monkeypatc
 
 def test_a_reserve_stays_free_for_the_database(disk: Disk) -> None:
     store = Store(of(disk, reserve_mb=4))
-    store.check_disk_space(2 * MEGABYTE_BYTES)
+    store.blobs.check_disk_space(2 * MEGABYTE_BYTES)
     with pytest.raises(StorageError):
-        store.check_disk_space(5 * MEGABYTE_BYTES)
+        store.blobs.check_disk_space(5 * MEGABYTE_BYTES)
     disk.fill(leave=3 * MEGABYTE_BYTES)
     with pytest.raises(StorageError):
         store.blobs.put_bytes(b"small")

@@ -59,16 +59,16 @@ def wait_until_unknown(book: TokenCache, text: str) -> None:
 def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: TokenCache, store: Store) -> None:
     text = store.create_token_text("office", "read")
     assert book.find_token(text) is None, "nothing was read since"
-    assert book.identify_token(text).name == "office" and book.find_token(text) is not None
+    assert asyncio.run(book.identify_token(text)).name == "office" and book.find_token(text) is not None
     other = store.create_token_text("phone", "read")
-    assert asyncio.run(book.identify_token_async(other)).name == "phone"
+    assert asyncio.run(book.identify_token(other)).name == "phone"
     store.revoke_token("office")
     wait_until_unknown(book, text)
     with pytest.raises(TokenError, match="token is unknown"):
-        book.identify_token(text)
+        asyncio.run(book.identify_token(text))
     for odd in ("", "hl_", "office", "\0", "\ud800", "hl_" + "x" * 100_000):
         with pytest.raises(TokenError):
-            book.identify_token(odd)
+            asyncio.run(book.identify_token(odd))
 
 
 def test_an_expired_token_is_worth_nothing_at_once_even_without_the_database(lost: Lost) -> None:
@@ -84,7 +84,7 @@ def test_an_expired_token_is_worth_nothing_at_once_even_without_the_database(los
         "The token of this link has expired; link again with another one."
     ]
     with pytest.raises(TokenError, match="expired at 2026-01-01"):
-        book.identify_token(text)
+        asyncio.run(book.identify_token(text))
 
 
 def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> None:
@@ -96,7 +96,7 @@ def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> Non
     while book.last_error is None:
         assert time.monotonic() - begin < PATIENCE_S
         time.sleep(0.01)
-    assert "the server is gone" in book.last_error and book.identify_token(text).scopes == "operator"
+    assert "the server is gone" in book.last_error and asyncio.run(book.identify_token(text)).scopes == "operator"
     assert "was revoked" in book.find_invalid_tokens(["0" * 64])["0" * 64]
     lost.store.revoke_token("office")
     assert book.find_token(text) is not None
@@ -114,12 +114,12 @@ def test_a_database_that_hangs_holds_up_nobody_who_is_known(lost: Lost, monkeypa
     book.start()
     lost.wait_s = 3 * token_cache.REFRESH_TIMEOUT_S
     with pytest.raises(TokenError):  # waits for a reading that does not end
-        book.identify_token("hl_unknown")
+        asyncio.run(book.identify_token("hl_unknown"))
     begin = time.monotonic()
-    assert book.identify_token(text).name == "office" and time.monotonic() - begin < 0.5
+    assert asyncio.run(book.identify_token(text)).name == "office" and time.monotonic() - begin < 0.5
     begin = time.monotonic()
     with pytest.raises(TokenError):
-        asyncio.run(book.identify_token_async("hl_unknown"))
+        asyncio.run(book.identify_token("hl_unknown"))
     assert time.monotonic() - begin < 2 * token_cache.REFRESH_TIMEOUT_S
     book.close()
 
@@ -130,7 +130,7 @@ def test_unknown_tokens_ask_the_database_a_few_times_a_second_at_most(lost: Lost
     lost.asked, begin = 0, time.monotonic()
 
     async def ask() -> None:
-        answers = await asyncio.gather(*(book.identify_token_async(f"hl_{number}") for number in range(500)),
+        answers = await asyncio.gather(*(book.identify_token(f"hl_{number}") for number in range(500)),
                                        return_exceptions=True)  # fmt: skip
         assert all(isinstance(each, TokenError) for each in answers)
 

@@ -7,27 +7,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 AlarmCode = Literal[
-    "astray",
-    "broken",
-    "clock",
-    "doubt",
-    "drives on",
-    "error",
-    "failed",
-    "fence",
-    "finding",
-    "late",
-    "leap",
-    "near",
-    "near fleet",
-    "neighbour stopped",
-    "obstacle",
-    "replaced",
-    "restarted",
-    "unknown ground",
-    "unread obstacle",
+    "astray", "broken", "clock", "doubt", "drives on", "error", "failed", "fence", "finding", "late", "leap", "near",
+    "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground", "unread obstacle",
     "unrecorded",
-]
+]  # fmt: skip
 
 
 class OutboundMessage(BaseModel):
@@ -303,21 +286,6 @@ class EventMessage(OutboundMessage):
     data: dict[str, Any]
 
 
-OUTBOUND_MESSAGES: tuple[type[OutboundMessage], ...] = (
-    WelcomeMessage,
-    RefusedMessage,
-    AckMessage,
-    HeartbeatMessage,
-    ReleaseMessage,
-    CommandMessage,
-    StopMessage,
-    ResumeMessage,
-    PlanMessage,
-    LeaseMessage,
-    SceneMessage,
-    TickMessage,
-    CoverageMessage,
-    AlarmsMessage,
-    ProposalMessage,
-    EventMessage,
-)
+def list_outbound_messages() -> tuple[type[OutboundMessage], ...]:
+    """The frames that the service sends, in the order of this module; their parts have no kind."""
+    return tuple(model for model in OutboundMessage.__subclasses__() if "kind" in model.model_fields)

@@ -174,7 +174,7 @@ async def identify_caller(connection: HTTPConnection, token_text: str | None) ->
         is_known = logins.is_logged_in(connection)
         return Caller(BROWSER_NAME, ("read",), data_option=option) if is_known else Caller(ANONYMOUS_NAME, ())
     token_cache: TokenCache = connection.app.state.book
-    return replace(build_caller(await token_cache.identify_token_async(token_text)), data_option=option)
+    return replace(build_caller(await token_cache.identify_token(token_text)), data_option=option)
 
 
 async def identify_socket(websocket: WebSocket, first_frame_token: str | None = None) -> Caller:
@@ -200,3 +200,11 @@ def read_bearer(connection: HTTPConnection) -> str | None:
     if kind.lower() != "bearer" or not token.strip():
         raise TokenError("The header Authorization cannot be read; send 'Authorization: Bearer hl_...'.")
     return token.strip()
+
+
+ReadAccess = Annotated[Caller, Depends(require_right(READ))]
+OwnReadAccess = Annotated[Caller, Depends(require_right(READ, allows_own_fleet=True))]
+PlanAccess = Annotated[Caller, Depends(require_right(PLAN))]
+OperateAccess = Annotated[Caller, Depends(require_right(OPERATE))]
+AdminAccess = Annotated[Caller, Depends(require_right(ADMINISTER))]
+"""Callers of routes, with the rights that these need."""

@@ -9,6 +9,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -38,14 +39,9 @@ class TokenCache:
         self._store, self._clock = store, clock
         self._rows: dict[str, TokenRow] = {}
         self._refreshed_at = -math.inf
-        self._last_started = self._last_finished = 0
-        self._waiting: list[tuple[int, asyncio.AbstractEventLoop, asyncio.Future[None]]] = []
-        self._changed, self._refresh_lock, self._refresh_requested = (
-            threading.Condition(),
-            threading.Lock(),
-            threading.Event(),
-        )
-        self._closing = threading.Event()
+        self._waiting: list[Future[None]] = []
+        self._lock, self._refresh_lock = threading.Lock(), threading.Lock()
+        self._refresh_requested, self._closing = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self.last_error: str | None = None
 
@@ -59,8 +55,10 @@ class TokenCache:
         if self._thread is None:
             self._closing.clear()
             self._thread = threading.Thread(target=self._refresh_forever, name="headland-tokens", daemon=True)
+            first_refresh = self._request_refresh()
             self._thread.start()
-            self._wait_for_refresh()
+            with contextlib.suppress(TimeoutError):
+                first_refresh.result(REFRESH_TIMEOUT_S)
 
     def close(self) -> None:
         """Stop reading."""
@@ -80,37 +78,43 @@ class TokenCache:
         row = self.find_token(token_text)
         return None if row is None else not OPERATOR_SCOPES.isdisjoint(row.scopes.split())
 
-    def identify_token(self, token_text: str) -> TokenRow:
+    async def identify_token(self, token_text: str) -> TokenRow:
         """The token of a text; an unknown one is looked up once more, which may take two seconds.
 
         Raises TokenError for an unknown or expired token.
         """
-        if self._can_be_new(token_text):
-            self._wait_for_refresh()
-        return self._check_token(token_text)
-
-    async def identify_token_async(self, token_text: str) -> TokenRow:
-        """The same without blocking the event loop, and without one thread per waiting request."""
-        if self._can_be_new(token_text):
+        can_be_new = token_text.startswith(TOKEN_PREFIX) and len(token_text) <= LONGEST_TOKEN_CHARS
+        if can_be_new and hash_token(token_text) not in self._rows:
             if self._thread is None:
-                await asyncio.to_thread(self._wait_for_refresh)
+                await asyncio.to_thread(self.refresh)
             else:
-                await self._await_refresh()
-        return self._check_token(token_text)
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(asyncio.wrap_future(self._request_refresh()), REFRESH_TIMEOUT_S)
+        row = self._rows.get(hash_token(token_text))
+        if row is None:
+            raise TokenError(UNREACHABLE_DATABASE if self.age_s > STALE_S else UNKNOWN_TOKEN, parameter="token")
+        if has_expired(row):
+            raise TokenError(EXPIRED_TOKEN.format(expires=row.expires), parameter="token")
+        return row
 
     def refresh(self) -> bool:
         """Read all tokens now; False where the database does not answer, which leaves all as it was."""
         with self._refresh_lock:
-            with self._changed:
-                self._last_started += 1
-                refresh_number = self._last_started
+            with self._lock:
+                waiting, self._waiting = self._waiting, []
             try:
                 rows = {row.sha256: row for row in self._store.list_tokens()}
             except (SQLAlchemyError, ServiceError, OSError) as error:
-                self._log_error_once(error)
+                words = " ".join(str(getattr(error, "orig", None) or error).split())[:200]
+                if self.last_error is None:  # logged once, not every second
+                    logging.getLogger(__name__).error("Tokens cannot be read; known ones stay valid: %s", words)
+                self.last_error = words
             else:
                 self._rows, self._refreshed_at, self.last_error = rows, self._clock(), None
-            self._wake_waiters(refresh_number)
+            finally:
+                for future in waiting:
+                    if future.set_running_or_notify_cancel():
+                        future.set_result(None)
             return self.last_error is None
 
     def find_invalid_tokens(self, token_digests: Iterable[str]) -> dict[str, str]:
@@ -124,58 +128,13 @@ class TokenCache:
                 reasons[sha256] = REVOKED_LINK_TOKEN if row is None else EXPIRED_LINK_TOKEN
         return reasons
 
-    def _can_be_new(self, token_text: str) -> bool:
-        """Whether a text could be a token made after the last reading."""
-        return (
-            token_text.startswith(TOKEN_PREFIX)
-            and len(token_text) <= LONGEST_TOKEN_CHARS
-            and hash_token(token_text) not in self._rows
-        )
-
-    def _check_token(self, token_text: str) -> TokenRow:
-        row = self._rows.get(hash_token(token_text))
-        if row is None:
-            raise TokenError(UNREACHABLE_DATABASE if self.age_s > STALE_S else UNKNOWN_TOKEN, parameter="token")
-        if has_expired(row):
-            raise TokenError(EXPIRED_TOKEN.format(expires=row.expires), parameter="token")
-        return row
-
-    def _wake_waiters(self, refresh_number: int) -> None:
-        """Wake all who wait for the reading of this number or an earlier one."""
-        with self._changed:
-            self._last_finished = refresh_number
-            self._changed.notify_all()
-            ready = [each for each in self._waiting if each[0] <= refresh_number]
-            self._waiting = [each for each in self._waiting if each[0] > refresh_number]
-        for _, loop, future in ready:
-            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-                loop.call_soon_threadsafe(_resolve_future, future)
-
-    def _log_error_once(self, error: Exception) -> None:
-        """Note why the tokens cannot be read; log it once, not every second."""
-        words = " ".join(str(getattr(error, "orig", None) or error).split())[:200]
-        if self.last_error is None:
-            logging.getLogger(__name__).error("Tokens cannot be read; known ones stay valid: %s", words)
-        self.last_error = words
-
-    def _wait_for_refresh(self) -> None:
-        """Wait, at most two seconds, for a reading that began after this call."""
-        if self._thread is None:
-            self.refresh()
-            return
-        with self._changed:
-            number = self._last_started + 1
-            self._refresh_requested.set()
-            self._changed.wait_for(lambda: self._last_finished >= number, REFRESH_TIMEOUT_S)
-
-    async def _await_refresh(self) -> None:
-        loop = asyncio.get_running_loop()
-        ready: asyncio.Future[None] = loop.create_future()
-        with self._changed:
-            self._waiting.append((self._last_started + 1, loop, ready))
+    def _request_refresh(self) -> Future[None]:
+        """Ask for a reading; it is done after one that began after this call."""
+        future: Future[None] = Future()
+        with self._lock:
+            self._waiting.append(future)
         self._refresh_requested.set()
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(ready, REFRESH_TIMEOUT_S)
+        return future
 
     def _refresh_forever(self) -> None:
         while not self._closing.is_set():
@@ -187,8 +146,3 @@ class TokenCache:
             # However many unknown texts arrive, the database is read at most five times a second.
             self._closing.wait(SHORTEST_REFRESH_PERIOD_S)
             self._refresh_requested.wait(REFRESH_PERIOD_S - SHORTEST_REFRESH_PERIOD_S)
-
-
-def _resolve_future(future: asyncio.Future[None]) -> None:
-    if not future.done():
-        future.set_result(None)

@@ -1,24 +1,246 @@
-"""Routes for tokens (make, list, revoke) and for events."""
+"""Routes for health, readiness, caller, login, tokens, events, and metrics for Prometheus.
+
+Metrics are of requests, links, ages, stops and jobs.
+"""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Query, Request, Response
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse
 
-from planner.service.access.permissions import Caller, require_right
+from planner.errors import HeadlandError
+from planner.service.access.one_time_links import BrowserLogins
+from planner.service.access.permissions import (
+    RIGHTS_BY_SCOPE,
+    AdminAccess,
+    OwnReadAccess,
+    ReadAccess,
+    identify_caller,
+    read_bearer,
+)
 from planner.service.access.token_cache import TokenCache
+from planner.service.errors import ServiceError, StorageError
+from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import (
+    CHANGE_ERRORS,
+    ITEM_ERRORS,
+    LIST_ERRORS,
     READ_ROUTE_ERRORS,
+    CallerInfo,
     EventList,
+    HealthInfo,
     NewToken,
+    ReadinessInfo,
     TokenInfo,
     TokenList,
     TokenScope,
+    build_error_response,
+    build_refusal_response,
     document_errors,
 )
+from planner.service.settings import find_version
 from planner.service.store.service_store import Store
+
+METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
+COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
+JOB_COUNT_PERIOD_S = 5.0
+JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
+
+
+class ServiceMetrics:
+    """Metrics that are counted as things happen, and gauges that are set when they are read."""
+
+    def __init__(self) -> None:
+        self.registry = CollectorRegistry()
+        self.requests = Histogram(
+            "headland_request_seconds",
+            "How long requests took, forwarded ones included.",
+            ("method", "status"),
+            registry=self.registry,
+            buckets=LATENCY_BUCKETS_S,
+        )
+        self.stops = Counter("headland_stops", "Orders to stop a whole fleet.", ("by",), registry=self.registry)
+        self.stop_seconds = Histogram(
+            "headland_stop_seconds",
+            "From an order to stop until it is sent to the last link.",
+            registry=self.registry,
+            buckets=(0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1.0),
+        )
+        gauge = partial(Gauge, registry=self.registry)
+        self.office_starts = gauge("headland_office_starts", "How often the office was started.")
+        self.ready = gauge("headland_ready", "1 when database and office can be used.")
+        self.loop_lag_s = gauge("headland_loop_lag_seconds", "By how much the last step of the fleets came late.")
+        self.jobs, self._jobs_counted_s = gauge("headland_jobs", "Jobs by state.", ("status",)), float("-inf")
+
+    def observe_request(self, method: str, status: int, seconds: float) -> None:
+        """Count an answered request."""
+        method = method if method in COUNTED_METHODS else "other"
+        self.requests.labels(method, f"{status // 100}xx").observe(seconds)
+
+    def count_stop(self, source: str, seconds: float) -> None:
+        """Count an order to stop a fleet, over HTTP or a link, that was sent to all of its links."""
+        self.stops.labels(source).inc()
+        self.stop_seconds.observe(seconds)
+
+    def update_job_counts(self, store: Store) -> None:
+        """Count the jobs in the database where the last count is old; call this in a thread. Raises DBAPIError."""
+        if time.monotonic() - self._jobs_counted_s < JOB_COUNT_PERIOD_S:
+            return
+        self._jobs_counted_s = time.monotonic()
+        counts = store.count_jobs()
+        for state in JOB_STATES:
+            self.jobs.labels(state).set(counts.get(state, 0))
+
+
+class FleetMetrics(Collector):
+    """Links, time since the last report of each tractor, and alarms, by fleet."""
+
+    def __init__(self, hub: FleetSessions) -> None:
+        self.hub = hub
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        links = GaugeMetricFamily("headland_links", "Links that are open.", labels=("fleet", "role"))
+        ages = GaugeMetricFamily(
+            "headland_report_age_seconds",
+            "Seconds since the last report of a linked tractor.",
+            labels=("fleet", "tractor"),
+        )
+        alarms = GaugeMetricFamily("headland_alarms", "Alarms that are on.", labels=("fleet", "level"))
+        now = time.monotonic()
+        for id, fleet in list(self.hub.by_id.items()):
+            roles = [client.role for client in fleet.clients]
+            for role in sorted(set(roles)):
+                links.add_metric((id, role), roles.count(role))
+            for number in sorted(fleet.tractors):
+                heard_s = now - fleet.manager.states[number].last_contact_s
+                ages.add_metric((id, str(number + 1)), max(heard_s, 0.0))
+            levels = [alarm.level for alarm in fleet.manager.alarms.list_alarms() if not alarm.over]
+            for level in sorted(set(levels)):
+                alarms.add_metric((id, level), levels.count(level))
+        return links, ages, alarms
+
+
+class ConnectionMetrics(Collector):
+    """Open connections, and those that were closed unfinished."""
+
+    def __init__(self, connections: ConnectionRegistry) -> None:
+        self.connections = connections
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        opened = GaugeMetricFamily(
+            "headland_connections", "Open connections other than links.", value=len(self.connections)
+        )
+        closed = GaugeMetricFamily(
+            "headland_connections_closed", "Unfinished connections closed, by why.", labels=("why",)
+        )
+        for why, count in sorted(self.connections.closed_by_reason.items()):
+            closed.add_metric((why,), count)
+        return opened, closed
+
+
+TOKENS_STALE_S = 5.0
+DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
+health_router = APIRouter(tags=["service"])
+
+
+@health_router.get("/health", responses=document_errors())
+async def show_health(request: Request) -> HealthInfo:
+    """Whether the service runs, its version, and what is missing now; this does not query the database."""
+    faults = list_service_faults(request)
+    return HealthInfo(status="degraded" if faults else "ok", version=find_version(), faults=faults)
+
+
+@health_router.get(
+    "/ready", responses=document_errors() | {503: {"model": ReadinessInfo, "description": "Something is missing"}}
+)
+async def show_readiness(request: Request, response: Response) -> ReadinessInfo:
+    """Whether everything works: 200, or 503 with what is missing."""
+    faults = list_service_faults(request)
+    response.status_code = 503 if faults else 200
+    return ReadinessInfo(ready=not faults, faults=faults)
+
+
+@health_router.get("/me", responses=document_errors(401, 403))
+async def show_caller(caller: OwnReadAccess) -> CallerInfo:
+    """The caller: name of the token, and its rights."""
+    rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
+    command = caller.format_token_command("planner --scope operator")
+    return CallerInfo(
+        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command
+    )
+
+
+async def log_in_browser(request: Request) -> Response:
+    """Log in the browser that opens the address which `headland serve` printed.
+
+    A HEAD request, such as a link preview, does not use the address up.
+    """
+    if request.method != "GET":
+        return build_error_response(405, "This address takes GET.", {"allow": "GET"})
+    logins: BrowserLogins = request.app.state.logins
+    code = request.query_params.get("code", "")
+    if logins.is_logged_in(request) and not (logins.make_token and logins.is_current_code(code)):
+        return RedirectResponse("/", 303)  # opened again from the history or a bookmark
+    try:
+        response = logins.log_in_browser(code)
+        token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
+    except ServiceError as error:
+        return build_refusal_response(error)
+    if token_text is not None:
+        response.headers["location"] = f"/#token={token_text}"  # what follows the # is sent to nobody
+    return response
+
+
+async def show_metrics(request: Request) -> Response:
+    """Metrics for Prometheus; they need the right to read."""
+    state = request.app.state
+    try:
+        (await identify_caller(request, read_bearer(request))).check_right("read")
+    except ServiceError as error:
+        return build_refusal_response(error)
+    metrics: ServiceMetrics = state.metrics
+    faults = list_service_faults(request)
+    if state.book.age_s <= TOKENS_STALE_S:
+        with suppress(SQLAlchemyError, HeadlandError):
+            await run_in_threadpool(metrics.update_job_counts, state.store)
+    metrics.loop_lag_s.set(state.hub.lag_s)
+    metrics.ready.set(0 if faults else 1)
+    metrics.office_starts.set(0 if state.office is None else state.office.starts)
+    return Response(generate_latest(metrics.registry), media_type=METRICS_MEDIA_TYPE)
+
+
+def list_service_faults(request: Request) -> list[str]:
+    """What is missing in the service now, one sentence each."""
+    state = request.app.state
+    book: TokenCache = state.book
+    faults = []
+    if book.age_s > TOKENS_STALE_S:
+        faults.append(DATABASE_DOWN.format(age_s=min(book.age_s, 1e6)))
+    try:
+        state.store.blobs.check_disk_space(0)
+    except StorageError as error:
+        faults.append(str(error))
+    if state.office is not None and state.office.url is None:
+        faults.append(OFFICE_STARTING)
+    return faults
+
 
 LARGEST_EVENT_ID = 2**53
 events_router = APIRouter(tags=["events"])
@@ -27,7 +249,7 @@ events_router = APIRouter(tags=["events"])
 @events_router.get("/events", responses=READ_ROUTE_ERRORS)
 def list_events(
     request: Request,
-    _caller: Annotated[Caller, Depends(require_right("read"))],
+    _caller: ReadAccess,
     since: Annotated[int, Query(ge=0, le=LARGEST_EVENT_ID, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
 ) -> EventList:
@@ -36,7 +258,6 @@ def list_events(
     return EventList.model_validate({"items": store.list_events(since, fleet)})
 
 
-AdminAccess = Annotated[Caller, Depends(require_right("administer"))]
 tokens_router = APIRouter(prefix="/tokens", tags=["tokens"])
 
 
@@ -55,13 +276,13 @@ class TokenRequest(BaseModel):
     expires: Annotated[str, Field(max_length=40)] | None = None
 
 
-@tokens_router.get("", responses=document_errors(401, 403), operation_id="list_tokens")
+@tokens_router.get("", responses=LIST_ERRORS, operation_id="list_tokens")
 def list_tokens(request: Request, _caller: AdminAccess) -> TokenList:
     """All tokens with name, scopes and expiry; their texts are stored nowhere."""
     return TokenList.model_validate({"items": request.app.state.store.list_tokens()})
 
 
-@tokens_router.post("", status_code=201, responses=document_errors(401, 403, 404, 409, 422), operation_id="make_token")
+@tokens_router.post("", status_code=201, responses=CHANGE_ERRORS, operation_id="make_token")
 def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> NewToken:
     """Make a token; its text is shown only once."""
     store: Store = request.app.state.store
@@ -72,9 +293,7 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     return NewToken(**info.model_dump(), token=text)
 
 
-@tokens_router.delete(
-    "/{name}", status_code=204, responses=document_errors(401, 403, 404, 422), operation_id="revoke_token"
-)
+@tokens_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
 def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
     """Revoke a token."""
     request.app.state.store.revoke_token(name)

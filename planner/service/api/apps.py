@@ -8,38 +8,40 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import multiprocessing
 import os
 import signal
 import socket
-import threading
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
 from functools import cache, partial
 from importlib import resources
-from multiprocessing.connection import Connection, wait
-from typing import Any
+from multiprocessing.connection import Connection
 
 import uvicorn
 from fastapi import APIRouter, Depends, FastAPI, Response
 from sqlalchemy.exc import DBAPIError
 from starlette.routing import BaseRoute
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.request.parameter_names import strip_unit
 from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
-from planner.service.api import administration, background_routes, job_routes, monitoring
+from planner.service.api import administration
+from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics
 from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, views_router
-from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, JobMetrics, ServiceMetrics, find_version
+from planner.service.api.job_routes import (
+    JOB_KIND_BY_PATH,
+    all_jobs_router,
+    build_jobs_router,
+    exports_router,
+    views_router,
+)
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
-from planner.service.backgrounds.map_background import MapBackground
-from planner.service.fleets import fleet_routes, fleet_socket, twin_routes
+from planner.service.backgrounds.map_background import MapBackground, background_router
+from planner.service.fleets import fleet_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.fleets.fleet_socket import PendingConnections
-from planner.service.fleets.twin_routes import TwinDiagnosis
+from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
+from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
 from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
 from planner.service.gateway.connection_limits import ConnectionRegistry
@@ -48,8 +50,9 @@ from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_log
 from planner.service.gateway.responses import add_error_handlers, document_errors
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.workers import WorkerSupervisor
+from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
-from planner.service.settings import ServiceSettings
+from planner.service.settings import ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
 from planner.service.store.service_store import Store
 
@@ -114,7 +117,7 @@ def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> Fast
     _set_up_back_office_state(app)
     app.router.routes.extend(_build_routes())
     mount_pages(app)
-    _add_middleware(app, list_control_routers(), list_back_office_routers())
+    _add_middleware(app)
     return app
 
 
@@ -134,8 +137,8 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
             await asyncio.to_thread(app.state.book.refresh)
 
     forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
-    app.router.default = _build_forwarding_app(forward)
-    _add_middleware(app, list_control_routers(), list_back_office_routers())
+    app.router.default = forward
+    _add_middleware(app)
     return app
 
 
@@ -145,7 +148,10 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
     app.state.reader = FileReader(settings, app.state.store)
     _set_up_back_office_state(app)
     app.router.routes.extend(_build_routes(has_control=False))
-    _add_documentation_of_control(app)
+    # The routes of the control process, which answers them itself, are documented too.
+    documented = FastAPI(title=app.title, version=app.version, description=app.description)
+    documented.router.routes.extend(_build_routes())
+    app.openapi = documented.openapi  # type: ignore[method-assign]
     mount_pages(app)
     app.add_middleware(SharedSecretMiddleware, secret=secret)
     app.add_middleware(RequestIdMiddleware, trusts_header=True)
@@ -154,13 +160,7 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [
-        monitoring.health_router,
-        fleet_routes.fleet_router,
-        video_router,
-        twin_routes.twin_router,
-        fleet_socket.link_router,
-    ]
+    return [administration.health_router, fleet_routes.fleet_router, video_router, twin_router, link_router]
 
 
 @cache
@@ -171,36 +171,19 @@ def _build_kind_routers() -> tuple[APIRouter, ...]:
 
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
-    parts = [
-        *_build_kind_routers(),
-        job_routes.exports_router,
-        form_router,
-        all_jobs_router,
-        views_router,
-        background_routes.background_router,
-    ]
     return [
-        *parts,
-        fleet_routes.recording_router,
-        administration.tokens_router,
-        administration.events_router,
-        docs_router,
-    ]
+        *_build_kind_routers(), exports_router, form_router, all_jobs_router, views_router, background_router,
+        fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
+    ]  # fmt: skip
 
 
 def _build_app(
     settings: ServiceSettings, lifespan: Lifespan, openapi_url: str | None = f"{API_PREFIX}/openapi.json"
 ) -> FastAPI:
     app = FastAPI(
-        title="Headland",
-        version=find_version(),
-        description=API_DESCRIPTION,
-        lifespan=lifespan,
-        docs_url=None,
-        redoc_url=None,
-        openapi_url=openapi_url,
-        swagger_ui_oauth2_redirect_url=None,
-    )
+        title="Headland", version=find_version(), description=API_DESCRIPTION, lifespan=lifespan,
+        openapi_url=openapi_url, docs_url=None, redoc_url=None, swagger_ui_oauth2_redirect_url=None,
+    )  # fmt: skip
     app.state.settings = settings
     app.state.store = Store(settings)
     app.state.office = None
@@ -215,13 +198,12 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
     state.diagnosing = TwinDiagnosis(state.store, state.reader)
     state.hub = FleetSessions(state.store, state.diagnosing.follow_up, book=state.book)
-    state.greetings = PendingConnections()
+    state.greetings = ConnectionRegistry(PENDING_LIMITS)
     state.metrics = ServiceMetrics()
     state.metrics.registry.register(FleetMetrics(state.hub))
     state.hub.on_stop = partial(state.metrics.count_stop, "link")
-    state.job_figures = JobMetrics(state.metrics, state.store)
-    app.add_route(LOGIN_PATH, monitoring.log_in_browser, methods=["GET"], include_in_schema=False)
-    app.add_route("/metrics", monitoring.show_metrics, methods=["GET"], include_in_schema=False)
+    app.add_route(LOGIN_PATH, administration.log_in_browser, methods=["GET"], include_in_schema=False)
+    app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
 
 
 def _set_up_back_office_state(app: FastAPI) -> None:
@@ -230,53 +212,28 @@ def _set_up_back_office_state(app: FastAPI) -> None:
     app.state.background = MapBackground(app.state.settings)
 
 
-def _add_documentation_of_control(app: FastAPI) -> None:
-    """Document the routes of the control process too, which answers them itself."""
-    documented = FastAPI(title=app.title, version=app.version, description=app.description)
-    documented.router.routes.extend(_build_routes())
-    app.openapi = documented.openapi  # type: ignore[method-assign]
-
-
 @cache
 def _build_routes(*, has_control: bool = True, has_office: bool = True) -> tuple[BaseRoute, ...]:
     """Routes below /api/v1, with their models of parameters and answers: made once, as that takes half a second, and
     shared by all apps of a process."""
     control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else []
+    dependencies = [Depends(refuse_unknown_query)]
+    combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies, responses=document_errors(422))
+    for router in (*control, *office):
+        combined.include_router(router)
     whole = APIRouter()
-    whole.include_router(_combine_routers([*control, *office]))
+    whole.include_router(combined)
     return tuple(whole.routes)
 
 
-def _combine_routers(routers: Sequence[APIRouter]) -> APIRouter:
-    combined = APIRouter(
-        prefix=API_PREFIX, dependencies=[Depends(refuse_unknown_query)], responses=document_errors(422)
-    )
-    for router in routers:
-        combined.include_router(router)
-    return combined
-
-
-def _add_middleware(app: FastAPI, control: Sequence[APIRouter], office: Sequence[APIRouter]) -> None:
+def _add_middleware(app: FastAPI) -> None:
     """Add the gate before all routes, with those of the office."""
     settings: ServiceSettings = app.state.settings
-    rules = list_route_rules(control, API_PREFIX, settings, are_orders=True) + list_route_rules(
-        office, API_PREFIX, settings
-    )
+    rules = list_route_rules(list_control_routers(), API_PREFIX, settings, are_orders=True)
+    rules += list_route_rules(list_back_office_routers(), API_PREFIX, settings)
     app.add_middleware(RequestGate, settings=settings, rules=rules)
     app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
-
-
-def _build_forwarding_app(forward: OfficeForwarder) -> ASGIApp:
-    """The app for addresses without a route in the control process."""
-
-    async def forward_or_close(scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http":
-            await forward(scope, receive, send)
-        else:
-            await send({"type": "websocket.close", "code": 1008, "reason": "There is no link at this address."})
-
-    return forward_or_close
 
 
 @contextlib.asynccontextmanager
@@ -340,7 +297,7 @@ async def _sweep_forever(store: Store) -> None:
             await asyncio.to_thread(sweep_unnamed_bytes, store)
 
 
-OFFICE_NICENESS = 5
+OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connection) -> None:
@@ -350,21 +307,14 @@ def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connect
     if hasattr(os, "nice"):
         os.nice(OFFICE_NICENESS)  # stops and links come before files and jobs
     set_up_logs()
-    threading.Thread(target=_exit_with_service, daemon=True).start()
+    end_with_service()
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.bind((LOOPBACK_HOST, 0))
-    listener.listen(1024)
+    listener.listen(BACKLOG)
     config = uvicorn.Config(
-        create_back_office_app(settings, secret),
-        log_config=None,
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        ws="none",
-        timeout_graceful_shutdown=2,
-        timeout_keep_alive=60,
-        backlog=1024,
-    )
+        create_back_office_app(settings, secret), log_config=None, access_log=False, proxy_headers=False,
+        server_header=False, ws="none", timeout_graceful_shutdown=2, timeout_keep_alive=60, backlog=BACKLOG,
+    )  # fmt: skip
 
     class PortReportingServer(uvicorn.Server):
         """Reports its port once it listens."""
@@ -375,11 +325,3 @@ def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connect
                 port_sender.send(listener.getsockname()[1])
 
     PortReportingServer(config).run(sockets=[listener])
-
-
-def _exit_with_service() -> None:
-    """End this process when the service ends, for whatever reason."""
-    parent: Any = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(0)

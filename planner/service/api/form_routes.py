@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
@@ -14,15 +15,15 @@ from fields.sample_fields import list_sample_names
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
-from planner.service.access.permissions import Caller, require_right
+from planner.service.access.permissions import Caller, ReadAccess
 from planner.service.errors import ServiceError
-from planner.service.gateway.responses import ApiModel, document_errors
+from planner.service.gateway.responses import LIST_ERRORS, READ_ROUTE_ERRORS, ApiModel
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import EXAMPLE_FARM, InputCollector
+from planner.service.jobs.job_requests import PLAN_OPTIONS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import list_tractor_names
 
-ReadAccess = Annotated[Caller, Depends(require_right("read"))]
 FormKind = Literal["day", "farm"]
 MOST_FORM_CHARS, MOST_CHANGES, LONGEST_VALUE_CHARS = 100_000, 50, 1000
 KeyName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
@@ -30,6 +31,11 @@ Position = Annotated[int, Field(ge=0, le=999)]
 ValueText = Annotated[str, Field(max_length=LONGEST_VALUE_CHARS)]
 WholeNumber = Annotated[int, Field(ge=-(10**9), le=10**9)]
 PlainValue = bool | WholeNumber | float | ValueText | Annotated[list[ValueText], Field(max_length=100)]
+
+KIND_BY_TYPE: dict[Any, Literal["check", "list", "number", "text"]] = {
+    bool: "check", list[str]: "list", float: "number", int: "number", str: "text",
+}  # fmt: skip
+"""What an option without choices takes, by its type."""
 
 form_router = APIRouter(prefix="/forms", tags=["forms"])
 
@@ -69,27 +75,47 @@ class FormInfo(ApiModel):
     choices: dict[str, list[str]]
 
 
+class PlanOptionInfo(ApiModel):
+    """What an option of a plan takes; the first of its `choices` is the default."""
+
+    kind: Literal["check", "choice", "list", "number", "text"]
+    choices: list[str] = Field(default_factory=list)
+
+
 class PlanFormInfo(ApiModel):
-    """What forms call the options of a plan, with units, and its strategies, by name."""
+    """What forms call the options of a plan, with units, and its strategies, by name, and what each option takes."""
 
     labels: dict[str, str]
     strategies: dict[str, str]
+    options: dict[str, PlanOptionInfo]
 
 
-@form_router.get("/plan", responses=document_errors(401, 403), operation_id="read_plan_labels")
+@form_router.get("/plan", responses=LIST_ERRORS, operation_id="read_plan_labels")
 async def read_plan_labels(_caller: ReadAccess) -> PlanFormInfo:
-    """Labels of the options and strategies of a plan."""
-    return PlanFormInfo(labels=LABELS, strategies=STRATEGY_LABELS)
+    """Labels of the options and strategies of a plan, and what the options take."""
+    return build_plan_form()
 
 
-@form_router.get("/{kind}", responses=document_errors(401, 403, 422), operation_id="read_form_example")
+def build_plan_form() -> PlanFormInfo:
+    """The form of a plan, made from its request."""
+    options = {}
+    for name, option in PLAN_OPTIONS.items():
+        if option.rules.choices and option.type is str:
+            choices = dict.fromkeys([option.default or "", *option.rules.choices])
+            options[name] = PlanOptionInfo(kind="choice", choices=list(choices))
+        else:
+            options[name] = PlanOptionInfo(kind=KIND_BY_TYPE[option.type])
+    return PlanFormInfo(labels=LABELS, strategies=STRATEGY_LABELS, options=options)
+
+
+@form_router.get("/{kind}", responses=READ_ROUTE_ERRORS, operation_id="read_form_example")
 async def read_form_example(request: Request, caller: ReadAccess, kind: FormKind) -> FormInfo:
     """The example that comes with Headland, as a form."""
     text = read_example_day_text() if kind == "day" else read_example_farm_text()
     return await _read_form(request, caller, kind, text, [])
 
 
-@form_router.post("/{kind}", responses=document_errors(401, 403, 422), operation_id="change_form")
+@form_router.post("/{kind}", responses=READ_ROUTE_ERRORS, operation_id="change_form")
 async def change_form(request: Request, caller: ReadAccess, kind: FormKind, body: FormRequest) -> FormInfo:
     """Change values in the text of a file and read it; nothing is stored. Comments and the order stay."""
     return await _read_form(request, caller, kind, body.text, [each.model_dump() for each in body.changes])
@@ -101,7 +127,8 @@ async def _read_form(
     store: Store = request.app.state.store
     reader: FileReader = request.app.state.reader
     farm_path, inputs = await run_in_threadpool(_collect_farm, store, kind, text, changes)
-    form = await reader.read_form(build_client_queue_key(request, caller), kind, text, changes, farm_path, inputs)
+    client = build_client_queue_key(request, caller)
+    form = await reader.read(client, f"form {kind}", inputs, [text, changes, farm_path])
     missing = await run_in_threadpool(list, _list_missing_files(store, form["values"]))
     contradictions = form.pop("contradictions")
     return FormInfo(**form | {"faults": [*form["faults"], *(missing or contradictions)]})
@@ -115,17 +142,12 @@ def _collect_farm(
     if kind == "farm":
         collector.add_farm_tractors(text, "farm")
         return "farm/own.toml", collector.inputs
-    try:
+    with suppress(ValueError, RecursionError, ServiceError):
         name = parse_toml(text).get("farm")
-    except (ValueError, RecursionError):
-        return None, {}
-    name = next((each["value"] for each in changes if each["path"] == ["farm"]), name)
-    if not isinstance(name, str) or name == EXAMPLE_FARM:
-        return None, {}
-    try:
-        return collector.add_file("farm", name, "farm"), collector.inputs
-    except ServiceError:
-        return None, {}
+        name = next((each["value"] for each in changes if each["path"] == ["farm"]), name)
+        if isinstance(name, str) and name != EXAMPLE_FARM:
+            return collector.add_file("farm", name, "farm"), collector.inputs
+    return None, {}
 
 
 def _list_missing_files(store: Store, values: Mapping[str, Any]) -> Iterator[FormFault]:

@@ -3,16 +3,26 @@
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
-from planner.service.access.permissions import Caller, require_right
-from planner.service.api.library import CopyRequest, RenameRequest, SearchParameter
-from planner.service.api.uploads import build_download
-from planner.service.gateway.responses import JobInfo, JobList, ViewInfo, document_errors
+from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
+from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParameter, build_download
+from planner.service.gateway.responses import (
+    CHANGE_ERRORS,
+    ITEM_ERRORS,
+    LIST_ERRORS,
+    READ_ROUTE_ERRORS,
+    JobInfo,
+    JobList,
+    JobProgress,
+    ViewInfo,
+    document_errors,
+    document_file,
+)
 from planner.service.jobs.file_reading import build_client_queue_key
 from planner.service.jobs.job_requests import REQUEST_MODELS
 from planner.service.jobs.submission import submit_job
@@ -21,7 +31,6 @@ from planner.service.store.tables import JobRow, ResultRow
 from reports.plan.guidance_export import GUIDANCE_FORMATS, write_guidance
 from vehicle.missions.plan_file import parse_saved_plan
 
-ExportAccess = Annotated[Caller, Depends(require_right("read"))]
 FormParameter = Annotated[
     str, Query(max_length=20, description=f"One of {', '.join(form.name for form in GUIDANCE_FORMATS)}.")
 ]
@@ -29,9 +38,9 @@ TractorParameter = Annotated[int | None, Query(description="Only this tractor, c
 CurvesParameter = Annotated[
     bool | None, Query(description="Curves too, or straight lines only; by default as the format has it.")
 ]
-EXPORT_CONTENT: dict[str, object] = {
-    media: {} for media in sorted({ZIP_MEDIA_TYPE, *(form.media_type for form in GUIDANCE_FORMATS)})
-}
+EXPORT_ANSWER = document_file(
+    "The file, or a ZIP of several", {ZIP_MEDIA_TYPE, *(form.media_type for form in GUIDANCE_FORMATS)}
+)
 
 exports_router = APIRouter(tags=["plans"])
 
@@ -39,13 +48,12 @@ exports_router = APIRouter(tags=["plans"])
 @exports_router.get(
     "/plans/{id}/results/{name}/export",
     response_class=Response,
-    responses=document_errors(401, 403, 404, 422)
-    | {200: {"content": EXPORT_CONTENT, "description": "The file, or a ZIP of several"}},
+    responses=ITEM_ERRORS | EXPORT_ANSWER,
     operation_id="export_plan_result",
 )
 def export_plan_result(
     request: Request,
-    _caller: ExportAccess,
+    _caller: ReadAccess,
     id: str,
     name: str,
     to: FormParameter,
@@ -64,15 +72,15 @@ def export_plan_result(
 
 
 JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
-RESULT_MEDIA_TYPES = ("application/json", "application/toml", "image/png", "text/csv", "text/html")
+RESULT_ANSWER = document_file(
+    "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
+)
 INLINE_MEDIA_TYPES = ("text/html", "image/png")
-ReadAccess = Annotated[Caller, Depends(require_right("read"))]
-PlanAccess = Annotated[Caller, Depends(require_right("plan"))]
 
 all_jobs_router = APIRouter(tags=["jobs"])
 
 
-@all_jobs_router.get("/jobs", responses=document_errors(401, 403), operation_id="list_jobs")
+@all_jobs_router.get("/jobs", responses=LIST_ERRORS, operation_id="list_jobs")
 def list_jobs_of_all_kinds(request: Request, _caller: ReadAccess) -> JobList:
     """Jobs of all kinds, the newest first, at most 500."""
     return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs()])
@@ -84,8 +92,7 @@ views_router = APIRouter(tags=["jobs"])
 @views_router.get(
     "/views/{view}",
     response_class=Response,
-    responses=document_errors(404, 422)
-    | {200: {"content": {each: {} for each in RESULT_MEDIA_TYPES}, "description": "The file"}},
+    responses=document_errors(404, 422) | RESULT_ANSWER,
     operation_id="show_view",
 )
 def show_view(request: Request, view: str) -> Response:
@@ -107,92 +114,81 @@ def build_jobs_router(path: str) -> APIRouter:
     """The routes of one kind of job."""
     kind = JOB_KIND_BY_PATH[path]
     router = APIRouter(prefix=f"/{path}", tags=[path])
-    _add_submit_route(router, kind)
+    model: Any = REQUEST_MODELS[kind]
+
+    @router.post("", status_code=202, responses=READ_ROUTE_ERRORS, operation_id=f"ask_{kind}")
+    async def submit(request: Request, caller: PlanAccess, body: model) -> JobInfo:
+        """Submit a job; a request that cannot be fulfilled is refused at once, as on the command line."""
+        store, client = request.app.state.store, build_client_queue_key(request, caller)
+        row = await submit_job(store, request.app.state.reader, client, kind, body, caller)
+        return await run_in_threadpool(describe_job, row)
+
     _add_read_routes(router, kind)
-    _add_cancel_and_delete_routes(router, kind)
-    _add_rename_and_copy_routes(router, kind)
+    _add_change_routes(router, kind)
     return router
 
 
-def _add_submit_route(router: APIRouter, kind: str) -> None:
-    model: Any = REQUEST_MODELS[kind]
-
-    @router.post("", status_code=202, responses=document_errors(401, 403, 422), operation_id=f"ask_{kind}")
-    async def submit(request: Request, caller: PlanAccess, body: model) -> JobInfo:
-        """Submit a job; a request that cannot be fulfilled is refused at once, as on the command line."""
-        store: Store = request.app.state.store
-        row = await submit_job(
-            store, request.app.state.reader, build_client_queue_key(request, caller), kind, body, caller
-        )
-        return await run_in_threadpool(describe_job, row)
-
-
 def _add_read_routes(router: APIRouter, kind: str) -> None:
-    @router.get("", responses=document_errors(401, 403), operation_id=f"list_{kind}_jobs")
+    @router.get("", responses=LIST_ERRORS, operation_id=f"list_{kind}_jobs")
     def list_jobs(request: Request, _who: ReadAccess, search: SearchParameter = "") -> JobList:
         """All of them or those that are searched for, the newest first, at most 500."""
         return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs(kind, search)])
 
-    @router.get("/{id}", responses=document_errors(401, 403, 404, 422), operation_id=f"watch_{kind}")
+    @router.get("/{id}", responses=ITEM_ERRORS, operation_id=f"watch_{kind}")
     def show_job(request: Request, _who: ReadAccess, id: str) -> JobInfo:
         """Progress and results of a job."""
         return describe_job(request.app.state.store.get_job(id, kind))
 
-    responses = document_errors(401, 403, 404, 422) | {
-        200: {"content": {each: {} for each in RESULT_MEDIA_TYPES}, "description": "The file"}
-    }
-
     @router.get(
-        "/{id}/results/{name}", response_class=Response, responses=responses, operation_id=f"download_{kind}_result"
+        "/{id}/results/{name}",
+        response_class=Response,
+        responses=ITEM_ERRORS | RESULT_ANSWER,
+        operation_id=f"download_{kind}_result",
     )
     def download_result(request: Request, _who: ReadAccess, id: str, name: str) -> Response:
         """One result of the job: result.json or another that it lists."""
         store: Store = request.app.state.store
         return build_result_response(store, store.get_result(id, name, kind))
 
-    @router.post(
-        "/{id}/results/{name}/view", responses=document_errors(401, 403, 404, 422), operation_id=f"view_{kind}_result"
-    )
+    @router.post("/{id}/results/{name}/view", responses=ITEM_ERRORS, operation_id=f"view_{kind}_result")
     def create_view(request: Request, _who: ReadAccess, id: str, name: str) -> ViewInfo:
         """An address that shows the file once, within a minute and without a token, for the frame of a page."""
         row = request.app.state.store.get_result(id, name, kind)
         return ViewInfo(path=f"views/{request.app.state.views.add_view(row)}")
 
 
-def _add_cancel_and_delete_routes(router: APIRouter, kind: str) -> None:
-    @router.post("/{id}/cancel", responses=document_errors(401, 403, 404, 409, 422), operation_id=f"cancel_{kind}")
+def _add_change_routes(router: APIRouter, kind: str) -> None:
+    def find_changeable_job(request: Request, caller: Caller, id: str) -> Store:
+        """The store, where the caller may change a job in it; raises NotFoundError, ScopeError for somebody else's."""
+        store: Store = request.app.state.store
+        row = store.get_job(id, kind)
+        caller.check_may_change(row.owner, f"The job {row.name!r}")
+        return store
+
+    @router.post("/{id}/cancel", responses=CHANGE_ERRORS, operation_id=f"cancel_{kind}")
     def cancel_job(request: Request, caller: PlanAccess, id: str) -> JobInfo:
         """Cancel a queued or running job."""
-        store = find_changeable_job(request, caller, kind, id)
+        store = find_changeable_job(request, caller, id)
         row = store.cancel_job(id, kind)
         store.add_event(None, caller.name, f"{kind} cancelled", {"id": id})
         return describe_job(row)
 
-    @router.delete(
-        "/{id}", status_code=204, responses=document_errors(401, 403, 404, 409, 422), operation_id=f"delete_{kind}"
-    )
+    @router.delete("/{id}", status_code=204, responses=CHANGE_ERRORS, operation_id=f"delete_{kind}")
     def delete_job(request: Request, caller: PlanAccess, id: str) -> None:
         """Delete a job and its results; a running one is cancelled first."""
-        store = find_changeable_job(request, caller, kind, id)
+        store = find_changeable_job(request, caller, id)
         store.delete_job(id, kind)
         store.add_event(None, caller.name, f"{kind} deleted", {"id": id})
 
-
-def _add_rename_and_copy_routes(router: APIRouter, kind: str) -> None:
-    @router.patch("/{id}", responses=document_errors(401, 403, 404, 422), operation_id=f"rename_{kind}_job")
+    @router.patch("/{id}", responses=ITEM_ERRORS, operation_id=f"rename_{kind}_job")
     def rename_job(request: Request, caller: PlanAccess, id: str, body: RenameRequest) -> JobInfo:
         """Give a job another name."""
-        store = find_changeable_job(request, caller, kind, id)
+        store = find_changeable_job(request, caller, id)
         row = store.rename_job(id, kind, body.name)
         store.add_event(None, caller.name, f"{kind} renamed", {"id": id, "to": row.name})
         return describe_job(row)
 
-    @router.post(
-        "/{id}/copy",
-        status_code=201,
-        responses=document_errors(401, 403, 404, 409, 422),
-        operation_id=f"copy_{kind}_job",
-    )
+    @router.post("/{id}/copy", status_code=201, responses=CHANGE_ERRORS, operation_id=f"copy_{kind}_job")
     def copy_job(request: Request, caller: PlanAccess, id: str, body: CopyRequest) -> JobInfo:
         """Copy a job that has ended, with its results; the copy belongs to who makes it."""
         store: Store = request.app.state.store
@@ -201,28 +197,8 @@ def _add_rename_and_copy_routes(router: APIRouter, kind: str) -> None:
         return describe_job(row)
 
 
-def find_changeable_job(request: Request, caller: Caller, kind: str, id: str) -> Store:
-    """The store, where the caller may change a job in it; raises NotFoundError, or ScopeError for somebody else's."""
-    store: Store = request.app.state.store
-    row = store.get_job(id, kind)
-    caller.check_may_change(row.owner, f"The job {row.name!r}")
-    return store
-
-
 def describe_job(job: JobRow) -> JobInfo:
     """A job as an answer."""
-    return JobInfo.model_validate(
-        {
-            "id": job.id,
-            "kind": job.kind,
-            "name": job.name,
-            "status": job.status,
-            "progress": {"done": job.done, "all": job.all, "words": job.words},
-            "error": job.error,
-            "created": job.created,
-            "finished": job.finished,
-            "request": job.request,
-            "results": [each.name for each in job.results],
-            "owner": job.owner,
-        }
-    )
+    values = {key: getattr(job, key) for key in JobInfo.model_fields.keys() - {"progress", "results"}}
+    progress, results = JobProgress.model_validate(job), [each.name for each in job.results]
+    return JobInfo(**values, progress=progress, results=results)

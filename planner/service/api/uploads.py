@@ -1,93 +1,169 @@
-"""Routes for uploaded fields, tractors, farms, logs, tables and heights: upload, list, summarise, download, delete."""
+"""Routes for uploaded fields, tractors, farms, logs, tables and heights, and for the files that come with Headland.
+
+They are uploaded, listed, summarised, downloaded, renamed, copied and deleted.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, File, Form, Query, Request, Response, UploadFile
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from fields.errors import HeadlandError
-from planner.service.access.permissions import Caller, require_right
-from planner.service.api.library import (
-    SearchParameter,
-    add_file_change_routes,
-    describe_sample,
-    find_changeable_file,
-    list_samples,
-    read_sample,
-    refuse_sample_name,
-)
+from fields.sample_fields import list_sample_names, read_sample_text
+from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import refuse_unknown_form_parts
-from planner.service.gateway.responses import FileInfo, FileList, document_errors
+from planner.service.gateway.responses import (
+    CHANGE_ERRORS,
+    ITEM_ERRORS,
+    LIST_ERRORS,
+    FileInfo,
+    FileList,
+    document_errors,
+    document_file,
+)
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
-from planner.service.jobs.input_files import InputCollector, InputFiles
+from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
-from planner.service.store.file_table import MEDIA_BY_SUFFIX, SUFFIXES_BY_KIND, check_suffix, choose_article
+from planner.service.store.file_table import (
+    MEDIA_BY_SUFFIX,
+    SUFFIXES_BY_KIND,
+    build_other_content_error,
+    check_suffix,
+)
 from planner.service.store.service_store import Store
-from planner.service.store.store_part import is_found
+from planner.service.store.store_part import check_name, choose_copy_name, is_found
+from planner.service.store.tables import FileRow
+from vehicle.identification.logs.reader import SAMPLE_LOG, resolve_log_path
+from vehicle.model.tractor import list_tractor_names
 
 FILE_KIND_BY_PATH = {
     "fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table",
     "elevations": "elevation",
 }  # fmt: skip
 HAND_WRITTEN_KINDS = ("tractor", "farm")  # they stay small
-ReadAccess = Annotated[Caller, Depends(require_right("read"))]
-PlanAccess = Annotated[Caller, Depends(require_right("plan"))]
+FIELD_OPTIONS = ("crs", "swap_axes", "local")
+SearchParameter = Annotated[
+    str, Query(max_length=100, description="Only those whose names have all of these words, in any case.")
+]
 UploadParameter = Annotated[UploadFile, File(description="The file; its ending gives the format.")]
 NameParameter = Annotated[str | None, Form(description="Its name here; by default the name of the file.")]
 ReplaceParameter = Annotated[
     bool, Form(description="A file of the same name is replaced; plans made from the old one keep it.")
 ]
 LONGEST_CRS_CHARS = 400
-FORM_DEPENDENCIES = [Depends(refuse_unknown_form_parts)]
 CRS_HELP = "Coordinate system of a file that names none, such as EPSG:25832."
 SWAP_AXES_HELP = "The file has latitude or northing first: exchange the two."
 LOCAL_METRES_HELP = "The file holds local metres, not longitude and latitude."
 UPLOAD_DEFAULT_HELP = " By default as given with the upload."
+NewName = Annotated[str, Field(max_length=400, description="Begins with a letter or digit; at most 100 characters.")]
+
+
+class RenameRequest(BaseModel):
+    """A new name."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: NewName
+
+
+class CopyRequest(BaseModel):
+    """The name of a copy; by default the old one with "copy" after it."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: NewName | None = None
 
 
 def build_files_router(path: str) -> APIRouter:
     """The routes of one kind of file."""
     kind = FILE_KIND_BY_PATH[path]
     router = APIRouter(prefix=f"/{path}", tags=[path])
-    _add_list_route(router, kind)
+    _add_read_routes(router, kind)
+    _add_change_routes(router, kind)
     if kind == "field":
-        _add_field_upload_route(router)
+        upload, summarize = upload_field, summarize_field
     else:
-        _add_upload_route(router, kind)
-    add_file_change_routes(router, kind)
-    _add_download_route(router, kind)
-    if kind == "field":
-        _add_field_summary_route(router)
-    else:
-        _add_summary_route(router, kind)
+        upload, summarize = _build_plain_routes(kind)
+    router.post(
+        "", status_code=201, responses=document_errors(401, 403, 409, 422), operation_id=f"upload_{kind}",
+        dependencies=[Depends(refuse_unknown_form_parts)],
+    )(upload)  # fmt: skip
+    router.get("/{name}/summary", responses=ITEM_ERRORS, operation_id=f"sum_up_{kind}")(summarize)
     return router
 
 
-def _add_list_route(router: APIRouter, kind: str) -> None:
-    @router.get("", responses=document_errors(401, 403), operation_id=f"list_{kind}s")
+def _add_read_routes(router: APIRouter, kind: str) -> None:
+    @router.get("", responses=LIST_ERRORS, operation_id=f"list_{kind}s")
     def list_files(request: Request, _who: ReadAccess, search: SearchParameter = "") -> FileList:
         """All of them by name, or those that are searched for; those of Headland first."""
         store: Store = request.app.state.store
-        samples = [describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
+        samples = [_describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
         return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
+    media = {MEDIA_BY_SUFFIX[suffix].split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
 
-def _add_upload_route(router: APIRouter, kind: str) -> None:
-    @router.post(
-        "",
-        status_code=201,
-        responses=document_errors(401, 403, 409, 422),
-        operation_id=f"upload_{kind}",
-        dependencies=FORM_DEPENDENCIES,
+    @router.get(
+        "/{name}",
+        response_class=Response,
+        responses=ITEM_ERRORS | document_file("The file", media),
+        operation_id=f"read_{kind}",
     )
+    def download_file(request: Request, _who: ReadAccess, name: str) -> Response:
+        """The uploaded file."""
+        if name in list_samples(kind):
+            suffix = SUFFIXES_BY_KIND[kind][0]
+            return build_download(_read_sample(kind, name), MEDIA_BY_SUFFIX[suffix], name + suffix)
+        store: Store = request.app.state.store
+        row = store.get_file(kind, name)
+        return build_download(store.blobs.read_bytes(row.sha256), row.media, row.name + row.suffix)
+
+
+def _add_change_routes(router: APIRouter, kind: str) -> None:
+    @router.patch("/{name}", responses=CHANGE_ERRORS, operation_id=f"rename_{kind}")
+    def rename_file(request: Request, caller: PlanAccess, name: str, body: RenameRequest) -> FileInfo:
+        """Rename a file. Plans, days and diagnoses keep what they were asked for with."""
+        store: Store = request.app.state.store
+        _find_changeable_file(store, caller, kind, name, moves=True)
+        row = store.rename_file(kind, name, _refuse_sample_name(kind, body.name))
+        store.add_event(None, caller.name, f"{kind} renamed", {"name": name, "to": row.name})
+        return FileInfo.model_validate(row)
+
+    @router.post("/{name}/copy", status_code=201, responses=CHANGE_ERRORS, operation_id=f"copy_{kind}")
+    def copy_file(request: Request, caller: PlanAccess, name: str, body: CopyRequest) -> FileInfo:
+        """Copy a file, or one that comes with Headland; the copy belongs to who makes it."""
+        store: Store = request.app.state.store
+        taken = {*list_samples(kind), *(row.name for row in store.list_files(kind))}
+        copy_name = choose_copy_name(name, taken) if body.name is None else _refuse_sample_name(kind, body.name)
+        if copy_name in taken:
+            raise ConflictError(f"There is a {kind} {copy_name!r} already; choose another name.", parameter="name")
+        if name in list_samples(kind):
+            row = store.add_file(kind, copy_name, _read_sample(kind, name), owner=caller.owner_name)
+        else:
+            source = store.get_file(kind, name)
+            content = store.blobs.read_bytes(source.sha256)
+            row = store.add_file(kind, copy_name, content, source.suffix, source.options, caller.owner_name)
+        store.add_event(None, caller.name, f"{kind} copied", {"name": name, "to": row.name})
+        return FileInfo.model_validate(row)
+
+    @router.delete("/{name}", status_code=204, responses=CHANGE_ERRORS, operation_id=f"delete_{kind}")
+    def delete_file(request: Request, caller: PlanAccess, name: str) -> None:
+        """Delete a file; jobs that use it keep their copy."""
+        store: Store = request.app.state.store
+        _find_changeable_file(store, caller, kind, name, moves=True)
+        store.delete_file(kind, name)
+        store.add_event(None, caller.name, f"{kind} deleted", {"name": name})
+
+
+def _build_plain_routes(kind: str) -> tuple[Any, Any]:
+    """How files other than fields are uploaded and summarised: without options."""
+
     async def upload_file(
         request: Request,
         caller: PlanAccess,
@@ -96,59 +172,44 @@ def _add_upload_route(router: APIRouter, kind: str) -> None:
         replace: ReplaceParameter = False,
     ) -> FileInfo:
         """Upload a file. It is read before it is stored, and refused in a sentence if it is not of its kind."""
-        return await _store_upload(request, caller, kind, file, name, {}, replace)
+        return await _store_upload(request, caller, await _read_upload(kind, file, name, {}, replace))
+
+    async def summarize(request: Request, caller: ReadAccess, name: str) -> dict[str, Any]:
+        """A summary of the file."""
+        return await _summarize_file(request, caller, kind, name)
+
+    return upload_file, summarize
 
 
-def _add_field_upload_route(router: APIRouter) -> None:
-    @router.post(
-        "",
-        status_code=201,
-        responses=document_errors(401, 403, 409, 422),
-        operation_id="upload_field",
-        dependencies=FORM_DEPENDENCIES,
-    )
-    async def upload_field(
-        request: Request,
-        who: PlanAccess,
-        file: UploadParameter,
-        name: NameParameter = None,
-        crs: Annotated[str | None, Form(max_length=LONGEST_CRS_CHARS, description=CRS_HELP)] = None,
-        swap_axes: Annotated[bool, Form(description=SWAP_AXES_HELP)] = False,
-        local: Annotated[bool, Form(description=LOCAL_METRES_HELP)] = False,
-        replace: ReplaceParameter = False,
-    ) -> FileInfo:
-        """Upload a file of fields. It is read before it is stored; later readings use the same options."""
-        options: dict[str, Any] = {"crs": (crs or "").strip() or None, "swap_axes": swap_axes, "local": local}
-        return await _store_upload(
-            request, who, "field", file, name, {key: value for key, value in options.items() if value}, replace
-        )
-
-
-async def _store_upload(
+async def upload_field(
     request: Request,
-    caller: Caller,
-    kind: str,
-    file: UploadFile,
-    name: str | None,
-    options: dict[str, Any],
-    replaces: bool,
+    who: PlanAccess,
+    file: UploadParameter,
+    name: NameParameter = None,
+    crs: Annotated[str | None, Form(max_length=LONGEST_CRS_CHARS, description=CRS_HELP)] = None,
+    swap_axes: Annotated[bool, Form(description=SWAP_AXES_HELP)] = False,
+    local: Annotated[bool, Form(description=LOCAL_METRES_HELP)] = False,
+    replace: ReplaceParameter = False,
 ) -> FileInfo:
-    """Read an uploaded file and store it; raises HeadlandError."""
-    store: Store = request.app.state.store
-    stem, suffix = _split_filename(file.filename or "", kind)
-    stored_name, suffix = refuse_sample_name(kind, name or stem), check_suffix(kind, suffix)
-    content = await file.read()
-    most_bytes = MEGABYTE_BYTES if kind in HAND_WRITTEN_KINDS else store.settings.upload_bytes
-    if len(content) > most_bytes:
-        raise TooLargeError(
-            f"The file is larger than {most_bytes // MEGABYTE_BYTES} MB; split it or leave something out.",
-            parameter="file",
-        )
-    upload = Upload(kind, stored_name, suffix, content, options, replaces)
-    await run_in_threadpool(_check_taken_name, store, caller, upload)
-    inputs = await run_in_threadpool(_collect_upload, store, kind, upload.file_path, content)
-    await _check_upload(request, caller, kind, upload.file_path, inputs, options)
-    return await run_in_threadpool(_store_checked_file, store, caller, upload)
+    """Upload a file of fields. It is read before it is stored; later readings use the same options."""
+    values: dict[str, Any] = {"crs": (crs or "").strip(), "swap_axes": swap_axes, "local": local}
+    options = {key: value for key, value in values.items() if value}
+    return await _store_upload(request, who, await _read_upload("field", file, name, options, replace))
+
+
+async def summarize_field(
+    request: Request,
+    who: ReadAccess,
+    name: str,
+    key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
+    local: Annotated[bool | None, Query(description=LOCAL_METRES_HELP + UPLOAD_DEFAULT_HELP)] = None,
+    crs: Annotated[str | None, Query(max_length=LONGEST_CRS_CHARS, description=CRS_HELP + UPLOAD_DEFAULT_HELP)] = None,
+    swap_axes: Annotated[bool | None, Query(description=SWAP_AXES_HELP + UPLOAD_DEFAULT_HELP)] = None,
+) -> dict[str, Any]:
+    """The fields of the file, and the chosen one: area, rings in metres and in degrees, obstacles."""
+    options = {"local": local, "crs": crs, "swap_axes": swap_axes}
+    given_options = {one: value for one, value in options.items() if value is not None}
+    return await _summarize_file(request, who, "field", name, key=key, **given_options)
 
 
 @dataclass(frozen=True)
@@ -162,10 +223,38 @@ class Upload:
     options: dict[str, Any]
     replaces: bool
 
-    @property
-    def file_path(self) -> str:
-        """Its path while it is read."""
-        return f"{self.kind}/{self.name}{self.suffix}"
+
+async def _read_upload(
+    kind: str, file: UploadFile, name: str | None, options: dict[str, Any], replaces: bool
+) -> Upload:
+    """An upload with a checked name and ending; of a path only the last part counts. Raises ServiceError."""
+    file_path = PurePosixPath((file.filename or "").replace("\\", "/"))
+    stored_name = _refuse_sample_name(kind, name or file_path.name.removesuffix(file_path.suffix))
+    suffix = check_suffix(kind, file_path.suffix.lower() or SUFFIXES_BY_KIND[kind][0])
+    return Upload(kind, stored_name, suffix, await file.read(), options, replaces)
+
+
+async def _store_upload(request: Request, caller: Caller, upload: Upload) -> FileInfo:
+    """Read an uploaded file and store it; raises HeadlandError."""
+    store: Store = request.app.state.store
+    reader: FileReader = request.app.state.reader
+    kind = upload.kind
+    most_bytes = MEGABYTE_BYTES if kind in HAND_WRITTEN_KINDS else store.settings.upload_bytes
+    if len(upload.content) > most_bytes:
+        raise TooLargeError(
+            f"The file is larger than {most_bytes // MEGABYTE_BYTES} MB; split it or leave something out.",
+            parameter="file",
+        )
+    await run_in_threadpool(_check_taken_name, store, caller, upload)
+    collector, file_path = InputCollector(store), f"{kind}/{upload.name}{upload.suffix}"
+    await run_in_threadpool(collector.add_content, kind, file_path, upload.content, "file")
+    client = build_client_queue_key(request, caller)
+    try:
+        await reader.read(client, f"upload {kind}", collector.inputs, [file_path], upload.options)
+    except HeadlandError as refusal:
+        refusal.parameter = refusal.parameter if refusal.parameter in FIELD_OPTIONS else "file"
+        raise
+    return await run_in_threadpool(_store_checked_file, store, caller, upload)
 
 
 def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
@@ -181,12 +270,8 @@ def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
     if is_same and row.options == upload.options and row.suffix == upload.suffix:
         return
     if not is_same and not upload.replaces:
-        raise ConflictError(
-            f"There is {choose_article(row.kind)} {row.kind} {row.name!r} with other content; replace it or choose "
-            "another name.",
-            parameter="name",
-        )
-    find_changeable_file(store, caller, row.kind, row.name)
+        raise build_other_content_error(row.kind, row.name)
+    _find_changeable_file(store, caller, row.kind, row.name)
 
 
 def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInfo:
@@ -202,100 +287,69 @@ def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInf
     return FileInfo.model_validate(row)
 
 
-def _add_download_route(router: APIRouter, kind: str) -> None:
-    media = sorted({MEDIA_BY_SUFFIX[suffix].split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]})
-    responses = document_errors(401, 403, 404, 422) | {
-        200: {"content": {each: {} for each in media}, "description": "The file"}
-    }
-
-    @router.get("/{name}", response_class=Response, responses=responses, operation_id=f"read_{kind}")
-    def download_file(request: Request, _who: ReadAccess, name: str) -> Response:
-        """The uploaded file."""
-        if name in list_samples(kind):
-            return build_download(
-                read_sample(kind, name), MEDIA_BY_SUFFIX[SUFFIXES_BY_KIND[kind][0]], name + SUFFIXES_BY_KIND[kind][0]
-            )
-        store: Store = request.app.state.store
-        row = store.get_file(kind, name)
-        return build_download(store.blobs.read_bytes(row.sha256), row.media, row.name + row.suffix)
-
-
-def _add_summary_route(router: APIRouter, kind: str) -> None:
-    @router.get("/{name}/summary", responses=document_errors(401, 403, 404, 422), operation_id=f"sum_up_{kind}")
-    async def summarize(request: Request, caller: ReadAccess, name: str) -> dict[str, Any]:
-        """A summary of the file."""
-        return await _summarize_file(request, caller, kind, name)
-
-
-def _add_field_summary_route(router: APIRouter) -> None:
-    @router.get("/{name}/summary", responses=document_errors(401, 403, 404, 422), operation_id="sum_up_field")
-    async def summarize_field(
-        request: Request,
-        who: ReadAccess,
-        name: str,
-        key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
-        local: Annotated[bool | None, Query(description=LOCAL_METRES_HELP + UPLOAD_DEFAULT_HELP)] = None,
-        crs: Annotated[
-            str | None, Query(max_length=LONGEST_CRS_CHARS, description=CRS_HELP + UPLOAD_DEFAULT_HELP)
-        ] = None,
-        swap_axes: Annotated[bool | None, Query(description=SWAP_AXES_HELP + UPLOAD_DEFAULT_HELP)] = None,
-    ) -> dict[str, Any]:
-        """The fields of the file, and the chosen one: area, rings in metres and in degrees, obstacles."""
-        options = {"local": local, "crs": crs, "swap_axes": swap_axes}
-        given_options = {one: value for one, value in options.items() if value is not None}
-        return await _summarize_file(request, who, "field", name, key=key, **given_options)
-
-
-async def _summarize_file(
-    request: Request, caller: Caller, kind: str, name: str, **extra_options: Any
-) -> dict[str, Any]:
+async def _summarize_file(request: Request, caller: Caller, kind: str, name: str, **options: Any) -> dict[str, Any]:
+    """The summary of a sample or a stored file, which is read as given with its upload where nothing else is said."""
+    store: Store = request.app.state.store
     reader: FileReader = request.app.state.reader
-    file_path, inputs, stored_options = await run_in_threadpool(_find_stored_file, request.app.state.store, kind, name)
-    return await reader.summarize_file(
-        build_client_queue_key(request, caller), kind, file_path, inputs, **stored_options | extra_options
+    collector, file_path = InputCollector(store), name
+    if name not in list_samples(kind):
+        row = await run_in_threadpool(store.get_file, kind, name)
+        file_path, options = await run_in_threadpool(collector.add_file, kind, name, "name"), row.options | options
+    client = build_client_queue_key(request, caller)
+    summary: dict[str, Any] = await reader.read(
+        client, f"summary {kind}", collector.inputs, [file_path], options, is_shared=True
     )
+    return summary
 
 
-def _find_stored_file(store: Store, kind: str, name: str) -> tuple[str, InputFiles, dict[str, Any]]:
-    """The path of a stored file, the files it needs, and its options; a sample has no path."""
+def _find_changeable_file(store: Store, caller: Caller, kind: str, name: str, *, moves: bool = False) -> FileRow:
+    """A file that the caller may change, or take away from its name (`moves`).
+
+    Raises NotFoundError, ScopeError for a file of somebody else, ConflictError for one of Headland or, if it `moves`,
+    for a tractor that farms or fleets name.
+    """
     if name in list_samples(kind):
-        return name, {}, {}
-    collector, row = InputCollector(store), store.get_file(kind, name)
-    file_path = collector.add_file(kind, name, "name")
-    return file_path, collector.inputs, dict(row.options)
+        raise ConflictError(f"{name!r} comes with Headland and cannot be changed; copy it.", parameter="name")
+    row = store.get_file(kind, name)
+    caller.check_may_change(row.owner, f"The {kind} {row.name!r}")
+    users = list_tractor_users(store, name) if moves and kind == "tractor" else []
+    if users:
+        more = f" and {len(users) - 1} more" if len(users) > 1 else ""
+        raise ConflictError(f"The tractor {name!r} is used by {users[0]}{more}; change that first.", parameter="name")
+    return row
 
 
-def _collect_upload(store: Store, kind: str, file_path: str, content: bytes) -> InputFiles:
-    """An uploaded file at its path; a farm brings the tractors that it names."""
-    collector = InputCollector(store)
-    collector.add_bytes(kind, file_path, store.blobs.put_bytes(content), "file")
-    return collector.inputs
+def _refuse_sample_name(kind: str, name: str) -> str:
+    """A checked name; raises ServiceError, or ConflictError for the name of a file of Headland."""
+    checked_name = check_name(name)
+    if checked_name in list_samples(kind):
+        raise ConflictError(f"{checked_name!r} comes with Headland; choose another name.", parameter="name")
+    return checked_name
 
 
-async def _check_upload(
-    request: Request, caller: Caller, kind: str, file_path: str, inputs: InputFiles, options: Mapping[str, Any]
-) -> None:
-    """Raise HeadlandError for a file that is not of its kind."""
-    reader: FileReader = request.app.state.reader
-    try:
-        await reader.check_upload(build_client_queue_key(request, caller), kind, file_path, inputs, **options)
-    except HeadlandError as refusal:
-        refusal.parameter = refusal.parameter if refusal.parameter in ("crs", "swap_axes", "local") else "file"
-        raise
+def list_samples(kind: str) -> tuple[str, ...]:
+    """Names of the files of a kind that come with Headland."""
+    if kind == "log":
+        return (SAMPLE_LOG,)
+    return {"field": list_sample_names, "tractor": list_tractor_names}.get(kind, tuple)()
 
 
-def _split_filename(filename: str, kind: str) -> tuple[str, str]:
-    """Name and ending of an uploaded file; of a path only its last part."""
-    file_path = PurePosixPath(filename.replace("\\", "/"))
-    suffix = file_path.suffix.lower()
-    return (
-        (file_path.name.removesuffix(file_path.suffix), suffix)
-        if suffix
-        else (file_path.name, SUFFIXES_BY_KIND[kind][0])
-    )
+def _describe_sample(kind: str, name: str) -> FileInfo:
+    suffix, content = SUFFIXES_BY_KIND[kind][0], _read_sample(kind, name)
+    values: dict[str, Any] = {"kind": kind, "name": name, "suffix": suffix, "media": MEDIA_BY_SUFFIX[suffix]}
+    return FileInfo(**values, size=len(content), created=None, sample=True)
 
 
-def build_download(content: bytes, media: str, filename: str, headers: Mapping[str, str] | None = None) -> Response:
+def _read_sample(kind: str, name: str) -> bytes:
+    """The bytes of a file that comes with Headland."""
+    if kind == "field":
+        return read_sample_text(name).encode()
+    if kind == "log":
+        return resolve_log_path(name).read_bytes()
+    return (resources.files("vehicle") / "data" / f"{name}.toml").read_bytes()
+
+
+def build_download(content: bytes, media: str, filename: str) -> Response:
     """Bytes as a download with a file name."""
     disposition = f"attachment; filename*=UTF-8''{quote(filename)}"
-    return Response(content, media_type=media, headers={"content-disposition": disposition, **(headers or {})})
+    return Response(content, media_type=media, headers={"content-disposition": disposition})

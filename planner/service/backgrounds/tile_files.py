@@ -12,9 +12,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.service.backgrounds.tile_addresses import TILE_PX
-from planner.service.backgrounds.tile_grid import HALF_WIDTH_M, HIGHEST_ZOOM, MERCATOR, Tile
-from planner.service.backgrounds.tile_images import MOST_TILE_BYTES, TileError, encode_png
+from planner.service.backgrounds.tile_grid import (
+    HALF_WIDTH_M,
+    HIGHEST_ZOOM,
+    MERCATOR,
+    MOST_TILE_BYTES,
+    TILE_PX,
+    WGS84,
+    Tile,
+    TileError,
+    encode_png,
+)
 from planner.service.errors import ServiceError
 
 MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
@@ -50,9 +58,8 @@ class MbtilesFile:
             "SELECT length(tile_data), CASE WHEN length(tile_data) <= ? THEN tile_data END FROM tiles "
             "WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         )
-        row_from_south = 2**tile.zoom - 1 - tile.row
+        values = (MOST_TILE_BYTES, tile.zoom, tile.column, tile.row_from_south)
         with self._open_database() as database:
-            values = (MOST_TILE_BYTES, tile.zoom, tile.column, row_from_south)
             found = database.execute(query, values).fetchone()
         if found is None or not found[0]:
             return None
@@ -95,7 +102,16 @@ class GeoTiffFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()  # a dataset of GDAL belongs to one thread at a time
-        self._rasterio = _import_rasterio()
+        try:
+            import rasterio
+            import rasterio.errors
+        except ImportError:
+            raise ServiceError(
+                "A GeoTIFF as background needs rasterio; install it with pip install 'headland[geotiff]', or give an "
+                "MBTiles file.",
+                parameter="background",
+            ) from None
+        self._rasterio: Any = rasterio
         self.facts = self._read_facts()
 
     def read_tile(self, tile: Tile) -> bytes | None:
@@ -134,9 +150,11 @@ class GeoTiffFile:
                 raise self._refuse("has a palette", "convert it with gdal_translate -expand rgb")
             west, south, east, north = transform_bounds(picture.crs, MERCATOR, *picture.bounds)
             pixel_m = min((east - west) / picture.width, (north - south) / picture.height)
-            bounds = transform_bounds(picture.crs, "EPSG:4326", *picture.bounds)
+            bounds = transform_bounds(picture.crs, WGS84, *picture.bounds)
             has_overviews = bool(picture.overviews(1))
-        finest = _find_zoom(pixel_m)
+        # The first zoom whose pixels are no larger than those of the picture.
+        zoom = int(np.ceil(np.log2(2.0 * HALF_WIDTH_M / (TILE_PX * max(pixel_m, 1e-3)))))
+        finest = min(max(zoom, 0), HIGHEST_ZOOM)
         widest = int(np.log2(MOST_PIXELS_PER_TILE / TILE_PX**2) / 2)
         return FileFacts("", 0 if has_overviews else max(0, finest - widest), finest, tuple(bounds))
 
@@ -167,25 +185,6 @@ def open_tile_file(path: Path) -> MbtilesFile | GeoTiffFile:
             f"There is no background {str(path)[:80]!r}; check its name and its folder.", parameter="background"
         )
     return MbtilesFile(path) if suffix == MBTILES_SUFFIX else GeoTiffFile(path)
-
-
-def _import_rasterio() -> Any:
-    try:
-        import rasterio
-        import rasterio.errors
-    except ImportError:
-        raise ServiceError(
-            "A GeoTIFF as background needs rasterio; install it with pip install 'headland[geotiff]', or give an "
-            "MBTiles file.",
-            parameter="background",
-        ) from None
-    return rasterio
-
-
-def _find_zoom(pixel_m: float) -> int:
-    """The first zoom whose pixels are no larger than those of a picture."""
-    zoom = int(np.ceil(np.log2(2.0 * HALF_WIDTH_M / (TILE_PX * max(pixel_m, 1e-3)))))
-    return min(max(zoom, 0), HIGHEST_ZOOM)
 
 
 def _parse_bounds(text: str) -> DegreeBounds | None:

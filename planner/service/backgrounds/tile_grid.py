@@ -2,11 +2,13 @@
 
 Tiles are those of XYZ and of the WMTS matrix set GoogleMapsCompatible (OGC 07-057r7, annex E.4): spherical mercator,
 row 0 in the north. A field has metres of its own; between the two a polynomial of degree 3 each way is exact to a
-millimetre over REACH_M, so that pages need no library for projections.
+millimetre over REACH_M, so that pages need no library for projections. The picture of a tile is PNG, JPEG or WebP of a
+usual size, told by its bytes and not by its name.
 """
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import dataclass
 
@@ -19,11 +21,12 @@ from planner.service.errors import ServiceError
 MERCATOR, WGS84 = "EPSG:3857", "EPSG:4326"
 HALF_WIDTH_M = math.pi * 6_378_137.0
 """Half the side of the square that the tile of zoom 0 covers, metres of mercator."""
-HIGHEST_ZOOM = 22
+HIGHEST_ZOOM, TILE_PX = 22, 256
 REACH_M = 6_000.0
 DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
 MOST_LATITUDE_DEG = 84.0
 FloatArray = npt.NDArray[np.float64]
+Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,11 @@ class Tile:
                 raise ServiceError(
                     f"The {name} is {value}; at zoom {self.zoom} use 0 to {2**self.zoom - 1}.", parameter=name
                 )
+
+    @property
+    def row_from_south(self) -> int:
+        """The row as TMS and MBTiles count it."""
+        return (1 << self.zoom) - 1 - self.row
 
     def compute_bounds_m(self) -> tuple[float, float, float, float]:
         """West, south, east and north in metres of mercator."""
@@ -69,8 +77,8 @@ class Placement:
     crs: str
     origin_m: tuple[float, float]
     mercator_m: tuple[float, float]
-    to_mercator: tuple[tuple[float, ...], tuple[float, ...]]
-    to_metres: tuple[tuple[float, ...], tuple[float, ...]]
+    to_mercator: Coefficients
+    to_metres: Coefficients
     reach_m: float
     error_m: float
 
@@ -89,15 +97,9 @@ def place_metres(crs: str, easting_m: float, northing_m: float, reach_m: float =
     centre, offsets = mercator[0], mercator[1:] - mercator[0]
     forward, forward_error = _fit_polynomial(around, offsets)
     backward, backward_error = _fit_polynomial(offsets, around)
-    return Placement(
-        crs,
-        (float(origin[0]), float(origin[1])),
-        (float(centre[0]), float(centre[1])),
-        forward,
-        backward,
-        reach_m,
-        round(max(forward_error, backward_error), 6),
-    )
+    origin_m, mercator_m = (easting_m, northing_m), (float(centre[0]), float(centre[1]))
+    error_m = round(max(forward_error, backward_error), 6)
+    return Placement(crs, origin_m, mercator_m, forward, backward, reach_m, error_m)
 
 
 def place_degrees(longitude_deg: float, latitude_deg: float) -> Placement:
@@ -112,7 +114,7 @@ def place_degrees(longitude_deg: float, latitude_deg: float) -> Placement:
     return place_metres(crs, float(easting), float(northing))
 
 
-def evaluate_polynomial(coefficients: tuple[tuple[float, ...], tuple[float, ...]], points_m: FloatArray) -> FloatArray:
+def evaluate_polynomial(coefficients: Coefficients, points_m: FloatArray) -> FloatArray:
     """A polynomial of a Placement at points of shape (n, 2), metres."""
     values: FloatArray = _build_terms(points_m) @ np.array(coefficients).T
     return values
@@ -128,9 +130,7 @@ def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
     return np.column_stack([radius_m * np.radians(longitudes_deg), northing])
 
 
-def _fit_polynomial(
-    points_m: FloatArray, values_m: FloatArray
-) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], float]:
+def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[Coefficients, float]:
     """Coefficients for both values, by least squares, and the largest residual."""
     terms = _build_terms(points_m)
     solution = np.linalg.lstsq(terms, values_m, rcond=None)[0]
@@ -141,3 +141,44 @@ def _fit_polynomial(
 def _build_terms(points_m: FloatArray) -> FloatArray:
     u, v = (points_m / UNIT_M).T
     return np.stack([u**i * v**j for i, j in list_powers()], axis=1)
+
+
+MOST_TILE_BYTES = 2 * 2**20
+MOST_SIDE_PX = 1024
+MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
+
+
+class TileError(ServiceError):
+    """A tile that cannot be had now, or is no picture."""
+
+    http_status = 503
+
+
+def identify_tile(content: bytes) -> str:
+    """The media type of a tile; raises TileError for anything but a small picture. Only its header is read."""
+    from PIL import Image, UnidentifiedImageError
+
+    if len(content) > MOST_TILE_BYTES:
+        raise TileError(f"A tile of the background is larger than {MOST_TILE_BYTES // 2**20} MB; use another server.")
+    try:
+        with Image.open(io.BytesIO(content), formats=list(MEDIA_BY_FORMAT)) as image:
+            width, height, name = image.width, image.height, str(image.format)
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        raise TileError(
+            "The background sent something other than a PNG, JPEG or WebP picture; check its address."
+        ) from None
+    if max(width, height) > MOST_SIDE_PX:
+        raise TileError(
+            f"A tile of the background has {width} x {height} pixels; use a server whose tiles have at most "
+            f"{MOST_SIDE_PX} x {MOST_SIDE_PX}."
+        )
+    return MEDIA_BY_FORMAT[name]
+
+
+def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """PNG of an array of shape (rows, columns, 4), 8 bits."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=3)
+    return stream.getvalue()

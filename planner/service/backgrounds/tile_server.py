@@ -1,20 +1,198 @@
-"""A background of a tile server, asked by the service itself, so that no browser ever asks anybody else."""
+"""A background of a tile server, asked by the service itself, so that no browser ever asks anybody else.
+
+The administrator gives its address as a template of XYZ, WMTS or WMS. Only numbers are put into it, behind its host, so
+no request can lead to another host or path. Tiles are kept on the disk of the service: at most so many bytes, those
+used longest ago go first.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import hashlib
+import ipaddress
+import os
+import re
+import secrets
+import threading
 import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
 
-from planner.service.backgrounds.tile_addresses import TileAddress
-from planner.service.backgrounds.tile_cache import TileCache
-from planner.service.backgrounds.tile_grid import Tile
-from planner.service.backgrounds.tile_images import MOST_TILE_BYTES, TileError, identify_tile
+from planner.service.backgrounds.tile_grid import (
+    MEDIA_BY_FORMAT,
+    MOST_TILE_BYTES,
+    TILE_PX,
+    Tile,
+    TileError,
+    identify_tile,
+)
+from planner.service.errors import ServiceError, StorageError
+from planner.service.store.disk_storage import check_disk_space
 
 if TYPE_CHECKING:
     import httpx2
+
+EXAMPLE = "https://tiles.example/{z}/{x}/{y}.png"
+NAMES = {
+    "z": "zoom", "x": "column", "y": "row", "-y": "row_from_south",
+    "tilematrix": "zoom", "tilecol": "column", "tilerow": "row",
+    "bbox": "bounds", "bbox-epsg-3857": "bounds", "width": "width", "height": "width",
+}  # fmt: skip
+"""What stands in braces, in small letters, and what it becomes; the words of XYZ, TMS, WMTS and WMS."""
+BRACES = re.compile(r"\{([^{}]*)\}")
+LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
+MOST_ADDRESS_CHARS = 1_000
+
+
+@dataclass(frozen=True)
+class TileAddress:
+    """A checked template; `host` is the only one that is ever asked. Raises ServiceError."""
+
+    template: str
+
+    def __post_init__(self) -> None:
+        _check_text(self.template)
+        try:
+            parts, _ = urlsplit(self.template), urlsplit(self.template).port
+        except ValueError:
+            shown = self.template.rpartition("@")[2]  # without a password
+            raise _refuse(shown, "has a host or port that cannot be", f"give one such as {EXAMPLE}") from None
+        _check_host(parts.hostname or "", self.template)
+        if BRACES.search(parts.netloc):
+            raise _refuse(self.template, "names no single host", f"write one host, as in {EXAMPLE}")
+        if parts.username is not None or parts.password is not None:
+            fix = "give a server that needs none, or a key in the query"
+            raise _refuse(parts.hostname or "", "holds a name and a password", fix)
+        found = {NAMES[name.lower()] for name in BRACES.findall(self.template)}
+        if not (found >= {"zoom", "column"} and found & {"row", "row_from_south"}) and "bounds" not in found:
+            fix = "write {z}, {x} and {y} where zoom, column and row go"
+            raise _refuse(self.template, "does not say which tile", fix)
+
+    @property
+    def host(self) -> str:
+        """The host that is asked, for messages."""
+        return urlsplit(self.template).hostname or ""
+
+    def build_url(self, tile: Tile) -> str:
+        """The address of a tile."""
+        bounds = ",".join(f"{value:.6f}" for value in tile.compute_bounds_m())
+        values = asdict(tile) | {"row_from_south": tile.row_from_south, "bounds": bounds, "width": TILE_PX}
+        return BRACES.sub(lambda found: str(values[NAMES[found[1].lower()]]), self.template)
+
+
+def is_address(text: str) -> bool:
+    """Whether a background is an address rather than a file."""
+    return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text) is not None
+
+
+def _check_text(template: str) -> None:
+    if not template.isascii() or not template.isprintable() or " " in template or "\\" in template:
+        raise _refuse(template, "has characters that an address cannot have", "write them as % codes")
+    if len(template) > MOST_ADDRESS_CHARS:
+        raise _refuse(template, f"has {len(template)} characters", f"use at most {MOST_ADDRESS_CHARS}")
+    if not template.startswith(("https://", "http://")):
+        raise _refuse(template, "is not an address of the web", f"give one such as {EXAMPLE}")
+    for name in BRACES.findall(template):
+        if name.lower() not in NAMES:
+            raise _refuse(template, f"has {{{name[:20]}}}", "use {z}, {x}, {y}, {-y} or {bbox}")
+
+
+def _check_host(host: str, template: str) -> None:
+    """Refuse no host, and addresses at which only a machine's own management answers."""
+    if not host:
+        raise _refuse(template, "names no host", f"give one such as {EXAMPLE}")
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        if not HOST.fullmatch(BRACES.sub("a", host)):
+            raise _refuse(host, "is no host that can be", f"give one such as {EXAMPLE}") from None
+        return
+    if address.is_link_local or address.is_multicast or address.is_unspecified:
+        raise _refuse(template, f"asks {host}, where no map can be", "give the host of a tile server")
+
+
+def _refuse(what: str, fault: str, fix: str) -> ServiceError:
+    return ServiceError(f"The background {what[:80]!r} {fault}; {fix}.", parameter="background")
+
+
+CACHE_FOLDER = "background-tiles"
+KEPT_SHARE = 0.9
+"""Share of the limit that is left after tiles were deleted, so that this is not done for every tile."""
+
+
+class TileCache:
+    """Tiles of one background in a folder; a tile that cannot be stored is simply not kept.
+
+    Args:
+        folder: folder of all backgrounds; the limit holds for it as a whole.
+        background: what names the background; others have folders of their own.
+        most_bytes: the limit; 0 keeps nothing.
+        reserve_bytes: bytes that stay free on the disk.
+    """
+
+    def __init__(
+        self, folder: Path, background: str, most_bytes: int, reserve_bytes: int = 0,
+        clock: Callable[[], float] = time.time,
+    ) -> None:  # fmt: skip
+        self._folder, self._most_bytes, self._reserve_bytes, self._clock = folder, most_bytes, reserve_bytes, clock
+        self._own_folder = folder / hashlib.sha256(background.encode()).hexdigest()[:16]
+        self._lock = threading.Lock()
+        self._total_bytes: int | None = None
+
+    def read_tile(self, tile: Tile) -> tuple[bytes, float] | None:
+        """The bytes of a tile and its age in seconds; None where it is not kept."""
+        path = self._get_path(tile)
+        try:
+            content, status = path.read_bytes(), path.stat()
+        except OSError:
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(path, (self._clock(), status.st_mtime))  # read last now, fetched when it was
+        return content, self._clock() - status.st_mtime
+
+    def keep_tile(self, tile: Tile, content: bytes) -> None:
+        """Keep a tile, and delete those used longest ago where the limit is passed."""
+        if len(content) > self._most_bytes:
+            return
+        path = self._get_path(tile)
+        with self._lock, contextlib.suppress(OSError, StorageError):
+            check_disk_space(self._folder, len(content), self._reserve_bytes)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            before = path.stat().st_size if path.exists() else 0
+            draft = path.with_name(f".{secrets.token_hex(8)}")
+            draft.write_bytes(content)
+            os.utime(draft, (self._clock(), self._clock()))
+            draft.replace(path)
+            if self._total_bytes is None:  # counted once
+                self._total_bytes = sum(status.st_size for _, status in self._list_kept())
+            else:
+                self._total_bytes += len(content) - before
+            if self._total_bytes > self._most_bytes:
+                self._delete_oldest()
+
+    def _list_kept(self) -> list[tuple[Path, os.stat_result]]:
+        return [(path, path.stat()) for path in self._folder.rglob("*") if path.is_file()]
+
+    def _delete_oldest(self) -> None:
+        kept = self._list_kept()
+        total = sum(status.st_size for _, status in kept)
+        for path, status in sorted(kept, key=lambda one: one[1].st_atime):
+            if total <= KEPT_SHARE * self._most_bytes:
+                break
+            path.unlink(missing_ok=True)
+            total -= status.st_size
+        self._total_bytes = total
+
+    def _get_path(self, tile: Tile) -> Path:
+        return self._own_folder / str(tile.zoom) / f"{tile.column}-{tile.row}"
+
 
 USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
 CONNECT_TIMEOUT_S, TILE_TIMEOUT_S, QUEUE_TIMEOUT_S = 5.0, 15.0, 30.0
@@ -139,15 +317,10 @@ class TileServer:
         import httpx2
 
         if self._client is None:
+            headers = {"user-agent": USER_AGENT, "accept": ",".join(MEDIA_BY_FORMAT.values())}
             self._client = httpx2.AsyncClient(
-                follow_redirects=False,
-                trust_env=False,
+                follow_redirects=False, trust_env=False, headers=headers | {"accept-encoding": "identity"},
                 timeout=httpx2.Timeout(TILE_TIMEOUT_S, connect=CONNECT_TIMEOUT_S),
                 limits=httpx2.Limits(max_connections=MOST_FETCHES),
-                headers={
-                    "user-agent": USER_AGENT,
-                    "accept": "image/png,image/jpeg,image/webp",
-                    "accept-encoding": "identity",
-                },
-            )
+            )  # fmt: skip
         return self._client

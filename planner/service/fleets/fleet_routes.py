@@ -21,11 +21,18 @@ from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tra
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
 from planner.request.option_texts import parse_clock
 from planner.request.validation_messages import describe_fault, format_location
-from planner.service.access.permissions import Caller, require_right
+from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel, FleetSessions
 from planner.service.gateway.request_gate import LARGE_BODY_KEY
-from planner.service.gateway.responses import READ_ROUTE_ERRORS, ApiModel, document_errors
+from planner.service.gateway.responses import (
+    CHANGE_ERRORS,
+    ITEM_ERRORS,
+    LIST_ERRORS,
+    READ_ROUTE_ERRORS,
+    ApiModel,
+    document_file,
+)
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name
 
@@ -48,11 +55,10 @@ ROLES_TEXT = (
 @lru_cache(maxsize=1)
 def build_asyncapi_document() -> dict[str, Any]:
     """The AsyncAPI document as plain values."""
-    modes = [(model, "validation") for model in (*INBOUND_FRAMES, *outbound_messages.OUTBOUND_MESSAGES)]
-    _, schemas = models_json_schema(modes, ref_template=SCHEMA_REFERENCE)  # type: ignore[arg-type]
-    messages = {
-        model.__name__: _describe_message(model) for model in (*INBOUND_FRAMES, *outbound_messages.OUTBOUND_MESSAGES)
-    }
+    outbound = outbound_messages.list_outbound_messages()
+    models = (*INBOUND_FRAMES, *outbound)
+    _, schemas = models_json_schema([(model, "validation") for model in models], ref_template=SCHEMA_REFERENCE)
+    messages = {model.__name__: _describe_message(model) for model in models}
     return {
         "asyncapi": "3.0.0",
         "info": {"title": "Headland fleet link", "version": str(inbound_frames.VERSION), "description": ROLES_TEXT},
@@ -66,9 +72,7 @@ def build_asyncapi_document() -> dict[str, Any]:
         },
         "operations": {
             "send": _describe_operation("receive", INBOUND_FRAMES, "Frames that clients send."),
-            "receive": _describe_operation(
-                "send", outbound_messages.OUTBOUND_MESSAGES, "Frames that the service sends."
-            ),
+            "receive": _describe_operation("send", outbound, "Frames that the service sends."),
         },
         "components": {"messages": messages, "schemas": schemas["$defs"]},
     }
@@ -91,10 +95,7 @@ def _describe_operation(action: str, models: tuple[type[Any], ...], summary: str
 
 
 fleet_router = APIRouter(tags=["fleets"])
-FleetsReader = Annotated[Caller, Depends(require_right("read"))]
 FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
-Operator = Annotated[Caller, Depends(require_right("operate"))]
-WRITES = document_errors(401, 403, 404, 409, 422)
 LONGEST_PLAN = 30_000_000
 RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
 JSON_TYPE = "application/json"
@@ -169,11 +170,6 @@ def _get_sessions(request: Request) -> FleetSessions:
     return sessions
 
 
-def _get_store(request: Request) -> Store:
-    store: Store = request.app.state.store
-    return store
-
-
 def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     """A fleet from memory: answers do not wait for the database."""
     answer = FleetAnswer(id=label.id, name=label.name, created=label.created, error=sessions.faults.get(label.id))
@@ -191,9 +187,7 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
 
 
 @fleet_router.get("/fleets", responses=READ_ROUTE_ERRORS)
-async def list_fleets(
-    request: Request, who: Annotated[Caller, Depends(require_right("read", allows_own_fleet=True))]
-) -> FleetList:
+async def list_fleets(request: Request, who: OwnReadAccess) -> FleetList:
     """All fleets; a robot sees only its own."""
     sessions = _get_sessions(request)
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
@@ -201,26 +195,25 @@ async def list_fleets(
 
 
 @fleet_router.post(
-    "/fleets", status_code=201, responses=WRITES, openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY}
+    "/fleets",
+    status_code=201,
+    responses=CHANGE_ERRORS,
+    openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY},
 )
-async def create_fleet(request: Request, who: Operator) -> FleetAnswer:
+async def create_fleet(request: Request, who: OperateAccess) -> FleetAnswer:
     """Create a fleet from a plan; it stands until it is started."""
-    store, sessions = _get_store(request), _get_sessions(request)
+    store, sessions = request.app.state.store, _get_sessions(request)
     fleet_request: FleetRequest = await sessions.run_in_process(read_fleet_request, await request.body())
     check_name(fleet_request.name)
     text, finish_distribution = await run_in_threadpool(_read_plan, store, fleet_request)
     files, stored_files = await run_in_threadpool(_read_replacement_files, store, fleet_request)
-    deadline_s = (
-        None if fleet_request.deadline is None else find_next_time_s(parse_clock(fleet_request.deadline, "deadline"))
-    )
-    settings = {
-        "times": fleet_request.times,
-        "way": fleet_request.twin_method,
-        "deadline_s": deadline_s,
-        "files": stored_files,
-        "horizon_s": fleet_request.horizon_s,
-        "chances": None if finish_distribution is None else asdict(finish_distribution),
-    }
+    deadline_s, chances = None, None
+    if fleet_request.deadline is not None:
+        deadline_s = find_next_time_s(parse_clock(fleet_request.deadline, "deadline"))
+    if finish_distribution is not None:
+        chances = asdict(finish_distribution)
+    settings: dict[str, Any] = fleet_request.model_dump(include={"times", "horizon_s"})
+    settings |= {"way": fleet_request.twin_method, "deadline_s": deadline_s, "files": stored_files, "chances": chances}
     session = await sessions.create_session(fleet_request.name, text, files, settings)
     session.manager.log_event(who.name, "created", name=fleet_request.name)
     return _build_answer(sessions, sessions.get_label(session.id))
@@ -261,69 +254,62 @@ def _read_replacement_files(
         for place, sha256 in store.get_job(fleet_request.plan, "plan").inputs.items():
             if place.startswith(FIELD_FOLDER):
                 stored_files["field"] = PurePosixPath(place).suffix, sha256
-    return {
-        kind: (suffix, store.blobs.read_bytes(sha256)) for kind, (suffix, sha256) in stored_files.items()
-    }, stored_files
+    files = {kind: (suffix, store.blobs.read_bytes(sha256)) for kind, (suffix, sha256) in stored_files.items()}
+    return files, stored_files
 
 
-@fleet_router.get("/fleets/{id}", responses=WRITES)
+@fleet_router.get("/fleets/{id}", responses=CHANGE_ERRORS)
 async def get_fleet(request: Request, _who: FleetReader, id: str) -> FleetAnswer:
     """One fleet."""
     return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
 
 
-@fleet_router.delete("/fleets/{id}", status_code=204, responses=WRITES)
-async def delete_fleet(request: Request, _who: Operator, id: str) -> Response:
+@fleet_router.delete("/fleets/{id}", status_code=204, responses=CHANGE_ERRORS)
+async def delete_fleet(request: Request, _who: OperateAccess, id: str) -> Response:
     """Stop and delete a fleet with its recording."""
     await _get_sessions(request).delete(id)
     return Response(status_code=204)
 
 
-async def _carry_out_order(request: Request, id: str, order: str, who: Caller) -> FleetAnswer:
-    """Carry out an order at once; it is saved afterwards."""
-    sessions = _get_sessions(request)
-    session = sessions.get_session(id)
-    now = time.monotonic()
-    if order == "start":
-        session.manager.start_fleet_work(who.name, now)
-    elif order == "stop":
-        session.manager.stop_all(who.name, now)
-    elif order == "pause":
-        session.manager.pause_tractors(who.name, None, now)
-    else:
-        session.manager.resume_tractors(who.name, None, now)
-    session.send_pending_outputs()
-    if order == "stop":
-        request.app.state.metrics.count_stop("http", time.monotonic() - now)
-    return _build_answer(sessions, sessions.get_label(id))
+ORDERS = {
+    "start": "Start all tractors.",
+    "pause": "Pause all tractors until they are resumed.",
+    "resume": "Resume all tractors.",
+    "stop": "Stop all tractors, also those driven by remote control.",
+}
 
 
-@fleet_router.post("/fleets/{id}/start", responses=WRITES)
-async def start_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
-    """Start all tractors."""
-    return await _carry_out_order(request, id, "start", who)
+def _add_order_route(order: str) -> None:
+    async def carry_out_order(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+        """Carry out an order at once; it is saved afterwards."""
+        sessions = _get_sessions(request)
+        session = sessions.get_session(id)
+        now = time.monotonic()
+        if order == "start":
+            session.manager.start_fleet_work(who.name, now)
+        elif order == "stop":
+            session.manager.stop_all(who.name, now)
+        elif order == "pause":
+            session.manager.pause_tractors(who.name, None, now)
+        else:
+            session.manager.resume_tractors(who.name, None, now)
+        session.send_pending_outputs()
+        if order == "stop":
+            request.app.state.metrics.count_stop("http", time.monotonic() - now)
+        return _build_answer(sessions, sessions.get_label(id))
+
+    fleet_router.add_api_route(
+        f"/fleets/{{id}}/{order}", carry_out_order, methods=["POST"], name=f"{order}_fleet",
+        description=ORDERS[order], responses=CHANGE_ERRORS,
+    )  # fmt: skip
 
 
-@fleet_router.post("/fleets/{id}/pause", responses=WRITES)
-async def pause_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
-    """Pause all tractors until they are resumed."""
-    return await _carry_out_order(request, id, "pause", who)
+for _order in ORDERS:
+    _add_order_route(_order)
 
 
-@fleet_router.post("/fleets/{id}/resume", responses=WRITES)
-async def resume_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
-    """Resume all tractors."""
-    return await _carry_out_order(request, id, "resume", who)
-
-
-@fleet_router.post("/fleets/{id}/stop", responses=WRITES)
-async def stop_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
-    """Stop all tractors, also those driven by remote control."""
-    return await _carry_out_order(request, id, "stop", who)
-
-
-@fleet_router.post("/fleets/{id}/replan", status_code=202, responses=WRITES)
-async def replan_fleet(request: Request, who: Operator, id: str, body: ReplanRequest) -> ProposalAnswer:
+@fleet_router.post("/fleets/{id}/replan", status_code=202, responses=CHANGE_ERRORS)
+async def replan_fleet(request: Request, who: OperateAccess, id: str, body: ReplanRequest) -> ProposalAnswer:
     """Replan the remaining work without some tractors."""
     session = _get_sessions(request).get_session(id)
     number = session.replan(who.name, [tractor - 1 for tractor in body.without])
@@ -331,8 +317,8 @@ async def replan_fleet(request: Request, who: Operator, id: str, body: ReplanReq
     return ProposalAnswer(proposal=number)
 
 
-@fleet_router.post("/fleets/{id}/accept", responses=WRITES)
-async def accept_proposal(request: Request, who: Operator, id: str, body: AcceptRequest) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/accept", responses=CHANGE_ERRORS)
+async def accept_proposal(request: Request, who: OperateAccess, id: str, body: AcceptRequest) -> FleetAnswer:
     """Accept a proposal that is ready."""
     session = _get_sessions(request).get_session(id)
     session.accept_proposal(who.name, body.proposal, time.monotonic())
@@ -340,21 +326,19 @@ async def accept_proposal(request: Request, who: Operator, id: str, body: Accept
     return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
 
 
-@fleet_router.get("/asyncapi.json", responses=document_errors(401, 403))
-async def get_asyncapi(_who: FleetsReader) -> dict[str, Any]:
+@fleet_router.get("/asyncapi.json", responses=LIST_ERRORS)
+async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
     """The frames of the link (AsyncAPI)."""
     return build_asyncapi_document()
 
 
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
-RECORDING_ANSWERS = document_errors(401, 403, 404, 422) | {
-    200: {"content": {"application/zip": {}}, "description": "One log per tractor"}
-}
+RECORDING_ANSWERS = ITEM_ERRORS | document_file("One log per tractor", ["application/zip"])
 recording_router = APIRouter(tags=["fleets"])
 
 
 @recording_router.get("/fleets/{id}/recording", response_class=Response, responses=RECORDING_ANSWERS)
-async def get_recording(request: Request, _who: Annotated[Caller, Depends(require_right("read"))], id: str) -> Response:
+async def get_recording(request: Request, _who: ReadAccess, id: str) -> Response:
     """The recorded states as logs for diagnosis; raises NotFoundError if there are none."""
     sessions: FleetSessions | None = getattr(request.app.state, "hub", None)
     if sessions is not None:

@@ -50,6 +50,11 @@ Files = Mapping[str, tuple[str, bytes]]
 FollowUp = Callable[[FleetSession, float], Awaitable[None]]
 
 
+def parse_tractor(content: bytes) -> Tractor:
+    """The tractor of a stored tractor file."""
+    return Tractor(**tomllib.loads(content.decode()))
+
+
 def prepare_with_files(text: str, files: Files, timing: Mapping[str, Any] | None = None) -> FleetPlan:
     """prepare_fleet_plan with files given as bytes."""
     with tempfile.TemporaryDirectory() as folder:
@@ -97,12 +102,9 @@ class FleetSessions:
         await asyncio.to_thread(self.book.start)
         await asyncio.to_thread(warm_up)
         await self.restore_sessions()
-        loops = (
-            self._step_sessions_forever(),
-            self._save_periodically(),
-            self._follow_up_diagnoses_periodically(),
-            self._watch_tokens(),
-        )
+        loops = [self._step_sessions_forever(), self._save_periodically(), self._watch_tokens()]
+        if self._follow_up is not None:
+            loops.append(self._follow_up_diagnoses_periodically(self._follow_up))
         self._tasks = [asyncio.create_task(loop) for loop in loops]
 
     async def stop(self) -> None:
@@ -171,13 +173,9 @@ class FleetSessions:
         """Raise BusyError for too many links of a token, or in all; tractors are always let in."""
         if client.role == TRACTOR:
             return
-        other_clients = [
-            other_client
-            for session in self.by_id.values()
-            for other_client in session.clients
-            if other_client.role != TRACTOR
-        ]
-        own_count = sum(other_client.token == client.token for other_client in other_clients)
+        clients = [each for session in self.by_id.values() for each in session.clients]
+        other_clients = [each for each in clients if each.role != TRACTOR]
+        own_count = sum(each.token == client.token for each in other_clients)
         if own_count >= MOST_LINKS_PER_TOKEN:
             whose = "this token" if client.token else "logged-in browsers"
             raise BusyError(f"{own_count} links of {whose} are open, the most allowed; close one first.")
@@ -196,22 +194,14 @@ class FleetSessions:
     def _build_session(
         self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any], created: str = ""
     ) -> FleetSession:
-        horizon = {
-            name: settings[name] for name in ("horizon_s",) if name in settings
-        }  # missing in fleets of earlier versions
-        rules, finish_distribution = FleetRules(times=settings["times"], **horizon), settings.get("chances")
+        # Fleets of earlier versions have no horizon.
+        given_rules = {name: settings[name] for name in ("times", "horizon_s") if name in settings}
+        chances = settings.get("chances")
         return FleetSession(
-            id,
-            name,
-            plan,
-            rules,
-            begin_s=settings["begin_s"],
-            twin_method=settings["way"],
-            deadline_s=settings.get("deadline_s"),
-            finish_distribution=None if finish_distribution is None else FinishDistribution(**finish_distribution),
-            proposals=ReplanProposals(self.run_in_process),
-            created=created,
-        )
+            id, name, plan, FleetRules(**given_rules), begin_s=settings["begin_s"], twin_method=settings["way"],
+            deadline_s=settings.get("deadline_s"), created=created, proposals=ReplanProposals(self.run_in_process),
+            finish_distribution=None if chances is None else FinishDistribution(**chances),
+        )  # fmt: skip
 
     async def delete(self, id: str) -> None:
         """Stop a fleet and delete it; raises NotFoundError."""
@@ -232,20 +222,18 @@ class FleetSessions:
             self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
             self.videos.restore(row.id, row.settings)
             try:
-                files = {name: tuple(stored) for name, stored in row.settings.get("files", {}).items()}
                 contents = {
                     name: (suffix, await asyncio.to_thread(self.store.blobs.read_bytes, sha256))
-                    for name, (suffix, sha256) in files.items()
+                    for name, (suffix, sha256) in row.settings.get("files", {}).items()
                 }
                 saved = row.progress
-                plan = await self.run_in_process(
-                    prepare_with_files, saved.get("plan") or row.plan, contents, saved.get("timing")
-                )
+                text = saved.get("plan") or row.plan
+                plan = await self.run_in_process(prepare_with_files, text, contents, saved.get("timing"))
                 session = self._build_session(row.id, row.name, plan, row.settings, row.created)
                 restore_progress(session.manager, saved.get("centre", {}), time.monotonic(), time.time())
                 session.plan_text = saved.get("plan")
                 await asyncio.to_thread(self._restore_twin_files, session, saved.get("mended", {}))
-                await self._restore_coverage(session, row.progress)
+                await self._restore_coverage(session)
                 self.add(session)
             except HeadlandError as refusal:
                 self.faults[row.id] = refusal.render_sentence(strip_unit)
@@ -259,10 +247,10 @@ class FleetSessions:
         for number, name in twin_files.items():
             with contextlib.suppress(NotFoundError):
                 content = self.store.blobs.read_bytes(self.store.get_file("tractor", name).sha256)
-                session.twins.change_tractor(int(number), Tractor(**tomllib.loads(content.decode())))
+                session.twins.change_tractor(int(number), parse_tractor(content))
                 session.twin_files[int(number)] = name
 
-    async def _restore_coverage(self, session: FleetSession, progress: Mapping[str, Any]) -> None:
+    async def _restore_coverage(self, session: FleetSession) -> None:
         """Restore sequences and coverage from the recording."""
         for number in range(session.tractor_count):
             rows = select_rising_rows(await asyncio.to_thread(self.store.read_recording, session.id, number))
@@ -303,12 +291,12 @@ class FleetSessions:
                         self._unsaved.add(session.id)
                         logging.getLogger(__name__).exception("Saving fleet %s", session.id)
 
-    async def _follow_up_diagnoses_periodically(self) -> None:
-        while self._follow_up is not None:
+    async def _follow_up_diagnoses_periodically(self, follow_up: FollowUp) -> None:
+        while True:
             await asyncio.sleep(LOOK_PERIOD_S)
             for session in list(self.by_id.values()):
                 try:
-                    await self._follow_up(session, time.monotonic())
+                    await follow_up(session, time.monotonic())
                 except Exception:
                     logging.getLogger(__name__).exception("Following up fleet %s", session.id)
 

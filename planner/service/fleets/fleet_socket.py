@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,70 +22,49 @@ from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient, encode_frame
 from planner.fleet.session.fleet_session import FleetSession
 from planner.request.parameter_names import strip_unit
-from planner.service.access.permissions import Caller, identify_socket
+from planner.service.access.permissions import identify_socket
 from planner.service.errors import BusyError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.gateway.connection_limits import GREETED_SCOPE_KEY, ConnectionLimits, ConnectionRegistry
-
-
-class FrameRateLimit:
-    """A token bucket for frames: `per_s` a second, `burst` at once; unread frames stay with the sender."""
-
-    def __init__(self, per_s: float, burst: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._per_s, self._burst, self._clock = per_s, burst, clock
-        self._available, self._last_s = burst, clock()
-
-    async def wait_for_frame_allowance(self) -> None:
-        """Wait until one more frame may be read."""
-        wait_s = self.reserve_frame()
-        if wait_s > 0.0:
-            await asyncio.sleep(wait_s)
-
-    def reserve_frame(self) -> float:
-        """Reserve one frame; returns the seconds to wait."""
-        now = self._clock()
-        self._available = min(self._burst, self._available + (now - self._last_s) * self._per_s) - 1.0
-        self._last_s = now
-        return max(0.0, -self._available / self._per_s)
-
+from planner.service.gateway.connection_limits import (
+    GREETED_SCOPE_KEY,
+    ConnectionLimits,
+    ConnectionRegistry,
+    RateLimiter,
+)
 
 CONNECT_TIMEOUT_S = 10.0
 CROWDED_TEXT = "Too many links have not sent connect yet; link again and send it at once."
-MOST_PER_ADDRESS, MOST_IN_ALL = 128, 512
+PENDING_LIMITS = ConnectionLimits(per_address=128, total=512, header_s=CONNECT_TIMEOUT_S)
+"""Of links that have not sent connect yet."""
 
 
-class PendingConnections:
-    """Links that have not sent connect yet; for a new one the oldest of its address gives way."""
+@contextmanager
+def hold_place_until_connect(pending: ConnectionRegistry, address: str) -> Iterator[None]:
+    """Hold a place among the `pending` links while the body waits for connect; the oldest of an address gives way.
 
-    def __init__(self) -> None:
-        self._book = ConnectionRegistry(
-            ConnectionLimits(per_address=MOST_PER_ADDRESS, total=MOST_IN_ALL, header_s=CONNECT_TIMEOUT_S)
-        )
+    Raises BusyError if the place was given away.
+    """
+    task = asyncio.current_task()
+    assert task is not None
+    displaced = False
 
-    @contextmanager
-    def hold_place_until_connect(self, address: str) -> Iterator[None]:
-        """Hold a place while the body waits for connect. Raises BusyError if the place was given away."""
-        task = asyncio.current_task()
-        assert task is not None
-        displaced = False
+    def displace() -> None:
+        nonlocal displaced
+        displaced = True
+        task.cancel()
 
-        def displace() -> None:
-            nonlocal displaced
-            displaced = True
-            task.cancel()
-
-        connection = self._book.add_connection(address, displace)
-        if connection is None:
-            raise BusyError(CROWDED_TEXT)
-        try:
-            yield
-        except asyncio.CancelledError:
-            if not displaced:
-                raise
-            task.uncancel()
-            raise BusyError(CROWDED_TEXT) from None
-        finally:
-            self._book.remove_connection(connection)
+    connection = pending.add_connection(address, displace)
+    if connection is None:
+        raise BusyError(CROWDED_TEXT)
+    try:
+        yield
+    except asyncio.CancelledError:
+        if not displaced:
+            raise
+        task.uncancel()
+        raise BusyError(CROWDED_TEXT) from None
+    finally:
+        pending.remove_connection(connection)
 
 
 REFUSED_CODE, REPLACED_CODE = 1008, 4001
@@ -106,16 +85,17 @@ link_router = APIRouter()
 async def link_client(websocket: WebSocket, id: str) -> None:
     """Link one client to a fleet until either side ends it."""
     sessions: FleetSessions = websocket.app.state.hub
-    pending: PendingConnections = websocket.app.state.greetings
+    address = websocket.client.host if websocket.client else ""
     await websocket.accept()
     try:
         sessions.get_session(id)
-        with pending.hold_place_until_connect(websocket.client.host if websocket.client else ""):
+        with hold_place_until_connect(websocket.app.state.greetings, address):
             client = await _await_connect(websocket, id)
         session = sessions.get_session(id)  # it may have been deleted meanwhile
         sessions.check_capacity(client)
         session.add_client(client, time.monotonic())
-        websocket.scope.get(GREETED_SCOPE_KEY, _release_no_place)()
+        if (release_place := websocket.scope.get(GREETED_SCOPE_KEY)) is not None:
+            release_place()
     except (HeadlandError, ValidationError, TimeoutError) as refusal:
         await _refuse_connection(websocket, refusal)
         return
@@ -133,18 +113,10 @@ async def _await_connect(websocket: WebSocket, fleet: str) -> FleetClient:
     who = await identify_socket(websocket, connect.token)
     who.check_right(RIGHTS.get(connect.role, "read"), fleet, connect.tractor)
     number = None if connect.tractor is None else connect.tractor - 1
-    return FleetClient(connect.role, _build_client_name(who, connect), number, token=who.token_sha256)
-
-
-def _release_no_place() -> None:
-    """For links without a registered place."""
-
-
-def _build_client_name(who: Caller, connect: inbound_frames.ConnectFrame) -> str:
-    """The name of a client in the log; fleets add a number."""
+    name = f"{who.name} ({connect.name})" if connect.name else who.name  # in the log; fleets add a number
     if connect.role == TRACTOR:
-        return f"tractor {connect.tractor}"
-    return f"{who.name} ({connect.name})" if connect.name else who.name
+        name = f"tractor {connect.tractor}"
+    return FleetClient(connect.role, name, number, token=who.token_sha256)
 
 
 def _describe_refusal(refusal: Exception) -> str:
@@ -188,11 +160,11 @@ async def _send_waiting_frames(websocket: WebSocket, client: FleetClient) -> Non
 
 
 async def _receive(websocket: WebSocket, session: FleetSession, client: FleetClient) -> None:
-    taken, allowance = 0, FrameRateLimit(*FRAME_RATES.get(client.role, WATCHER_FRAME_RATES))
+    taken, allowance = 0, RateLimiter(*FRAME_RATES.get(client.role, WATCHER_FRAME_RATES))
     while not client.has_disconnected:
         taken += 1
-        if not client.outbox.ended:
-            await allowance.wait_for_frame_allowance()
+        while not client.outbox.ended and (wait_s := allowance.take_token()) > 0.0:
+            await asyncio.sleep(wait_s)  # frames that are not read yet stay with the sender
         if taken % FRAMES_IN_A_ROW == 0:
             await asyncio.sleep(0)  # one client must not occupy the loop
         try:
@@ -227,7 +199,12 @@ def _handle_frame(session: FleetSession, client: FleetClient, text: str | None) 
                 f"The frame has {len(text)} characters; at most {inbound_frames.LARGEST_FRAME} are allowed."
             )
         frame = inbound_frames.FRAMES_OF_ROLE[client.role].validate_json(text)
-        _carry_out(session, client, frame)
+        if isinstance(frame, inbound_frames.DisconnectFrame):
+            client.has_disconnected = True
+        elif isinstance(frame, inbound_frames.StateFrame):
+            session.take_state(client, frame, time.monotonic())
+        else:
+            session.carry_out(client, frame, time.monotonic())
         return
     except ValidationError as error:
         sentence = inbound_frames.describe_frame_fault(error)
@@ -239,21 +216,8 @@ def _handle_frame(session: FleetSession, client: FleetClient, text: str | None) 
     except Exception:  # a fault of the service; the link stays, so that a stop can be sent
         logging.getLogger(__name__).exception("A frame of %s", client.who)
         sentence = FAULT_TEXT
-    _refuse(session, client, frame, text, sentence)
-
-
-def _refuse(session: FleetSession, client: FleetClient, frame: Any, text: str | None, sentence: str) -> None:
     client.send({"kind": "refused", "sentence": sentence, "sequence": getattr(frame, "sequence", None)})
     if client.role == TRACTOR and text is not None and inbound_frames.is_about_obstacle(text):
         session.report_unreadable(client, sentence, time.monotonic())
     if client.refusals >= MOST_REFUSED:
         client.expel(TALKATIVE_TEXT.format(count=client.refusals))
-
-
-def _carry_out(session: FleetSession, client: FleetClient, frame: Any) -> None:
-    if isinstance(frame, inbound_frames.DisconnectFrame):
-        client.has_disconnected = True
-    elif isinstance(frame, inbound_frames.StateFrame):
-        session.take_state(client, frame, time.monotonic())
-    else:
-        session.carry_out(client, frame, time.monotonic())

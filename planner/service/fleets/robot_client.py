@@ -148,20 +148,12 @@ def request_json(url: str, path: str, token: str | None, body: dict[str, Any] | 
         with opener.open(request, timeout=120) as answer:
             return json.loads(answer.read())
     except urllib.error.HTTPError as error:
-        raise ServiceError(
-            _read_refusal(error.read())
-            or f"{url} answers with status {error.code}; check that it is a Headland service."
-        ) from None
+        sentence = f"{url} answers with status {error.code}; check that it is a Headland service."
+        with contextlib.suppress(ValueError, KeyError, TypeError):  # the body may be no refusal
+            sentence = str(json.loads(error.read())["error"])
+        raise ServiceError(sentence) from None
     except (OSError, ValueError) as error:
         raise ServiceError(f"{url} does not answer ({error}); start headland serve, or give another --url.") from None
-
-
-def _read_refusal(body: bytes) -> str | None:
-    """The sentence of a refusal; None if the body is not one."""
-    try:
-        return str(json.loads(body)["error"])
-    except (ValueError, KeyError, TypeError):
-        return None
 
 
 def find_newest_fleet(url: str, token: str | None) -> str:

@@ -6,11 +6,10 @@ from __future__ import annotations
 import json
 import math
 import secrets
-import tomllib
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Depends, Path, Request
+from fastapi import APIRouter, Path, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
@@ -19,10 +18,10 @@ from planner.fleet.manager.fleet_state import FLEET_MANAGER
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.state_recorder import average_commands, format_log_csv
-from planner.service.access.permissions import Caller, require_right
+from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
-from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.gateway.responses import READ_ROUTE_ERRORS, ApiModel, document_errors
+from planner.service.fleets.fleet_sessions import FleetSessions, parse_tractor
+from planner.service.gateway.responses import CHANGE_ERRORS, READ_ROUTE_ERRORS, ApiModel
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.job_requests import DiagnosisJobRequest
 from planner.service.jobs.submission import submit_job
@@ -30,7 +29,6 @@ from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 from vehicle.model.tractor_writer import format_tractor_toml
-from vehicle.twin.twin import Twin
 
 DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor.toml"
 FINDING = "finding"
@@ -104,15 +102,14 @@ class TwinDiagnosis:
             return None
         if row.status != DONE:
             return _build_empty_finding(row.error or f"it was {row.status}.")
-        result = json.loads(self.store.blobs.read_bytes(self.store.get_result(id, RESULT_FILE, DIAGNOSIS_KIND).sha256))
+        result = json.loads(self._read_result(id, RESULT_FILE))
         has_file = any(each.name == TRACTOR_FILE for each in row.results)
-        extends_model = has_file and is_different_tractor(self._read_tractor(id), tractor)
+        diagnosed = parse_tractor(self._read_result(id, TRACTOR_FILE)) if has_file else tractor
+        extends_model = is_different_tractor(diagnosed, tractor)
         return {"named": result["named"], "words": result["verdict"], "extends_model": extends_model}
 
-    def _read_tractor(self, id: str) -> Tractor:
-        """The tractor file of a finished job."""
-        content = self.store.blobs.read_bytes(self.store.get_result(id, TRACTOR_FILE, DIAGNOSIS_KIND).sha256)
-        return Tractor(**tomllib.loads(content.decode()))
+    def _read_result(self, id: str, name: str) -> bytes:
+        return self.store.blobs.read_bytes(self.store.get_result(id, name, DIAGNOSIS_KIND).sha256)
 
     def get_last_diagnosis_job(self, session: FleetSession, number: int) -> dict[str, Any] | None:
         """The last diagnosis job of a tractor, None without one. Raises NotFoundError if it was deleted."""
@@ -120,12 +117,8 @@ class TwinDiagnosis:
         if id is None:
             return None
         row = self.store.get_job(id, DIAGNOSIS_KIND)
-        return {
-            "id": row.id,
-            "status": row.status,
-            "error": row.error,
-            "results": [result.name for result in row.results],
-        }
+        results = [result.name for result in row.results]
+        return {"id": row.id, "status": row.status, "error": row.error, "results": results}
 
     def save_extended_tractor(self, session: FleetSession, number: int, name: str) -> Tractor:
         """Save the tractor of the last diagnosis under a name.
@@ -143,17 +136,14 @@ class TwinDiagnosis:
                 "not fitted to; there is nothing to add.",
                 parameter="tractor",
             )
-        diagnosed = self._read_tractor(job["id"])
+        content = self._read_result(job["id"], TRACTOR_FILE)
+        diagnosed = parse_tractor(content)
         if not is_different_tractor(diagnosed, session.twins.tractors[number]):
             raise ConflictError(
                 f"The diagnosis of tractor {number + 1} found nothing that its file lacks; there is nothing to add.",
                 parameter="tractor",
             )
-        self.store.add_file(
-            "tractor",
-            name,
-            self.store.blobs.read_bytes(self.store.get_result(job["id"], TRACTOR_FILE, DIAGNOSIS_KIND).sha256),
-        )
+        self.store.add_file("tractor", name, content)
         return diagnosed
 
 
@@ -178,10 +168,7 @@ def _find_due_doubt_s(session: FleetSession, number: int) -> float | None:
 
 
 twin_router = APIRouter(tags=["twins"])
-TwinsReader = Annotated[Caller, Depends(require_right("read"))]
-TwinsOperator = Annotated[Caller, Depends(require_right("operate"))]
 TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
-TWIN_WRITES = document_errors(401, 403, 404, 409, 422)
 SHOWN_CORRECTIONS = 600  # ten minutes
 
 
@@ -248,30 +235,21 @@ def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: 
     )
     if twin is not None:
         doubt = twin.find_mismatch()
-        answer.doubt = (
-            None
-            if doubt is None
-            else {
-                "since_s": round(doubt.since_s, 1),
-                "like": doubt.effect_id,
-                "amount": round(doubt.amount, 4),
-                "times": round(doubt.innovation_ratio, 2),
-                "words": doubt.words,
-            }
-        )
+        if doubt is not None:
+            ratio, amount = round(doubt.innovation_ratio, 2), round(doubt.amount, 4)
+            answer.doubt = {"since_s": round(doubt.since_s, 1), "like": doubt.effect_id, "amount": amount}
+            answer.doubt |= {"times": ratio, "words": doubt.words}
         if with_corrections:
-            answer.corrections = _describe_corrections(twin)
+            columns = {name: values[-SHOWN_CORRECTIONS:] for name, values in twin.corrections.items()}
+            columns["heading_deg"] = np.degrees(columns.pop("heading_rad"))
+            answer.corrections = {
+                name: [round(float(v), 4) for v in values if math.isfinite(v)] for name, values in columns.items()
+            }
     return answer
 
 
-def _describe_corrections(twin: Twin) -> dict[str, list[float]]:
-    columns = {name: values[-SHOWN_CORRECTIONS:] for name, values in twin.corrections.items()}
-    columns["heading_deg"] = np.degrees(columns.pop("heading_rad"))
-    return {name: [round(float(v), 4) for v in values if math.isfinite(v)] for name, values in columns.items()}
-
-
 @twin_router.get("/twins", responses=READ_ROUTE_ERRORS)
-async def list_twins(request: Request, _who: TwinsReader) -> TwinList:
+async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
     """All twins, without their corrections."""
     sessions: FleetSessions = request.app.state.hub
     items = [
@@ -282,8 +260,8 @@ async def list_twins(request: Request, _who: TwinsReader) -> TwinList:
     return TwinList(items=items)
 
 
-@twin_router.get("/twins/{fleet}/{tractor}", responses=TWIN_WRITES)
-async def get_twin(request: Request, _who: TwinsReader, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
+@twin_router.get("/twins/{fleet}/{tractor}", responses=CHANGE_ERRORS)
+async def get_twin(request: Request, _who: ReadAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
     """One twin with its last corrections."""
     session = _get_session(request, fleet, tractor)
     answer = _build_twin_answer(session, tractor, with_corrections=True)
@@ -291,8 +269,8 @@ async def get_twin(request: Request, _who: TwinsReader, fleet: str, tractor: Twi
     return answer
 
 
-@twin_router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202, responses=TWIN_WRITES)
-async def diagnose(request: Request, who: TwinsOperator, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
+@twin_router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202, responses=CHANGE_ERRORS)
+async def diagnose(request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
     """Diagnose the recording of a tractor, as a job."""
     session = _get_session(request, fleet, tractor)
     sessions: FleetSessions = request.app.state.hub
@@ -304,9 +282,9 @@ async def diagnose(request: Request, who: TwinsOperator, fleet: str, tractor: Tw
     return answer
 
 
-@twin_router.post("/twins/{fleet}/{tractor}/mend", status_code=201, responses=TWIN_WRITES)
+@twin_router.post("/twins/{fleet}/{tractor}/mend", status_code=201, responses=CHANGE_ERRORS)
 async def extend_model(
-    request: Request, who: TwinsOperator, fleet: str, tractor: TwinTractorNumber, body: ExtendModelRequest
+    request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber, body: ExtendModelRequest
 ) -> ExtendedModelAnswer:
     """Save the result of the diagnosis as a new tractor file, which the twin uses from now on."""
     session = _get_session(request, fleet, tractor)

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 from urllib.parse import SplitResult, urlsplit
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 from pydantic import BaseModel, ConfigDict, Field
 
-from planner.service.access.permissions import Caller, require_right
+from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
-from planner.service.gateway.responses import ApiModel, document_errors
+from planner.service.gateway.responses import ITEM_ERRORS, ApiModel
 
 SETTINGS_KEY = "videos"
 LONGEST_ADDRESS_CHARS = 500
@@ -131,11 +131,10 @@ def find_origin(address: str) -> str | None:
     return f"{parts.scheme.lower()}://{parts.netloc.lower()}" if parts.scheme else None
 
 
-@video_router.put("/fleets/{id}/tractors/{tractor}/video", responses=document_errors(401, 403, 404, 422))
+@video_router.put("/fleets/{id}/tractors/{tractor}/video", responses=ITEM_ERRORS)
 async def set_video_address(
-    request: Request, who: Annotated[Caller, Depends(require_right("operate"))], id: str, tractor: int,
-    body: VideoRequest,
-) -> VideoAnswer:  # fmt: skip
+    request: Request, who: OperateAccess, id: str, tractor: int, body: VideoRequest
+) -> VideoAnswer:
     """Set the address of a tractor's video, or remove it; pages opened from then on may load it."""
     sessions = request.app.state.hub
     session = sessions.get_session(id)

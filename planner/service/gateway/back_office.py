@@ -12,20 +12,18 @@ import json
 import logging
 import multiprocessing
 import secrets
-import time
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from planner.pipeline.executors import hold_interrupts
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
-from planner.service.gateway.request_gate import build_message_response
+from planner.service.gateway.responses import build_error_response
+from planner.service.kept_process import KeptProcess
 from planner.service.settings import ServiceSettings
 
 if TYPE_CHECKING:
@@ -33,33 +31,15 @@ if TYPE_CHECKING:
 
 
 SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER = b"x-headland-secret", b"x-headland-who", b"x-headland-client"
-UNFORWARDED_HEADERS = {
-    b"connection",
-    b"keep-alive",
-    b"proxy-connection",
-    b"te",
-    b"trailer",
-    b"transfer-encoding",
-    b"upgrade",
-    SECRET_HEADER,
-    CALLER_HEADER,
-    CLIENT_HEADER,
-}
+HOP_HEADERS = b"connection keep-alive proxy-connection te trailer transfer-encoding upgrade".split()
+UNFORWARDED_HEADERS = {*HOP_HEADERS, SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER}
 MOST_REQUESTS_PER_CLIENT, MOST_REQUESTS_IN_ALL = 32, 256
 RESPONSE_TIMEOUT_S = 300.0
 READ_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 OFFICE_STARTING = "Files, jobs and pages are starting; try again in a few seconds. Fleets and stops work."
+TRY_AGAIN = {"retry-after": "3", "connection": "close"}
+UNREADABLE_ADDRESS = "The address cannot be read; write it in letters, digits and % codes."
 OFFICE_LOST = "The process for files, jobs and pages ended during this request; try again."
-
-
-class BackOfficeAddress(Protocol):
-    """Address of the back office (None while it does not run), and the secret that it shares."""
-
-    secret: str
-
-    @property
-    def url(self) -> str | None:
-        """The address, such as http://127.0.0.1:40000."""
 
 
 class OfficeForwarder:
@@ -71,7 +51,7 @@ class OfficeForwarder:
 
     def __init__(
         self,
-        office: BackOfficeAddress,
+        office: BackOffice,
         before_request: Callable[[str], Awaitable[None]],
         after_change: Callable[[str], Awaitable[None]],
     ) -> None:
@@ -86,22 +66,19 @@ class OfficeForwarder:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI entry point."""
-        client = _get_queue_key(scope)
-        if (
-            self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT
-            or self._running_requests.total() >= MOST_REQUESTS_IN_ALL
-        ):
-            which = (
-                "of your requests" if self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT else "requests of all"
-            )
-            count = min(
-                self._running_requests.total(),
-                MOST_REQUESTS_PER_CLIENT if which.startswith("of") else MOST_REQUESTS_IN_ALL,
-            )
-            message = f"{count} {which} are under way; wait for one to end, then ask again."
-            await build_message_response(429, message, {"retry-after": "1", "connection": "close"})(
-                scope, receive, send
-            )
+        if scope["type"] != "http":
+            await send({"type": "websocket.close", "code": 1008, "reason": "There is no link at this address."})
+            return
+        caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
+        # Requests are counted by token, or by address without one.
+        client = caller.name if caller is not None and caller.token_sha256 else _get_address(scope)
+        is_own_limit = self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT
+        if is_own_limit or self._running_requests.total() >= MOST_REQUESTS_IN_ALL:
+            requests = f"{MOST_REQUESTS_IN_ALL} requests of all"
+            if is_own_limit:
+                requests = f"{MOST_REQUESTS_PER_CLIENT} of your requests"
+            message = f"{requests} are under way; wait for one to end, then ask again."
+            await build_error_response(429, message, {"retry-after": "1", "connection": "close"})(scope, receive, send)
             return
         self._running_requests[client] += 1
         try:
@@ -116,28 +93,23 @@ class OfficeForwarder:
         await self.before_request(scope["path"])
         url = self.office.url
         if url is None:
-            await build_message_response(503, OFFICE_STARTING, {"retry-after": "3", "connection": "close"})(
-                scope, receive, send
-            )
+            await build_error_response(503, OFFICE_STARTING, TRY_AGAIN)(scope, receive, send)
             return
         try:
-            request = self._build_request(url, scope, receive)
+            response = await self._get_client().send(self._build_request(url, scope, receive), stream=True)
         except httpx2.InvalidURL:
-            await build_message_response(400, "The address cannot be read; write it in letters, digits and % codes.")(
-                scope, receive, send
-            )
+            await build_error_response(400, UNREADABLE_ADDRESS)(scope, receive, send)
             return
-        try:
-            response = await self._get_client().send(request, stream=True)
         except (httpx2.TransportError, OSError):
-            await build_message_response(503, OFFICE_LOST, {"retry-after": "3", "connection": "close"})(
-                scope, receive, send
-            )
+            await build_error_response(503, OFFICE_LOST, TRY_AGAIN)(scope, receive, send)
             return
         try:
             if scope["method"] not in READ_METHODS:
                 await self.after_change(scope["path"])
-            await _build_streaming_response(response)(scope, receive, send)
+            streamed = StreamingResponse(response.aiter_raw(), response.status_code)
+            headers = [(name.lower(), value) for name, value in response.headers.raw]
+            streamed.raw_headers = [each for each in headers if each[0] not in UNFORWARDED_HEADERS]
+            await streamed(scope, receive, send)
         finally:
             await response.aclose()
 
@@ -155,11 +127,10 @@ class OfficeForwarder:
 
         headers = [(name, value) for name, value in scope["headers"] if name.lower() not in UNFORWARDED_HEADERS]
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
-        address = str((scope.get("client") or ("",))[0])
         headers += [
             (SECRET_HEADER, self.office.secret.encode()),
-            (CALLER_HEADER, dump_caller(caller).encode()),
-            (CLIENT_HEADER, address.encode()),
+            (CALLER_HEADER, json.dumps(None if caller is None else asdict(caller)).encode()),
+            (CLIENT_HEADER, _get_address(scope).encode()),
         ]
         target = scope["raw_path"] + (b"?" + scope["query_string"] if scope["query_string"] else b"")
         target = target.replace(b"#", b"%23")  # clients send no fragments, so this belongs to the path
@@ -183,30 +154,17 @@ class SharedSecretMiddleware:
             return
         headers = dict(scope["headers"])
         if not hmac.compare_digest(headers.get(SECRET_HEADER, b""), self._secret):
-            await build_message_response(403, "This address is internal; use the one that headland serve printed.")(
-                scope, receive, send
-            )
+            message = "This address is internal; use the one that headland serve printed."
+            await build_error_response(403, message)(scope, receive, send)
             return
-        scope[CALLER_SCOPE_KEY] = load_caller(headers.get(CALLER_HEADER, b"null").decode())
+        caller = json.loads(headers.get(CALLER_HEADER, b"null"))
+        scope[CALLER_SCOPE_KEY] = caller and Caller(**caller | {"scopes": tuple(caller["scopes"])})
         scope["client"] = (headers.get(CLIENT_HEADER, b"").decode("latin-1"), 0)
         await self.app(scope, receive, send)
 
 
-def dump_caller(caller: Caller | None) -> str:
-    """The caller as the text of a header."""
-    return json.dumps(None if caller is None else asdict(caller))
-
-
-def load_caller(text: str) -> Caller | None:
-    """The caller from the text of a header."""
-    values = json.loads(text)
-    return None if values is None else Caller(**values | {"scopes": tuple(values["scopes"])})
-
-
-def _get_queue_key(scope: Scope) -> str:
-    """Key by which requests are counted together: the token, or the address without one."""
-    caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
-    return caller.name if caller is not None and caller.token_sha256 else str((scope.get("client") or ("",))[0])
+def _get_address(scope: Scope) -> str:
+    return str((scope.get("client") or ("",))[0])
 
 
 async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
@@ -220,16 +178,7 @@ async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
             return
 
 
-def _build_streaming_response(response: httpx2.Response) -> Response:
-    """The answer of the office, streamed."""
-    streamed = StreamingResponse(response.aiter_raw(), response.status_code)
-    streamed.raw_headers = [
-        (name.lower(), value) for name, value in response.headers.raw if name.lower() not in UNFORWARDED_HEADERS
-    ]
-    return streamed
-
-
-OFFICE_POLL_S, SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S, TERMINATE_TIMEOUT_S = 0.2, 5.0, 30.0, 30.0
+OFFICE_POLL_S = 0.2
 LOOPBACK_HOST = "127.0.0.1"
 
 
@@ -240,10 +189,10 @@ class BackOffice:
     """
 
     def __init__(self, settings: ServiceSettings, run: Callable[[ServiceSettings, str, Connection], None]) -> None:
-        self.settings, self._run, self.secret = settings, run, secrets.token_urlsafe(32)
+        self.settings, self.secret = settings, secrets.token_urlsafe(32)
         self.url: str | None = None
         self.starts = 0
-        self._process: SpawnProcess | None = None
+        self._kept_process = KeptProcess("headland-office", run)
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -260,54 +209,29 @@ class BackOffice:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
-        await asyncio.to_thread(self._end_process)
+        await asyncio.to_thread(self._kept_process.end)
 
     async def _keep_running(self) -> None:
-        pause_s = 0.0
         while True:
-            await asyncio.sleep(pause_s)
-            begun_s = time.monotonic()
-            try:
-                await self._run_once()
-            except OSError:
-                logging.getLogger(__name__).exception("The office cannot be started")
-            lived_s = time.monotonic() - begun_s
-            pause_s = min(max(2.0 * pause_s, 0.5), LONGEST_RESTART_PAUSE_S) if lived_s < SHORT_LIFE_S else 0.0
+            if self._kept_process.is_due:
+                try:
+                    await self._run_once()
+                except OSError:
+                    logging.getLogger(__name__).exception("The office cannot be started")
+            await asyncio.sleep(OFFICE_POLL_S)
 
     async def _run_once(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        receiver, sender = context.Pipe(duplex=False)
-        self._process = process = context.Process(
-            target=self._run, args=(self.settings, self.secret, sender), name="headland-office"
-        )
-        await asyncio.to_thread(_start_process, process)
-        sender.close()
-        self.starts += 1
-        try:
-            while process.exitcode is None:
-                if self.url is None and receiver.poll():
-                    with contextlib.suppress(EOFError):
-                        self.url = f"http://{LOOPBACK_HOST}:{receiver.recv()}"
-                await asyncio.sleep(OFFICE_POLL_S)
-        finally:
-            self.url = None
-            receiver.close()
-        logging.getLogger(__name__).warning(
-            "The back office ended with status %s and is started again.", process.exitcode
-        )
-
-    def _end_process(self) -> None:
-        process = self._process
-        if process is None or process.pid is None:
-            return
-        process.terminate()
-        process.join(TERMINATE_TIMEOUT_S)
-        if process.exitcode is None:
-            process.kill()
-            process.join()
-
-
-def _start_process(process: SpawnProcess) -> None:
-    """Start a process that ignores Ctrl-C."""
-    with hold_interrupts():
-        process.start()
+        receiver, sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
+        with receiver:
+            with sender:
+                await asyncio.to_thread(self._kept_process.start, self.settings, self.secret, sender)
+            self.starts += 1
+            try:
+                while self._kept_process.end_status is None:
+                    if self.url is None and receiver.poll():
+                        with contextlib.suppress(EOFError):
+                            self.url = f"http://{LOOPBACK_HOST}:{receiver.recv()}"
+                    await asyncio.sleep(OFFICE_POLL_S)
+                self._kept_process.forget()
+            finally:
+                self.url = None

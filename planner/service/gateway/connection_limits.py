@@ -9,7 +9,7 @@ from __future__ import annotations
 import ipaddress
 import logging
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -21,6 +21,32 @@ REPORT_PERIOD_S = 60.0
 GREETED_SCOPE_KEY = "headland.greeted"
 """Key of the ASGI scope of a link for the function to call once its first frame was accepted."""
 RESERVED_FILES = 256  # file descriptors kept back for links, the database and files
+
+
+MOST_TRACKED_KEYS = 10_000
+
+
+class RateLimiter:
+    """A bucket of tokens for each key, such as an address (token bucket, Turner).
+
+    Tokens come back `per_s` a second, up to `burst`.
+    """
+
+    def __init__(self, per_s: float, burst: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._per_s, self._burst, self._clock = per_s, burst, clock
+        self._remaining: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def take_token(self, key: str = "") -> float:
+        """Take a token; 0, or the seconds until there is one."""
+        now = self._clock()
+        remaining, last_time = self._remaining.get(key, (self._burst, now))
+        remaining = min(self._burst, remaining + (now - last_time) * self._per_s)
+        is_taken = remaining >= 1.0
+        self._remaining[key] = (remaining - 1.0 if is_taken else remaining, now)
+        self._remaining.move_to_end(key)
+        if len(self._remaining) > MOST_TRACKED_KEYS:
+            self._remaining.popitem(last=False)  # the key seen least recently has most of its tokens back
+        return 0.0 if is_taken else (1.0 - remaining) / self._per_s
 
 
 @dataclass(eq=False)
@@ -53,7 +79,7 @@ class ConnectionRegistry:
 
     limits: ConnectionLimits = field(default_factory=ConnectionLimits)
     clock: Callable[[], float] = time.monotonic
-    closed_by_reason: dict[str, int] = field(default_factory=dict)
+    closed_by_reason: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self._open: OrderedDict[OpenConnection, None] = OrderedDict()
@@ -68,10 +94,10 @@ class ConnectionRegistry:
         of_address = self._by_address.get(address, OrderedDict())
         if len(of_address) >= self.limits.per_address and not self._close_oldest_idle(of_address):
             return None
-        if len(self._open) >= self.limits.total and not self._close_oldest_idle(
-            max(self._by_address.values(), key=len)
-        ):
-            return None
+        if len(self._open) >= self.limits.total:
+            largest = max(self._by_address.values(), key=len)
+            if not self._close_oldest_idle(largest):
+                return None
         connection = OpenConnection(address, close, self.clock())
         self._open[connection] = None
         self._by_address.setdefault(address, OrderedDict())[connection] = None
@@ -100,8 +126,14 @@ class ConnectionRegistry:
     def end_connection(self, connection: OpenConnection, reason: str) -> None:
         """Close a connection for a reason, which is counted, and logged at most once a minute."""
         self.remove_connection(connection)
-        self.closed_by_reason[reason] = self.closed_by_reason.get(reason, 0) + 1
-        self._log_closed(connection.address, reason)
+        self.closed_by_reason[reason] += 1
+        self._unreported += 1
+        if self.clock() - self._reported_s >= REPORT_PERIOD_S:
+            logging.getLogger(__name__).warning(
+                "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the "
+                "earliest.", self._unreported, connection.address, reason, REPORT_PERIOD_S,
+            )  # fmt: skip
+            self._reported_s, self._unreported = self.clock(), 0
         connection.close()
 
     def is_body_too_slow(self, connection: OpenConnection) -> bool:
@@ -117,27 +149,10 @@ class ConnectionRegistry:
         """Close the oldest idle connection; whether there was one."""
         oldest = next((each for each in rows if each.is_idle), None)
         if oldest is None:
-            self._count_refused()
+            self.closed_by_reason["refused"] += 1
             return False
         self.end_connection(oldest, "displaced")
         return True
-
-    def _count_refused(self) -> None:
-        self.closed_by_reason["refused"] = self.closed_by_reason.get("refused", 0) + 1
-
-    def _log_closed(self, address: str, reason: str) -> None:
-        now = self.clock()
-        self._unreported += 1
-        if now - self._reported_s < REPORT_PERIOD_S:
-            return
-        logging.getLogger(__name__).warning(
-            "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the earliest.",
-            self._unreported,
-            address,
-            reason,
-            REPORT_PERIOD_S,
-        )
-        self._reported_s, self._unreported = now, 0
 
 
 def compute_network_key(host: str) -> str:

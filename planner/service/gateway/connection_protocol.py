@@ -11,6 +11,7 @@ import re
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, cast
 
 import h11
@@ -21,6 +22,7 @@ from planner.service.gateway.connection_limits import (
     GREETED_SCOPE_KEY,
     ConnectionRegistry,
     OpenConnection,
+    RateLimiter,
     compute_network_key,
 )
 
@@ -32,30 +34,20 @@ MOST_URGENT_PER_S = 20.0
 Admit = Callable[[], None]
 
 
+@dataclass(slots=True, eq=False)
 class QueueTicket:
-    """A place in the queue; a cancelled one is not admitted."""
+    """A place in the queue; one whose `admit` is None has left it."""
 
-    __slots__ = ("admit",)
-
-    def __init__(self, admit: Admit) -> None:
-        self.admit: Admit | None = admit
-
-    def cancel_ticket(self) -> None:
-        """Leave the queue."""
-        self.admit = None
+    admit: Admit | None
 
 
 class RequestScheduler:
     """Admits requests at once while there are few, else in turns. For use in one event loop."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+        self._clock, self._urgent_limiter = clock, RateLimiter(MOST_URGENT_PER_S, MOST_URGENT_PER_S, clock)
         self._waiting: OrderedDict[str, deque[QueueTicket]] = OrderedDict()
-        self._budget, self._turn_due_s, self._urgent_tokens = (
-            float(MOST_PER_TURN),
-            0.0,
-            dict[str, tuple[float, float]](),
-        )
+        self._budget, self._turn_due_s = float(MOST_PER_TURN), 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     def __len__(self) -> int:
@@ -64,7 +56,8 @@ class RequestScheduler:
     def schedule_request(self, address: str, admit: Admit) -> QueueTicket | None:
         """Call `admit` now and return None, or at this address's turn and return the ticket until then."""
         if self._timer is None:
-            self._begin_turns()
+            self._budget = float(MOST_PER_TURN)
+            self._schedule_next_turn()
         if not self._waiting and self._budget >= 1.0:
             self._budget -= 1.0
             admit()
@@ -75,15 +68,7 @@ class RequestScheduler:
 
     def can_skip_queue(self, token: str) -> bool:
         """Whether an operator's request skips the queue: a limited number per second of one token do."""
-        now = self._clock()
-        remaining, last_time = self._urgent_tokens.get(token, (MOST_URGENT_PER_S, now))
-        remaining = min(MOST_URGENT_PER_S, remaining + (now - last_time) * MOST_URGENT_PER_S)
-        self._urgent_tokens[token] = (max(remaining - 1.0, 0.0), now)
-        return remaining >= 1.0
-
-    def _begin_turns(self) -> None:
-        self._budget = float(MOST_PER_TURN)
-        self._schedule_next_turn()
+        return self._urgent_limiter.take_token(token) == 0.0
 
     def _schedule_next_turn(self) -> None:
         self._turn_due_s = self._clock() + TURN_S
@@ -114,6 +99,7 @@ class RequestScheduler:
         return ticket.admit
 
 
+REQUEST, ANSWER = "request", "answer"  # timers of a connection
 BODY_CHECK_PERIOD_S = 5.0
 MOST_HEAD_BYTES = 64 * 1024
 END_OF_HEAD = re.compile(rb"\r?\n\r?\n")
@@ -129,14 +115,8 @@ CLOSE_TIMEOUT_S = 1.0  # in which a link must answer a close frame
 
 def build_limited_protocol_class(connections: ConnectionRegistry, rank: RankToken) -> type[H11Protocol]:
     """The class of protocols whose connections stand in a book and pass one turnstile."""
-    scheduler = RequestScheduler()
-
-    class RegisteredProtocol(LimitedProtocol):
-        """A protocol of this book."""
-
-        connection_registry, request_scheduler, rank_token = connections, scheduler, staticmethod(rank)
-
-    return RegisteredProtocol
+    shared = {"connection_registry": connections, "request_scheduler": RequestScheduler()}
+    return type("RegisteredProtocol", (LimitedProtocol,), shared | {"rank_token": staticmethod(rank)})
 
 
 class LimitedProtocol(H11Protocol):
@@ -149,8 +129,8 @@ class LimitedProtocol(H11Protocol):
     request_scheduler: RequestScheduler
     rank_token: RankToken
     _connection: OpenConnection | None = None
-    _timer: asyncio.TimerHandle | None = None
-    _stalled_timer: asyncio.TimerHandle | None = None
+    _timers: dict[str, asyncio.TimerHandle]
+    """Those of the head or the body of a request, and of an answer that is not taken."""
     _ticket: QueueTicket | None = None
     _is_admitted = False
     _has_known_token = False
@@ -158,12 +138,13 @@ class LimitedProtocol(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Register the connection, or close it where there is no room."""
+        self._timers = {}
         super().connection_made(transport)
         self._connection = self.connection_registry.add_connection(self._address, transport.abort)
         if self._connection is None:
             transport.abort()
             return
-        self._start_header_timer()
+        self._end_connection_later(REQUEST, self.connection_registry.limits.header_s, "no whole header")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Free the place in the registry."""
@@ -191,7 +172,7 @@ class LimitedProtocol(H11Protocol):
             super().on_response_complete()
             return
         self.connection_registry.end_request(self._connection)
-        self._start_header_timer()
+        self._end_connection_later(REQUEST, self.connection_registry.limits.header_s, "no whole header")
         if self.conn.trailing_data[0]:
             self._ticket = self.request_scheduler.schedule_request(self._address, self._parse_next_request)
         else:
@@ -212,14 +193,13 @@ class LimitedProtocol(H11Protocol):
     def pause_writing(self) -> None:
         """The client does not take its answer: start the time limit."""
         super().pause_writing()
-        if self._stalled_timer is None and self._connection is not None:
-            limit_s = self.connection_registry.limits.stalled_s
-            self._stalled_timer = self.loop.call_later(limit_s, self._end_connection, "answer not taken")
+        if ANSWER not in self._timers and self._connection is not None:
+            self._end_connection_later(ANSWER, self.connection_registry.limits.stalled_s, "answer not taken")
 
     def resume_writing(self) -> None:
         """The client takes its answer again."""
         super().resume_writing()
-        self._stop_stalled_timer()
+        self._stop_timer(ANSWER)
 
     @property
     def _address(self) -> str:
@@ -256,16 +236,14 @@ class LimitedProtocol(H11Protocol):
         parse()
         if self.cycle is before or self._connection is None:
             return
-        self._stop_timer()
+        self._stop_timer(REQUEST)
         self.connection_registry.begin_request(self._connection, is_known=self._has_known_token)
         if self.cycle.more_body:
             self._check_body_speed()
 
-    def _start_header_timer(self) -> None:
-        self._stop_timer()
-        self._timer = self.loop.call_later(
-            self.connection_registry.limits.header_s, self._end_connection, "no whole header"
-        )
+    def _end_connection_later(self, timer: str, limit_s: float, reason: str) -> None:
+        self._stop_timer(timer)
+        self._timers[timer] = self.loop.call_later(limit_s, self._end_connection, reason)
 
     def _check_body_speed(self) -> None:
         """Check every few seconds that the body still arrives; pauses made by the service itself do not count."""
@@ -274,7 +252,7 @@ class LimitedProtocol(H11Protocol):
         if not self.flow.read_paused and self.connection_registry.is_body_too_slow(self._connection):
             self._end_connection("body too slow")
             return
-        self._timer = self.loop.call_later(BODY_CHECK_PERIOD_S, self._check_body_speed)
+        self._timers[REQUEST] = self.loop.call_later(BODY_CHECK_PERIOD_S, self._check_body_speed)
 
     def _end_connection(self, reason: str) -> None:
         connection, self._connection = self._connection, None
@@ -282,23 +260,17 @@ class LimitedProtocol(H11Protocol):
             self.connection_registry.end_connection(connection, reason)
 
     def _unregister(self) -> None:
-        self._stop_timer()
-        self._stop_stalled_timer()
+        for timer in (REQUEST, ANSWER):
+            self._stop_timer(timer)
         if self._ticket is not None:
-            self._ticket.cancel_ticket()
+            self._ticket.admit = None
         connection, self._connection = self._connection, None
         if connection is not None:
             self.connection_registry.remove_connection(connection)
 
-    def _stop_timer(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _stop_stalled_timer(self) -> None:
-        if self._stalled_timer is not None:
-            self._stalled_timer.cancel()
-            self._stalled_timer = None
+    def _stop_timer(self, timer: str) -> None:
+        if (running := self._timers.pop(timer, None)) is not None:
+            running.cancel()
 
 
 class LimitedWebSocket(WebSocketsSansIOProtocol):
@@ -363,10 +335,8 @@ class LimitedWebSocket(WebSocketsSansIOProtocol):
         second = int(self.loop.time())
         self._control_frames = self._control_frames + 1 if second == self._second else 1
         self._second = second
-        if (
-            self._control_frames <= MOST_CONTROL_FRAMES_PER_S
-            and self.transport.get_write_buffer_size() <= MOST_UNSENT_BYTES
-        ):
+        is_taking = self.transport.get_write_buffer_size() <= MOST_UNSENT_BYTES
+        if self._control_frames <= MOST_CONTROL_FRAMES_PER_S and is_taking:
             return True
         self.transport.abort()
         return False

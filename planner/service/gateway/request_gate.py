@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-import time
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from urllib.parse import unquote, urlsplit
 
@@ -33,7 +31,8 @@ from planner.service.access.permissions import (
     read_bearer,
 )
 from planner.service.errors import ServiceError
-from planner.service.gateway.connection_limits import compute_network_key
+from planner.service.gateway.connection_limits import RateLimiter, compute_network_key
+from planner.service.gateway.responses import build_error_response, build_refusal_response
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 
 
@@ -91,8 +90,15 @@ def list_route_rules(
 ) -> list[RouteRule]:
     """The rules of all routes of routers below a prefix; orders to fleets (`are_orders`) have short bodies."""
     most_bytes = MOST_ORDER_BYTES if are_orders else MEGABYTE_BYTES
-    routes = [route for router in routers for route in router.routes if isinstance(route, APIRoute)]
-    return [_build_route_rule(route, prefix, settings, most_bytes) for route in routes]
+    rules = []
+    for route in (route for router in routers for route in router.routes if isinstance(route, APIRoute)):
+        parts = route.dependant.body_params
+        has_file = any("multipart" in str(getattr(each.field_info, "media_type", "")) for each in parts)
+        is_large = has_file or (route.openapi_extra or {}).get(LARGE_BODY_KEY, False)
+        rule_bytes = settings.upload_bytes + FORM_OVERHEAD_BYTES if is_large else most_bytes
+        path = compile_path(prefix + route.path)[0]
+        rules.append(RouteRule(frozenset(route.methods or ()), path, find_required_right(route), rule_bytes))
+    return rules
 
 
 def find_route_rule(rules: Iterable[RouteRule], method: str, path: str) -> tuple[RouteRule, dict[str, str]] | None:
@@ -103,43 +109,10 @@ def find_route_rule(rules: Iterable[RouteRule], method: str, path: str) -> tuple
     return None
 
 
-def _build_route_rule(route: APIRoute, prefix: str, settings: ServiceSettings, most_bytes: int) -> RouteRule:
-    is_large = _has_file_part(route.dependant) or (route.openapi_extra or {}).get(LARGE_BODY_KEY, False)
-    rule_bytes = settings.upload_bytes + FORM_OVERHEAD_BYTES if is_large else most_bytes
-    return RouteRule(
-        frozenset(route.methods or ()), compile_path(prefix + route.path)[0], find_required_right(route), rule_bytes
-    )
-
-
-def _has_file_part(dependant: Dependant) -> bool:
-    return any("multipart" in str(getattr(each.field_info, "media_type", "")) for each in dependant.body_params)
-
-
 API_PATH = "/api/"
 STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
-MOST_TRACKED_ADDRESSES = 10_000
 MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
 MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
-
-
-class RateLimiter:
-    """Requests per minute for each address, with bursts of up to a minute's worth (token bucket, Turner)."""
-
-    def __init__(self, per_minute: int, clock: Callable[[], float] = time.monotonic) -> None:
-        self._capacity, self._clock = float(per_minute), clock
-        self._remaining: OrderedDict[str, tuple[float, float]] = OrderedDict()
-
-    def take_token(self, address: str) -> float:
-        """Take a token; 0, or the seconds until there is one."""
-        now = self._clock()
-        remaining, last_time = self._remaining.get(address, (self._capacity, now))
-        remaining = min(self._capacity, remaining + (now - last_time) * self._capacity / 60.0)
-        is_taken = remaining >= 1.0
-        self._remaining[address] = (remaining - 1.0 if is_taken else remaining, now)
-        self._remaining.move_to_end(address)
-        if len(self._remaining) > MOST_TRACKED_ADDRESSES:
-            self._remaining.popitem(last=False)  # the address seen least recently has most of its tokens back
-        return 0.0 if is_taken else (1.0 - remaining) * 60.0 / self._capacity
 
 
 class RequestGate:
@@ -150,7 +123,7 @@ class RequestGate:
 
     def __init__(self, app: ASGIApp, settings: ServiceSettings, rules: Sequence[RouteRule]) -> None:
         self.app, self.settings, self.rules = app, settings, rules
-        self.rate_limiter = RateLimiter(settings.rate_per_minute)
+        self.rate_limiter = RateLimiter(settings.rate_per_minute / 60.0, settings.rate_per_minute)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI entry point."""
@@ -158,7 +131,7 @@ class RequestGate:
             await self.app(scope, receive, send)
             return
         if not scope["path"].startswith("/") and not _set_path_from_url(scope):
-            await build_message_response(400, MISSING_PATH, {"connection": "close"})(scope, receive, send)
+            await build_error_response(400, MISSING_PATH, {"connection": "close"})(scope, receive, send)
             return
         matched = find_route_rule(self.rules, scope["method"], scope["path"])
         most_bytes = 0 if matched is None else matched[0].most_bytes  # an unknown address takes no body
@@ -188,12 +161,12 @@ class RequestGate:
             return self._build_rate_refusal(wait_s) if wait_s > 0.0 else build_refusal_response(error)
         length = connection.headers.get("content-length", "")
         if length.isdigit() and int(length[:18]) > most_bytes:
-            return build_message_response(413, _build_too_large_message(most_bytes), {"connection": "close"})
+            return build_error_response(413, _build_too_large_message(most_bytes), {"connection": "close"})
         return None
 
     def _build_rate_refusal(self, wait_s: float) -> JSONResponse:
         message = f"More than {self.settings.rate_per_minute} requests in a minute; ask again later."
-        return build_message_response(429, message, {"retry-after": str(int(wait_s) + 1), "connection": "close"})
+        return build_error_response(429, message, {"retry-after": str(int(wait_s) + 1), "connection": "close"})
 
 
 def _set_path_from_url(scope: Scope) -> bool:
@@ -207,19 +180,6 @@ def _set_path_from_url(scope: Scope) -> bool:
     path = parts.path or "/"
     scope["path"], scope["raw_path"] = unquote(path), path.encode()
     return True
-
-
-def build_refusal_response(error: ServiceError) -> JSONResponse:
-    """A refusal as an answer."""
-    headers = {"www-authenticate": "Bearer"} if error.http_status == 401 else {}
-    return build_message_response(error.http_status, str(error), headers, error.parameter)
-
-
-def build_message_response(
-    status: int, message: str, headers: Mapping[str, str] | None = None, parameter: str | None = None
-) -> JSONResponse:
-    """A sentence as an answer."""
-    return JSONResponse({"error": message, "parameter": parameter}, status, dict(headers or {}))
 
 
 async def _drain_body(scope: Scope, receive: Receive) -> bool:
@@ -259,7 +219,6 @@ def _limit_body(receive: Receive, most_bytes: int) -> Receive:
 def _build_too_large_message(most_bytes: int) -> str:
     if most_bytes == 0:
         return "No route at this address takes a body; the API is documented at /api/v1/docs."
-    size = (
-        f"{most_bytes // MEGABYTE_BYTES} MB" if most_bytes >= MEGABYTE_BYTES else f"{most_bytes // KILOBYTE_BYTES} KB"
-    )
+    is_large = most_bytes >= MEGABYTE_BYTES
+    size = f"{most_bytes // MEGABYTE_BYTES} MB" if is_large else f"{most_bytes // KILOBYTE_BYTES} KB"
     return f"The body is larger than {size}, the limit here; send less."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
 from fastapi import FastAPI, Request
@@ -18,7 +18,7 @@ from starlette.routing import Match
 from planner.errors import HeadlandError
 from planner.request.parameter_names import quote_label
 from planner.request.validation_messages import describe_fault, format_location
-from planner.service.errors import StorageError
+from planner.service.errors import ServiceError, StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 
 TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
@@ -176,19 +176,11 @@ class EventList(ApiModel):
 
 
 _STATUS_MEANINGS = {
-    401: "No token, or an unknown or expired one",
-    403: "The token lacks the right",
-    404: "Nothing of that name",
-    405: "Another method is needed",
-    409: "A name is taken, or the state does not allow it",
-    413: "Too many bytes",
-    422: "A value that cannot be used",
-    429: "Too many requests, or too many jobs waiting",
-    503: "The database cannot be used",
+    401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
+    409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
+    429: "Too many requests, or too many jobs waiting", 503: "The database cannot be used",
     507: "No room left on the disk",
-}
-
-
+}  # fmt: skip
 COMMON_ERROR_STATUSES = (413, 429, 503, 507)
 
 
@@ -200,17 +192,33 @@ def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+def document_file(description: str, media_types: Iterable[str]) -> dict[int | str, dict[str, Any]]:
+    """Documentation of an answer that is a file of one of these media types."""
+    return {200: {"content": {each: {} for each in sorted(media_types)}, "description": description}}
+
+
+LIST_ERRORS = document_errors(401, 403)
 READ_ROUTE_ERRORS = document_errors(401, 403, 422)
-"""Refusals of a route that reads."""
+ITEM_ERRORS = document_errors(401, 403, 404, 422)
+CHANGE_ERRORS = document_errors(401, 403, 404, 409, 422)
+"""Refusals of routes that list, read, read one item, and change one."""
 
 
 INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
 HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 
 
-def build_error_response(status: int, message: str, parameter: str | None = None, **headers: str) -> JSONResponse:
+def build_error_response(
+    status: int, message: str, headers: Mapping[str, str] | None = None, parameter: str | None = None, **more: str
+) -> JSONResponse:
+    """A sentence as an answer; `more` are further keys of it."""
+    headers = dict(headers or {}) | ({"www-authenticate": "Bearer"} if status == 401 else {})
+    return JSONResponse({"error": message, "parameter": parameter, **more}, status, headers)
+
+
+def build_refusal_response(error: ServiceError) -> JSONResponse:
     """A refusal as an answer."""
-    return JSONResponse({"error": message, "parameter": parameter}, status, headers)
+    return build_error_response(error.http_status, str(error), None, error.parameter)
 
 
 def add_error_handlers(app: FastAPI, rename_parameter: Callable[[str], str]) -> None:
@@ -218,16 +226,20 @@ def add_error_handlers(app: FastAPI, rename_parameter: Callable[[str], str]) -> 
 
     async def handle_headland_error(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HeadlandError)
-        status = getattr(error, "http_status", 422)
-        headers = {"www-authenticate": "Bearer"} if status == 401 else {}
         parameter = None if error.parameter is None else rename_parameter(error.parameter)
         sentence, labelled = error.render_sentence(rename_parameter), error.render_sentence(quote_label)
-        answer = {"error": sentence, "parameter": parameter} | ({"labelled": labelled} if labelled != sentence else {})
-        return JSONResponse(answer, status, headers)
+        more = {"labelled": labelled} if labelled != sentence else {}
+        return build_error_response(getattr(error, "http_status", 422), sentence, None, parameter, **more)
 
     async def handle_invalid_request(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
-        return build_error_response(422, *_describe_first_fault(error.errors()))
+        fault = error.errors()[0]
+        if fault["type"] == "json_invalid":
+            return build_error_response(422, describe_fault(fault, "The body"))
+        location = fault["loc"][1:]
+        name = next((part for part in location if isinstance(part, str)), None)
+        sentence = describe_fault(fault, format_location(location) or f"The {fault['loc'][0]}")
+        return build_error_response(422, sentence, None, name)
 
     async def handle_http_exception(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
@@ -259,34 +271,18 @@ def _answer_http_exception(app: FastAPI, request: Request, error: HTTPException)
     if error.status_code == 404:
         return build_error_response(404, "There is nothing at this address; the API is documented at /api/v1/docs.")
     if error.status_code == 405:
-        headers["allow"] = ", ".join(_list_allowed_methods(app, request))
-        return build_error_response(
-            405, f"This address does not take {request.method[:20]}; it takes {headers['allow']}.", **headers
+        scopes = {method: dict(request.scope) | {"method": method} for method in HTTP_METHODS}
+        headers["allow"] = ", ".join(
+            method
+            for method, scope in scopes.items()
+            if any(route.matches(scope)[0] == Match.FULL for route in app.router.routes)
         )
+        sentence = f"This address does not take {request.method[:20]}; it takes {headers['allow']}."
+        return build_error_response(405, sentence, headers)
     if error.status_code == 400:
         if is_disk_full(error):  # the temporary folder for bodies is full
             return build_error_response(StorageError.http_status, DISK_FULL)
         return build_error_response(
             422, "The body cannot be read; send JSON in UTF-8, or a form with the file for uploads."
         )
-    return build_error_response(error.status_code, str(error.detail), None, **headers)
-
-
-def _list_allowed_methods(app: FastAPI, request: Request) -> list[str]:
-    """The methods that an address takes."""
-    allowed = []
-    for method in HTTP_METHODS:
-        scope = dict(request.scope) | {"method": method}
-        if any(route.matches(scope)[0] == Match.FULL for route in app.router.routes):
-            allowed.append(method)
-    return allowed
-
-
-def _describe_first_fault(faults: Any) -> tuple[str, str | None]:
-    """The first fault of a request as a sentence, and its parameter."""
-    fault = faults[0]
-    if fault["type"] == "json_invalid":
-        return describe_fault(fault, "The body"), None
-    location = fault["loc"][1:]
-    name = next((part for part in location if isinstance(part, str)), None)
-    return describe_fault(fault, format_location(location) or f"The {fault['loc'][0]}"), name
+    return build_error_response(error.status_code, str(error.detail), headers)

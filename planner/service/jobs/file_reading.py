@@ -1,9 +1,8 @@
 """What the readers make of a file or a request, in processes that can do nothing else: no file can hold up, end or
 betray the service.
 
-Who asks waits in a queue of his own and in no thread of the server's; a file that needs long or much delays him alone.
-
-Who has something read waits in a queue of his own, and the queues take turns.
+Who asks waits in a queue of his own and in no thread of the server's, and the queues take turns: a file that needs long
+or much delays him alone.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ import time
 import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
-from contextlib import ExitStack
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import chdir
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -46,96 +45,75 @@ class FairQueue:
 
     Args:
         slots: pieces that are done at a time.
-        each: pieces that may wait for one client.
-        all: pieces that may wait at all.
+        most_per_client: pieces that may wait for one client.
+        most_waiting: pieces that may wait at all.
     """
 
     def __init__(
         self, slots: int = READ_SLOTS, most_per_client: int = MOST_WAITING_PER_CLIENT, most_waiting: int = MOST_WAITING
     ) -> None:
         self._slots, self._most_per_client, self._most_waiting = slots, most_per_client, most_waiting
-        self._changed = threading.Condition()
+        self._lock, self._threads = threading.Lock(), ThreadPoolExecutor(slots, thread_name_prefix="reading")
         self._waiting: OrderedDict[str, deque[_WaitingPiece]] = OrderedDict()
         self._busy_clients: set[str] = set()
-        self._threads = 0
-        self._closed = False
 
     def submit_work(self, client: str, work: Callable[[], T]) -> Future[T]:
         """Queue a piece of work for a client; raises BusyError where too many wait."""
         future: Future[T] = Future()
-        with self._changed:
-            waiting = sum(map(len, self._waiting.values()))
+        with self._lock:
             if len(self._waiting.get(client, ())) >= self._most_per_client:
                 raise BusyError(
                     f"{self._most_per_client} files of yours wait to be read already; ask again when some are done."
                 )
-            if waiting >= self._most_waiting:
+            if sum(map(len, self._waiting.values())) >= self._most_waiting:
                 raise BusyError(f"{self._most_waiting} files wait to be read already; ask again in a minute.")
             self._waiting.setdefault(client, deque()).append((time.monotonic(), future, work))
-            if self._threads < min(self._slots, len(self._busy_clients) + waiting + 1):
-                self._threads += 1
-                threading.Thread(target=self._run_thread, name=f"reading {self._threads}", daemon=True).start()
-            self._changed.notify()
+            self._start_next()
         return future
 
     def close(self) -> None:
         """Accept no more work, and drop what waits."""
-        with self._changed:
-            self._closed = True
+        with self._lock:
             dropped = [future for own in self._waiting.values() for _, future, _ in own]
             self._waiting.clear()
-            self._changed.notify_all()
+            self._threads.shutdown(wait=False)
         for future in dropped:
             future.cancel()
 
-    def _run_thread(self) -> None:
-        while (piece := self._take_next()) is not None:
-            client, (since, future, work) = piece
-            try:
-                self._run_piece(since, future, work)
-            finally:
-                with self._changed:
-                    self._busy_clients.discard(client)
-                    self._changed.notify()
-
-    def _take_next(self) -> tuple[str, _WaitingPiece] | None:
-        """The next piece of the client whose turn it is; None at the end."""
-        with self._changed:
-            while not self._closed:
-                for client in self._waiting:
-                    if client not in self._busy_clients:
-                        client_queue = self._waiting.pop(client)
-                        piece = client_queue.popleft()
-                        if client_queue:
-                            self._waiting[client] = client_queue  # behind all others
-                        self._busy_clients.add(client)
-                        return client, piece
-                self._changed.wait()
-            return None
-
-    def _run_piece(self, since: float, future: Future[Any], work: Callable[[], Any]) -> None:
-        if not future.set_running_or_notify_cancel():
+    def _start_next(self) -> None:
+        """Start the next piece of the client whose turn it is, where a thread is free; to be called with the lock."""
+        client = next((each for each in self._waiting if each not in self._busy_clients), None)
+        if client is None or len(self._busy_clients) >= self._slots:
             return
+        client_queue = self._waiting.pop(client)
+        piece = client_queue.popleft()
+        if client_queue:
+            self._waiting[client] = client_queue  # behind all others
+        self._busy_clients.add(client)
+        self._threads.submit(self._run_piece, client, *piece)
+
+    def _run_piece(self, client: str, since: float, future: Future[Any], work: Callable[[], Any]) -> None:
         try:
-            if time.monotonic() - since > LONGEST_WAIT_S:
-                raise BusyError(
-                    f"This file has waited {LONGEST_WAIT_S:.0f} s to be read; try again when the service is less busy."
-                )
-            future.set_result(work())
+            if future.set_running_or_notify_cancel():
+                if time.monotonic() - since > LONGEST_WAIT_S:
+                    raise BusyError(
+                        f"This file has waited {LONGEST_WAIT_S:.0f} s to be read; try again when the service is less "
+                        "busy."
+                    )
+                future.set_result(work())
         except BaseException as error:
             future.set_exception(error)
+        finally:
+            with self._lock:
+                self._busy_clients.discard(client)
+                self._start_next()
 
 
-LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = (
-    60.0,
-    10.0,
-    5.0,
-)  # at most, up to a megabyte, for every further one
+LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
+"""At most, for up to a megabyte, and for every further one."""
 LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
 MOST_CACHED_SUMMARIES = 100
 _WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
-
-ReadResult = dict[str, Any]
 
 
 class FileReader:
@@ -146,7 +124,7 @@ class FileReader:
         self._queue, self._processes = FairQueue(), choose_reader()
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._lock = threading.Lock()
-        self._cache: dict[str, ReadResult] = {}
+        self._cache: dict[str, Any] = {}
         self._running_reads: dict[str, tuple[str, Future[Any]]] = {}
 
     def start_processes(self) -> None:
@@ -160,55 +138,31 @@ class FileReader:
         self._processes.close()
         self._queue, self._processes = FairQueue(), choose_reader()
 
-    async def check_request(self, client: str, kind: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
-        """Raise HeadlandError for a request that cannot be fulfilled, BusyError where too many of a client's wait."""
-        await self._read_in_turn(client, f"check {kind}", inputs, [dict(values)], {})
-
-    async def check_upload(
-        self, client: str, kind: str, file_path: str, inputs: Mapping[str, str], **options: Any
-    ) -> None:
-        """Raise HeadlandError for a file that is not of its kind, read with the options of its upload."""
-        await self._read_in_turn(client, f"upload {kind}", inputs, [file_path], options)
-
-    async def summarize_file(
-        self, client: str, kind: str, file_path: str, inputs: Mapping[str, str], **options: Any
-    ) -> ReadResult:
-        """The summary of a file or a sample; raises HeadlandError.
-
-        Who asks for the same while it is read waits for the same reading.
-        """
-        key = repr((kind, file_path, sorted(inputs.items()), sorted(options.items())))
-        summary: ReadResult = await self._read_in_turn(client, f"summary {kind}", inputs, [file_path], options, key)
-        return summary
-
-    async def read_form(
-        self,
-        client: str,
-        kind: str,
-        text: str,
-        changes: list[dict[str, Any]],
-        farm_path: str | None,
-        inputs: Mapping[str, str],
-    ) -> ReadResult:
-        """Text, values and faults of a day or farm file after changes; raises HeadlandError."""
-        form: ReadResult = await self._read_in_turn(client, f"form {kind}", inputs, [text, changes, farm_path], {})
-        return form
-
-    async def _read_in_turn(
+    async def read(
         self,
         client: str,
         reading: str,
         inputs: Mapping[str, str],
         arguments: list[Any],
-        options: ReadResult,
-        key: str = "",
+        options: Mapping[str, Any] | None = None,
+        *,
+        is_shared: bool = False,
     ) -> Any:
-        """The result of a reading at the client's turn; shared by all requests with the same key."""
+        """The result of a reading (confined_reading.list_readings) at the client's turn.
+
+        Where it `is_shared`, who asks for the same while it is read waits for the same reading, and results are kept.
+        Raises HeadlandError as the reading does, BusyError where too many of a client's wait.
+        """
+        options = dict(options or {})
+        key = repr((reading, arguments, sorted(inputs.items()), sorted(options.items()))) if is_shared else ""
 
         def read_and_cache() -> Any:
             result = self._read_in_folder(reading, inputs, arguments, options)
             if key:
-                self._cache_result(key, result)
+                with self._lock:
+                    if len(self._cache) >= MOST_CACHED_SUMMARIES:
+                        self._cache.clear()
+                    self._cache[key] = result
             return result
 
         with self._lock:
@@ -216,10 +170,12 @@ class FileReader:
                 return self._cache[key]
             owner, shared = self._running_reads.get(key, ("", None))
             # A piece that waits stays in the queue of its own client, so nobody else waits behind it.
-            is_shared = shared is not None and (owner == client or shared.running())
-            future = (
-                None if self._reads_inline else shared if is_shared else self._queue.submit_work(client, read_and_cache)
-            )
+            if self._reads_inline:
+                future = None
+            elif shared is not None and (owner == client or shared.running()):
+                future = shared
+            else:
+                future = self._queue.submit_work(client, read_and_cache)
             if key and future is not None:
                 self._running_reads[key] = client, future
         if future is None:
@@ -229,31 +185,28 @@ class FileReader:
         future.add_done_callback(lambda done: self._forget_running(key, done))
         return await asyncio.shield(asyncio.wrap_future(future))
 
-    def _cache_result(self, key: str, result: ReadResult) -> None:
-        with self._lock:
-            if len(self._cache) >= MOST_CACHED_SUMMARIES:
-                self._cache.clear()
-            self._cache[key] = result
-
     def _forget_running(self, key: str, future: Future[Any]) -> None:
         with self._lock:
             if self._running_reads.get(key, ("", None))[1] is future:
                 del self._running_reads[key]
 
     def _read_in_folder(
-        self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: ReadResult
+        self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: dict[str, Any]
     ) -> Any:
         """Write the files of a reading to a folder of its own and read them there."""
         self._work_folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self._work_folder, prefix="read-") as folder:
             write_inputs(self._store, inputs, Path(folder))
             if self._reads_inline:
-                return _read_in_process(folder, list_readings()[reading], arguments, options)
-            seconds = (
-                LONGEST_READ_S
-                if reading.startswith("check ")
-                else compute_read_timeout_s(_sum_file_bytes(Path(folder)))
-            )
+                try:
+                    with _WORKING_FOLDER_LOCK, chdir(folder):  # files have the names of their uploads there
+                        return list_readings()[reading](*arguments, **options)
+                except (HeadlandError, MemoryError):
+                    raise
+                except Exception:
+                    raise build_refusal(traceback.format_exc()) from None
+            size_bytes = sum(each.stat().st_size for each in Path(folder).rglob("*") if each.is_file())
+            seconds = LONGEST_READ_S if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)
             return extract_reading_value(self._processes.read_order(order), seconds, self._memory_bytes)
 
@@ -270,11 +223,6 @@ def compute_read_timeout_s(size_bytes: int) -> float:
     return min(LONGEST_READ_S, SHORTEST_READ_S + READ_S_PER_MEGABYTE * max(0.0, size_bytes / MEGABYTE_BYTES - 1.0))
 
 
-def _sum_file_bytes(folder: Path) -> int:
-    """Bytes of all files below a folder."""
-    return sum(each.stat().st_size for each in folder.rglob("*") if each.is_file())
-
-
 def compute_reading_memory_limit_bytes() -> int:
     """Memory limit of one reading, bytes: an eighth of the memory of the machine, within bounds."""
     try:
@@ -282,16 +230,3 @@ def compute_reading_memory_limit_bytes() -> int:
     except (AttributeError, ValueError, OSError):
         return MOST_MEMORY_BYTES
     return max(LEAST_MEMORY_BYTES, min(MOST_MEMORY_BYTES, total_bytes // 8))
-
-
-def _read_in_process(folder: str, read_function: Callable[..., Any], arguments: list[Any], options: ReadResult) -> Any:
-    """Read inside a folder, where files have the names of their uploads."""
-    with _WORKING_FOLDER_LOCK, ExitStack() as stack:
-        stack.callback(os.chdir, os.getcwd())
-        os.chdir(folder)
-        try:
-            return read_function(*arguments, **options)
-        except (HeadlandError, MemoryError):
-            raise
-        except Exception:
-            raise build_refusal(traceback.format_exc()) from None

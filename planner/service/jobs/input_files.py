@@ -47,10 +47,14 @@ class InputCollector:
         except NotFoundError as error:
             raise ServiceError(str(error), parameter=parameter) from None
         file_path = f"{folder or kind}/{filename or stored_file.name + stored_file.suffix}"
-        self.add_bytes(kind, file_path, stored_file.sha256, parameter)
+        self._add_bytes(kind, file_path, stored_file.sha256, parameter)
         return file_path
 
-    def add_bytes(self, kind: str, file_path: str, sha256: str, parameter: str) -> None:
+    def add_content(self, kind: str, file_path: str, content: bytes, parameter: str) -> None:
+        """Add the bytes of a file that has no name yet; raises ServiceError about the parameter."""
+        self._add_bytes(kind, file_path, self._store.blobs.put_bytes(content), parameter)
+
+    def _add_bytes(self, kind: str, file_path: str, sha256: str, parameter: str) -> None:
         """Add bytes at a path; a farm brings the tractor files that it names."""
         self.inputs[file_path] = sha256
         if kind == "farm":
@@ -64,19 +68,13 @@ class InputCollector:
     def get_field_options(self, name: str) -> dict[str, Any]:
         """How an uploaded field is read, as given with the upload."""
         stem = name.partition("#")[0]
-        return (
-            {}
-            if stem in list_sample_names()
-            else dict(self._store.get_file("field", _strip_suffix("field", stem)).options)
-        )
+        if stem in list_sample_names():
+            return {}
+        return dict(self._store.get_file("field", _strip_suffix("field", stem)).options)
 
     def add_tractor(self, name: str, parameter: str) -> str:
         """The name of a built-in tractor, or the path of an uploaded one."""
         return name if name in list_tractor_names() else self.add_file("tractor", name, parameter)
-
-    def add_log(self, name: str) -> str:
-        """The name of the log of Headland, or the path of an uploaded one."""
-        return name if name == SAMPLE_LOG else self.add_file("log", name, "logs")
 
     def add_farm_tractors(self, text: str, folder: str) -> None:
         """The tractor files that the text of a farm names, in a folder, as far as there are any."""
@@ -90,22 +88,16 @@ class InputCollector:
         self.inputs[DAY_FILE] = sha256
         self._add_named_files(sha256, "day", "day", _list_day_files)
 
-    def _add_named_files(
-        self,
-        sha256: str,
-        folder: str,
-        parameter: str,
-        list_names: ListNames,
-    ) -> None:
+    def _add_named_files(self, sha256: str, folder: str, parameter: str, list_names: ListNames) -> None:
         """Add the files that a TOML file names, beside it under those names; a file that is not TOML names none."""
         text = self._store.blobs.read_bytes(sha256).decode("utf-8-sig", "replace")
         for kind, name in _list_names_in_toml(text, list_names):
-            if f"{folder}/{name}" == DAY_FILE:
-                sentence = (
-                    f"A {kind} of the day has the name {name!r} of the day file itself; upload it under another name."
-                )
-                raise ServiceError(sentence, parameter=parameter)
             file_path = f"{folder}/{name}"
+            if file_path == DAY_FILE:
+                raise ServiceError(
+                    f"A {kind} of the day has the name {name!r} of the day file itself; upload it under another name.",
+                    parameter=parameter,
+                )
             before = self.inputs.get(file_path)
             self.add_file(kind, name, parameter, folder, name)
             if before not in (None, self.inputs[file_path]):
@@ -115,10 +107,8 @@ class InputCollector:
 
 def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], InputFiles]:
     """The request with paths in its folder, and the files to write there; raises ServiceError."""
-    collector, values = (
-        InputCollector(store),
-        request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"}),
-    )
+    collector = InputCollector(store)
+    values = request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
     if _is_rain_table(values.get("rain")):
         values["rain"] = collector.add_file("table", values["rain"].strip(), "rain")
     if isinstance(request, PlanJobRequest):
@@ -126,12 +116,11 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
     elif isinstance(request, DayJobRequest):
         collector.add_day(request.day)
         values["day"] = DAY_FILE
-        if request.farm is not None:
-            values["farm"] = (
-                request.farm if request.farm == EXAMPLE_FARM else collector.add_file("farm", request.farm, "farm")
-            )
+        if request.farm not in (None, EXAMPLE_FARM):
+            values["farm"] = collector.add_file("farm", str(request.farm), "farm")
     elif isinstance(request, DiagnosisJobRequest):
-        values["logs"] = [collector.add_log(name) for name in request.logs]
+        logs = request.logs
+        values["logs"] = [name if name == SAMPLE_LOG else collector.add_file("log", name, "logs") for name in logs]
         values["tractor"] = collector.add_tractor(request.tractor, "tractor")
     return values, collector.inputs
 
@@ -142,27 +131,18 @@ def _collect_plan_files(
     """The given values of a plan request with the paths of its files; `options` has defaults as well."""
     values["field"] = collector.add_field(options["field"], "field")
     values = collector.get_field_options(options["field"]) | values
-    if options["gnss_table"] is not None:
-        values["gnss_table"] = collector.add_file("table", options["gnss_table"], "gnss_table")
-    if options["elevation"] is not None:
-        values["elevation"] = collector.add_file("elevation", options["elevation"], "elevation")
-    if options["soil"] is not None:
-        _check_soil_name(options["soil"])
+    for parameter, kind in (("gnss_table", "table"), ("elevation", "elevation"), ("farm", "farm")):
+        if options[parameter] is not None:
+            values[parameter] = collector.add_file(kind, options[parameter], parameter)
+    if options["soil"] is not None and options["soil"] not in load_soils():  # a request names no table by its path
+        sentence = f"The soil {options['soil'][:60]!r} is unknown; use one of: {', '.join(load_soils())}."
+        raise ServiceError(sentence, parameter="soil")
     if _is_rain_table(options["rain_mm"]):
         sentence = "The rain of the last days cannot be a file here; give millimetres by day, such as 0,12,5."
         raise ServiceError(sentence, parameter="rain_mm")
-    if options["farm"] is not None:
-        values["farm"] = collector.add_file("farm", options["farm"], "farm")
     if "tractor" in values and not _is_farm_tractor(store, options["farm"], options["tractor"]):
         values["tractor"] = collector.add_tractor(options["tractor"], "tractor")
     return values
-
-
-def _check_soil_name(name: str) -> None:
-    """Raise ServiceError for anything but a soil of Headland: a request names no table by its path."""
-    soils = load_soils()
-    if name not in soils:
-        raise ServiceError(f"The soil {name[:60]!r} is unknown; use one of: {', '.join(soils)}.", parameter="soil")
 
 
 def write_inputs(store: Store, inputs: Mapping[str, str], folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from planner.day.field_times import FieldTimeCache
 from planner.day.input_file import load_day
@@ -17,10 +17,10 @@ from planner.pipeline.planning import PlanningResult
 from planner.pipeline.planning import plan as simulate_all
 from planner.pipeline.ranking import list_candidates
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
-from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext
+from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
 from planner.service.sandbox.request_checks import build_request_plan_inputs
+from planner.service.store.file_table import MEDIA_BY_SUFFIX
 from planner.service.store.job_queue import ResultFile
-from reports.common.plan_results import PlanRanking
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
@@ -36,29 +36,10 @@ from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.model.tractor_writer import format_tractor_toml
 
 
-def build_json_file(name: str, text: str) -> ResultFile:
-    """A JSON file."""
-    return name, text.encode(), "application/json"
-
-
-def build_csv_file(name: str, text: str) -> ResultFile:
-    """A CSV file."""
-    return name, text.encode(), "text/csv; charset=utf-8"
-
-
-def build_html_file(name: str, text: str) -> ResultFile:
-    """A page."""
-    return name, text.encode("utf-8", "replace"), "text/html; charset=utf-8"
-
-
-def build_png_file(name: str, content: bytes) -> ResultFile:
-    """A picture."""
-    return name, content, "image/png"
-
-
-def build_toml_file(name: str, text: str) -> ResultFile:
-    """A TOML file."""
-    return name, text.encode(), "application/toml"
+def build_result_file(name: str, content: str | bytes) -> ResultFile:
+    """A result, whose ending gives its media type."""
+    encoded = content.encode("utf-8", "replace") if isinstance(content, str) else content
+    return name, encoded, MEDIA_BY_SUFFIX[PurePosixPath(name).suffix]
 
 
 def load_job_libraries() -> None:
@@ -107,13 +88,12 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
 
 
 def _write_day_results(result: DayResult) -> Iterator[ResultFile]:
-    yield build_json_file("result.json", format_day_json(result))
-    yield build_csv_file("result.csv", format_day_csv(result))
-    yield build_html_file("page.html", render_day_page(result))
-    yield build_png_file("gantt.png", render_png(draw_gantt(result)))
-    figure = draw_road_map(result)
-    if figure is not None:
-        yield build_png_file("map.png", render_png(figure))
+    yield build_result_file("result.json", format_day_json(result))
+    yield build_result_file("result.csv", format_day_csv(result))
+    yield build_result_file("page.html", render_day_page(result))
+    yield build_result_file("gantt.png", render_png(draw_gantt(result)))
+    if (figure := draw_road_map(result)) is not None:
+        yield build_result_file("map.png", render_png(figure))
 
 
 def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
@@ -149,12 +129,14 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
 
 
 def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) -> Iterator[ResultFile]:
-    yield build_json_file("result.json", format_diagnosis_json(diagnosis, hidden))
-    yield build_html_file("page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description))
+    yield build_result_file("result.json", format_diagnosis_json(diagnosis, hidden))
+    yield build_result_file(
+        "page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)
+    )
     if diagnosis.is_savable:
-        yield build_toml_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
+        yield build_result_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
     if diagnosis.next_drive_plan is not None:
-        yield build_json_file("next-drive.json", diagnosis.next_drive_plan)
+        yield build_result_file("next-drive.json", diagnosis.next_drive_plan)
 
 
 def run_plan_job(job: JobContext) -> list[ResultFile]:
@@ -180,28 +162,28 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
         )
     job.report_progress(0, 0, "Writing the results")
     files = list(_write_plan_results(planned))
-    job.report_progress(1, 1, _describe_plan_outcome(planned.ranking))
+    outcome = "No plan is feasible."
+    if planned.ranking.best is not None:
+        outcome = " ".join(list_shortfall_sentences(planned.ranking)) or "Done"
+    job.report_progress(1, 1, outcome)
     return files
-
-
-def _describe_plan_outcome(ranking: PlanRanking) -> str:
-    """Whether a plan meets the request, in a sentence."""
-    if ranking.best is None:
-        return "No plan is feasible."
-    return " ".join(list_shortfall_sentences(ranking)) or "Done"
 
 
 def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
     ranking, best = planned.ranking, planned.ranking.best
     drive = None if best is None else planned.pictures[best.strategy, best.tractors]
-    yield build_json_file("result.json", format_ranking_json(ranking))
-    yield build_csv_file("result.csv", format_ranking_csv(ranking))
+    yield build_result_file("result.json", format_ranking_json(ranking))
+    yield build_result_file("result.csv", format_ranking_csv(ranking))
     field_picture = None if drive is not None else build_refused_picture(planned.context, ranking)
-    yield build_html_file("page.html", render_plan_page(ranking, drive, planned.pictures, field_picture))
-    yield build_json_file("maps.json", format_maps_json(ranking, drive, planned.pictures))
+    yield build_result_file("page.html", render_plan_page(ranking, drive, planned.pictures, field_picture))
+    yield build_result_file("maps.json", format_maps_json(ranking, drive, planned.pictures))
     if (picture := drive or field_picture) is not None:
-        yield build_png_file("map.png", render_png(draw_plan_map(picture, ranking.field_name)))
+        yield build_result_file("map.png", render_png(draw_plan_map(picture, ranking.field_name)))
     if best is not None and planned.run is not None:
-        yield build_json_file("plan.json", write_saved_plan(planned.context, planned.run.plan, ranking))
+        yield build_result_file("plan.json", write_saved_plan(planned.context, planned.run.plan, ranking))
     for (strategy, tractors), legs in planned.plans.items():
-        yield build_json_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs, ranking))
+        yield build_result_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs, ranking))
+
+
+JOB_FUNCTIONS: dict[str, JobFunction] = {"plan": run_plan_job, "day": run_day_job, "diagnosis": run_diagnosis_job}
+"""What runs a job, by its kind."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 
 from planner.service.access.permissions import Caller
 from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.input_files import InputFiles, collect_inputs
+from planner.service.jobs.input_files import collect_inputs
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import LONGEST_NAME_CHARS
@@ -26,26 +25,15 @@ async def submit_job(
     if isinstance(body, DayJobRequest | DiagnosisJobRequest):
         await run_in_threadpool(body.check_options)
     values, inputs = await run_in_threadpool(collect_inputs, store, body)
-    await reader.check_request(client, kind, values, inputs)
-    return await run_in_threadpool(_add_job, store, kind, body, values, inputs, caller)
+    await reader.read(client, f"check {kind}", inputs, [values])
 
+    def add_job() -> JobRow:
+        request = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
+        row = store.add_job(kind, body.name or _choose_job_name(body), request, inputs, values, caller.owner_name)
+        store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
+        return row
 
-def _add_job(
-    store: Store, kind: str, body: JobRequest, values: dict[str, Any], inputs: InputFiles, caller: Caller
-) -> JobRow:
-    """The job of a request that was checked."""
-    request_values = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
-    row = store.add_job(kind, body.name or _choose_job_name(body), request_values, inputs, values, caller.owner_name)
-    store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
-    return row
-
-
-def _name_diagnosed_logs(body: DiagnosisJobRequest) -> str:
-    """What was diagnosed, in words."""
-    if body.demo:
-        return f"hidden {get_effect_label(body.hide)}" if body.hide else f"hidden effect (seed {body.seed or 1})"
-    more = len(body.logs) - SHOWN_LOGS
-    return ", ".join(body.logs[:SHOWN_LOGS]) + (f" and {more} more" if more > 0 else "")
+    return await run_in_threadpool(add_job)
 
 
 def _choose_job_name(body: JobRequest) -> str:
@@ -54,6 +42,10 @@ def _choose_job_name(body: JobRequest) -> str:
     if isinstance(body, PlanJobRequest):
         words = str(dict(body)["field"])
     elif isinstance(body, DiagnosisJobRequest):
-        words = f"{_name_diagnosed_logs(body)} against {body.tractor} on {body.ground}"
+        more = len(body.logs) - SHOWN_LOGS
+        logs = ", ".join(body.logs[:SHOWN_LOGS]) + (f" and {more} more" if more > 0 else "")
+        if body.demo:
+            logs = f"hidden {get_effect_label(body.hide)}" if body.hide else f"hidden effect (seed {body.seed or 1})"
+        words = f"{logs} against {body.tractor} on {body.ground}"
     words = re.sub(r"[^\w()+-]+", " ", words).strip(" ()+-_")[:LONGEST_NAME_CHARS].strip()
     return words or "job"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
 import os
 import secrets
 import shutil
@@ -20,7 +19,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
-from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -31,32 +29,21 @@ from planner.request.parameter_names import strip_unit
 from planner.service.errors import StorageError
 from planner.service.jobs.input_files import write_inputs
 from planner.service.jobs.job_requests import JobContext, JobFunction
+from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import ServiceSettings
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 
-PLAN_KIND, DAY_KIND, DIAGNOSIS_KIND = "plan", "day", "diagnosis"
-
 
 def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
     """The function of a kind of job; its modules are loaded only now."""
     if name in settings.job_functions:
         return cast(JobFunction, settings.job_functions[name])
-    if name == PLAN_KIND:
-        from planner.service.jobs.job_runs import run_plan_job
+    from planner.service.jobs.job_runs import JOB_FUNCTIONS
 
-        return run_plan_job
-    if name == DAY_KIND:
-        from planner.service.jobs.job_runs import run_day_job
-
-        return run_day_job
-    if name == DIAGNOSIS_KIND:
-        from planner.service.jobs.job_runs import run_diagnosis_job
-
-        return run_diagnosis_job
-    raise KeyError(name)
+    return JOB_FUNCTIONS[name]
 
 
 T = TypeVar("T")
@@ -74,7 +61,7 @@ JOB_FAULT = "This is a fault of Headland ({words}); please report it."
 def run_worker(settings: ServiceSettings, worker: str) -> None:
     """Run jobs until the server is gone or ends this; the main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_exit_with_service, daemon=True).start()
+    end_with_service()
     store, is_prepared = Store(settings), bool(settings.job_functions)  # other kinds of jobs load what they need
     while True:
         job = _claim_next_job(store, worker)
@@ -215,37 +202,13 @@ def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
     """Work in a folder of its own with the files of a job, which keep the names of their uploads."""
     base = store.settings.data.resolve() / WORK_FOLDER
     base.mkdir(parents=True, exist_ok=True)
-    previous_folder = os.getcwd()
     with tempfile.TemporaryDirectory(dir=base, prefix=f"{job.id}-") as folder:
         write_inputs(store, job.inputs, Path(folder))
-        os.chdir(folder)
-        try:
+        with contextlib.chdir(folder):
             yield
-        finally:
-            os.chdir(previous_folder)
 
 
-def _exit_with_service() -> None:
-    """End this process when the server ends, for whatever reason."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(0)
-
-
-SUPERVISE_PERIOD_S, TERMINATE_TIMEOUT_S = 1.0, 10.0
-SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S = 1.0, 30.0
-"""A worker that ends sooner is replaced after a pause, which doubles each time."""
-
-
-@dataclass
-class _WorkerSlot:
-    """A slot for one worker process."""
-
-    process: SpawnProcess | None = None
-    worker: str = ""
-    since_s: float = 0.0
-    pause_s: float = 0.0
+SUPERVISE_PERIOD_S = 1.0
 
 
 class WorkerSupervisor:
@@ -253,8 +216,7 @@ class WorkerSupervisor:
 
     def __init__(self, settings: ServiceSettings, store: Store) -> None:
         self.settings, self.store = settings, store
-        self._context = multiprocessing.get_context("spawn")
-        self._slots = [_WorkerSlot() for _ in range(settings.workers)]
+        self._slots = [KeptProcess("", run_worker) for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._was_unwritable = False
         self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)
@@ -270,7 +232,10 @@ class WorkerSupervisor:
         if self._thread.is_alive():
             self._thread.join()
         for slot in self._slots:
-            self._end_worker(slot)
+            if slot.process is not None:
+                slot.end()
+                with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                    self.store.release_jobs(slot.name, counts_try=False)
 
     def list_worker_pids(self) -> list[int]:
         """Process ids of the workers."""
@@ -279,8 +244,12 @@ class WorkerSupervisor:
     def _watch_workers(self) -> None:
         while not self._stopping.is_set():
             for slot in self._slots:
-                with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                try:
                     self._replace_ended(slot)
+                except DATABASE_WRITE_ERRORS:
+                    continue
+                except OSError:
+                    logging.getLogger(__name__).exception("A worker cannot be started")
             self._release_unreported()
             sentinels = [slot.process.sentinel for slot in self._slots if slot.process is not None]
             if sentinels and not wait(sentinels, timeout=SUPERVISE_PERIOD_S):
@@ -298,33 +267,12 @@ class WorkerSupervisor:
         except DATABASE_WRITE_ERRORS:
             self._was_unwritable = True
 
-    def _replace_ended(self, slot: _WorkerSlot) -> None:
+    def _replace_ended(self, slot: KeptProcess) -> None:
         """Start a worker in an empty slot; the job of one that ended goes back into the queue."""
-        if slot.process is not None and slot.process.exitcode is not None:
-            lived_s, status = time.monotonic() - slot.since_s, slot.process.exitcode
-            logging.getLogger(__name__).info("The worker %s ended with status %s.", slot.worker, status)
-            self.store.release_jobs(slot.worker, counts_try=status != LOST_STATUS)
-            slot.process = None
-            slot.pause_s = (
-                min(max(2 * slot.pause_s, SHORT_LIFE_S), LONGEST_RESTART_PAUSE_S) if lived_s < SHORT_LIFE_S else 0.0
-            )
-            slot.since_s = time.monotonic()
-        if slot.process is None and time.monotonic() - slot.since_s >= slot.pause_s:
-            slot.worker = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-            slot.process = self._context.Process(
-                target=run_worker, args=(self.settings, slot.worker), name="headland-worker"
-            )
-            slot.process.start()
-            slot.since_s = time.monotonic()
-
-    def _end_worker(self, slot: _WorkerSlot) -> None:
-        if slot.process is None:
-            return
-        slot.process.terminate()
-        slot.process.join(TERMINATE_TIMEOUT_S)
-        if slot.process.exitcode is None:
-            slot.process.kill()
-            slot.process.join()
-        with contextlib.suppress(*DATABASE_WRITE_ERRORS):
-            self.store.release_jobs(slot.worker, counts_try=False)
-        slot.process = None
+        if slot.end_status is not None:
+            is_lost = slot.end_status == LOST_STATUS
+            self.store.release_jobs(slot.name, counts_try=not is_lost)
+            slot.forget(is_fault=not is_lost)
+        if slot.is_due:
+            slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+            slot.start(self.settings, slot.name)

@@ -1,22 +1,48 @@
-"""Serves the page at / and its files under /static from this package."""
+"""Serves the page at /, its files under /static from this package, and the guide at /guide.
+
+The guide has rendered pages and a search, offline and without scripts.
+"""
 
 from __future__ import annotations
 
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 
 from fastapi import FastAPI
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from planner.service.pages.guide import mount_guide
+from planner.errors import RequestError
+from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
 from reports.common.language import find_language, get_messages
 
 STATIC_FOLDER = Path(__file__).parent / "static"
 CACHE_HEADERS = {"cache-control": "no-cache"}
 """Browsers revalidate every file, so that an update never mixes old and new ones."""
+GUIDE_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title} - Headland guide</title>
+<link rel="icon" href="../static/mark.svg" type="image/svg+xml">
+<link rel="stylesheet" href="../static/css/tokens.css">
+<link rel="stylesheet" href="../static/css/base.css">
+<link rel="stylesheet" href="../static/css/guide.css">
+</head>
+<body>
+<header class="guide-bar"><a href="../">Headland</a><a href="./">Guide</a>
+<form action="./" role="search">
+<input type="search" name="q" value="{query}" aria-label="Search the guide" placeholder="Search">
+</form></header>
+<div class="guide"><nav aria-label="Topics"><ul>{topics}</ul></nav><main id="main">{content}</main></div>
+</body>
+</html>
+"""
 
 
 class _PageFiles(StaticFiles):
@@ -48,5 +74,41 @@ def mount_pages(app: FastAPI) -> None:
     app.add_route("/", show_page, methods=["GET"], include_in_schema=False)
     app.add_route("/static/example-day.toml", show_example_day, methods=["GET"], include_in_schema=False)
     app.add_route("/static/languages/{language}.json", send_catalogue, methods=["GET"], include_in_schema=False)
-    mount_guide(app)
+    _mount_guide(app)
     app.mount("/static", _PageFiles(directory=STATIC_FOLDER), name="static")
+
+
+def _mount_guide(app: FastAPI) -> None:
+    """Serve the guide below /guide/; `?q=` searches it."""
+
+    async def redirect_to_guide(_: Request) -> Response:
+        return RedirectResponse("guide/")
+
+    async def show_start(request: Request) -> Response:
+        query = request.query_params.get("q", "")
+        if query.strip():
+            return HTMLResponse(_build_guide_page("Search", render_matches(query), query))
+        items = "".join(f'<li><a href="{page.topic}">{escape(page.title)}</a></li>' for page in list_pages())
+        return HTMLResponse(_build_guide_page("Guide", f"<h1>Guide</h1><ul>{items}</ul>", query))
+
+    async def show_topic(request: Request) -> Response:
+        name = request.path_params["topic"]
+        attachment = read_attachment(name)
+        if attachment is not None:
+            return Response(attachment[0], media_type=attachment[1])
+        try:
+            page = read_page(name)
+        except RequestError as refusal:
+            return HTMLResponse(_build_guide_page("No such topic", f"<p>{escape(str(refusal))}</p>"), status_code=404)
+        return HTMLResponse(_build_guide_page(page.title, render_page(page)))
+
+    app.add_route("/guide", redirect_to_guide, methods=["GET"], include_in_schema=False)
+    app.add_route("/guide/", show_start, methods=["GET"], include_in_schema=False)
+    app.add_route("/guide/{topic}", show_topic, methods=["GET"], include_in_schema=False)
+
+
+def _build_guide_page(title: str, content: str, query: str = "") -> str:
+    topics = "".join(f'<li><a href="{page.topic}">{escape(page.topic)}</a></li>' for page in list_pages())
+    for box in ("pre", "table"):  # they may scroll, so keys must reach them
+        content = content.replace(f"<{box}>", f'<{box} tabindex="0">')
+    return GUIDE_PAGE.format(title=escape(title), content=content, topics=topics, query=escape(query[:80], quote=True))

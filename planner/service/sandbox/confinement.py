@@ -23,11 +23,8 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-LANDLOCK_CREATE_RULESET, LANDLOCK_ADD_RULE, LANDLOCK_RESTRICT_SELF = (
-    444,
-    445,
-    446,
-)  # calls of the system, the same on every processor
+LANDLOCK_CREATE_RULESET, LANDLOCK_ADD_RULE, LANDLOCK_RESTRICT_SELF = 444, 445, 446
+"""Calls of the system, the same on every processor."""
 LANDLOCK_VERSION_FLAG = 1 << 0  # asks which Landlock this is
 LANDLOCK_PATH_BENEATH = 1
 LANDLOCK_READ_RIGHTS = (1 << 2) | (1 << 3)  # files, and folders
@@ -63,15 +60,15 @@ def restrict_to_folders(folders: Iterable[Path]) -> None:
     files = max(rights for since, rights in LANDLOCK_FILE_RIGHTS.items() if since <= version)
     rules = _LandlockRuleset(files, LANDLOCK_TCP_RIGHTS if version >= 4 else 0, LANDLOCK_SCOPES if version >= 6 else 0)
     size = 24 if version >= 6 else 16 if version >= 4 else 8
-    ruleset = _check_landlock_result(
-        libc.syscall(LANDLOCK_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), 0)
-    )
+    created = libc.syscall(LANDLOCK_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), 0)
+    ruleset = _check_result(created, "Landlock refused")
     for folder in folders:
         folder_descriptor = os.open(folder, os.O_PATH | os.O_CLOEXEC | os.O_DIRECTORY)
         rule = _PathBeneathRule(LANDLOCK_READ_RIGHTS, folder_descriptor)
-        _check_landlock_result(libc.syscall(LANDLOCK_ADD_RULE, ruleset, LANDLOCK_PATH_BENEATH, ctypes.byref(rule), 0))
+        added = libc.syscall(LANDLOCK_ADD_RULE, ruleset, LANDLOCK_PATH_BENEATH, ctypes.byref(rule), 0)
+        _check_result(added, "Landlock refused")
         os.close(folder_descriptor)
-    _check_landlock_result(libc.syscall(LANDLOCK_RESTRICT_SELF, ruleset, 0))
+    _check_result(libc.syscall(LANDLOCK_RESTRICT_SELF, ruleset, 0), "Landlock refused")
     os.close(ruleset)
 
 
@@ -79,94 +76,42 @@ def _load_libc() -> ctypes.CDLL:
     return ctypes.CDLL(None, use_errno=True)
 
 
-def _check_landlock_result(result: int) -> int:
+def _check_result(result: int, fault: str) -> int:
+    """The result of a call of the system; raises OSError where it failed."""
     if result < 0:
-        raise OSError(ctypes.get_errno(), "Landlock refused")
+        raise OSError(ctypes.get_errno(), fault)
     return result
 
 
 PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 22, 2  # of prctl
 AUDIT_ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 ALLOWED_CALLS: dict[str, tuple[int | None, int | None]] = {
-    "read": (0, 63),
-    "write": (1, 64),
-    "open": (2, None),
-    "close": (3, 57),
-    "stat": (4, None),
-    "fstat": (5, 80),
-    "lstat": (6, None),
-    "poll": (7, None),
-    "lseek": (8, 62),
-    "mmap": (9, 222),
-    "mprotect": (10, 226),
-    "munmap": (11, 215),
-    "brk": (12, 214),
-    "rt_sigaction": (13, 134),
-    "rt_sigprocmask": (14, 135),
-    "rt_sigreturn": (15, 139),
-    "pread64": (17, 67),
-    "readv": (19, 65),
-    "writev": (20, 66),
-    "access": (21, None),
-    "sched_yield": (24, 124),
-    "mremap": (25, 216),
-    "mincore": (27, 232),
-    "madvise": (28, 233),
-    "dup": (32, 23),
-    "dup2": (33, None),
-    "nanosleep": (35, 101),
-    "getpid": (39, 172),
-    "exit": (60, 93),
-    "uname": (63, 160),
-    "getcwd": (79, 17),
-    "chdir": (80, 49),
-    "readlink": (89, None),
-    "gettimeofday": (96, 169),
-    "getrlimit": (97, 163),
-    "getrusage": (98, 165),
-    "sysinfo": (99, 179),
-    "times": (100, 153),
-    "getuid": (102, 174),
-    "getgid": (104, 176),
-    "geteuid": (107, 175),
-    "getegid": (108, 177),
-    "getppid": (110, 173),
-    "sigaltstack": (131, 132),
-    "statfs": (137, 43),
-    "fstatfs": (138, 44),
-    "arch_prctl": (158, None),
-    "gettid": (186, 178),
-    "futex": (202, 98),
-    "sched_getaffinity": (204, 123),
-    "getdents64": (217, 61),
-    "set_tid_address": (218, 96),
-    "fadvise64": (221, 223),
-    "clock_gettime": (228, 113),
-    "clock_getres": (229, 114),
-    "clock_nanosleep": (230, 115),
-    "exit_group": (231, 94),
-    "openat": (257, 56),
-    "newfstatat": (262, 79),
-    "readlinkat": (267, 78),
-    "faccessat": (269, 48),
-    "ppoll": (271, 73),
-    "set_robust_list": (273, 99),
-    "dup3": (292, 24),
-    "getrandom": (318, 278),
-    "membarrier": (324, 283),
-    "statx": (332, 291),
-    "rseq": (334, 293),
-    "faccessat2": (439, 439),
-}
+    # files and folders
+    "open": (2, None), "openat": (257, 56), "close": (3, 57), "read": (0, 63), "readv": (19, 65), "pread64": (17, 67),
+    "write": (1, 64), "writev": (20, 66), "lseek": (8, 62), "dup": (32, 23), "dup2": (33, None), "dup3": (292, 24),
+    "fadvise64": (221, 223), "stat": (4, None), "fstat": (5, 80), "lstat": (6, None), "newfstatat": (262, 79),
+    "statx": (332, 291), "statfs": (137, 43), "fstatfs": (138, 44), "access": (21, None), "faccessat": (269, 48),
+    "faccessat2": (439, 439), "readlink": (89, None), "readlinkat": (267, 78), "getdents64": (217, 61),
+    "getcwd": (79, 17), "chdir": (80, 49), "poll": (7, None), "ppoll": (271, 73),
+    # memory
+    "mmap": (9, 222), "mprotect": (10, 226), "munmap": (11, 215), "mremap": (25, 216), "mincore": (27, 232),
+    "madvise": (28, 233), "brk": (12, 214),
+    # signals to itself, threads and the end
+    "rt_sigaction": (13, 134), "rt_sigprocmask": (14, 135), "rt_sigreturn": (15, 139), "sigaltstack": (131, 132),
+    "futex": (202, 98), "set_robust_list": (273, 99), "set_tid_address": (218, 96), "rseq": (334, 293),
+    "membarrier": (324, 283), "sched_yield": (24, 124), "sched_getaffinity": (204, 123), "arch_prctl": (158, None),
+    "exit": (60, 93), "exit_group": (231, 94),
+    # times and what the process is
+    "nanosleep": (35, 101), "clock_nanosleep": (230, 115), "clock_gettime": (228, 113), "clock_getres": (229, 114),
+    "gettimeofday": (96, 169), "times": (100, 153), "getpid": (39, 172), "getppid": (110, 173), "gettid": (186, 178),
+    "getuid": (102, 174), "getgid": (104, 176), "geteuid": (107, 175), "getegid": (108, 177), "getrlimit": (97, 163),
+    "getrusage": (98, 165), "getrandom": (318, 278), "sysinfo": (99, 179), "uname": (63, 160),
+}  # fmt: skip
 """Allowed system calls, by their numbers on x86_64 and aarch64."""
 FCNTL_NUMBERS, CLONE3_NUMBERS = (72, 25), (435, 435)
 ALLOWED_FCNTL_COMMANDS = (0, 1, 2, 3, 4, 5, 6, 7, 1030)  # copies, flags and locks; not who is sent signals
-BPF_LOAD, BPF_JUMP_EQUAL, BPF_JUMP_GREATER_EQUAL, BPF_RETURN = (
-    0x20,
-    0x15,
-    0x35,
-    0x06,
-)  # of the classic Berkeley packet filter
+BPF_LOAD, BPF_JUMP_EQUAL, BPF_JUMP_GREATER_EQUAL, BPF_RETURN = 0x20, 0x15, 0x35, 0x06
+"""Of the classic Berkeley packet filter."""
 CALL_NUMBER_OFFSET, ARCHITECTURE_OFFSET, SECOND_ARGUMENT_OFFSET = 0, 4, 24  # where these stand in what the filter sees
 SECCOMP_KILL, SECCOMP_ALLOW, SECCOMP_ERRNO = 0x80000000, 0x7FFF0000, 0x00050000
 X32_CALLS_FROM = 0x40000000  # x86_64 has all calls a second time from here on
@@ -189,9 +134,8 @@ def restrict_system_calls() -> None:
     code = b"".join(struct.pack("=HBBI", *each) for each in _build_seccomp_filter(platform.machine()))
     buffer = ctypes.create_string_buffer(code, len(code))
     program = _SeccompProgram(len(code) // 8, ctypes.cast(buffer, ctypes.c_void_p))
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(PR_SET_SECCOMP, ctypes.c_ulong(SECCOMP_MODE_FILTER), ctypes.byref(program), 0, 0) != 0:
-        raise OSError(ctypes.get_errno(), "seccomp refused")
+    arguments = (ctypes.c_ulong(SECCOMP_MODE_FILTER), ctypes.byref(program), 0, 0)
+    _check_result(_load_libc().prctl(PR_SET_SECCOMP, *arguments), "seccomp refused")
 
 
 def _build_seccomp_filter(machine: str) -> list[tuple[int, int, int, int]]:
@@ -259,10 +203,10 @@ def confine_process(
     Args:
         folder: of the files that are to be read.
         libraries: folders of what reads them.
-        memory: what it may take beyond what it has, bytes.
-        seconds: of computing, from now on.
-        keep: the descriptor that stays open beside 0, 1 and 2, which lead nowhere; None in a process that was not
-            forked and so has but its own, those of libraries among them.
+        memory_bytes: what it may take beyond what it has.
+        computing_s: seconds of computing, from now on.
+        open_descriptor: what stays open beside 0, 1 and 2, which lead nowhere; None in a process that was not forked
+            and so has but its own, those of libraries among them.
 
     Raises:
         OSError: the system refuses what it offers.
@@ -274,10 +218,10 @@ def confine_process(
         _set_resource_limits(memory_bytes, computing_s)
     if not sys.platform.startswith("linux"):
         return
-    libc = ctypes.CDLL(None, use_errno=True)
+    libc = _load_libc()
     libc.prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL), 0, 0, 0)
-    if libc.prctl(PR_SET_NO_NEW_PRIVS, ctypes.c_ulong(1), 0, 0, 0) != 0:
-        raise OSError(ctypes.get_errno(), "new privileges cannot be given up")
+    privileges = libc.prctl(PR_SET_NO_NEW_PRIVS, ctypes.c_ulong(1), 0, 0, 0)
+    _check_result(privileges, "new privileges cannot be given up")
     if get_landlock_version():
         restrict_to_folders([folder, *libraries])
     if can_use_seccomp():
@@ -298,8 +242,11 @@ def _set_resource_limits(memory_bytes: int, computing_s: float) -> None:
     """Set the resource limits that this system knows."""
     import resource
 
+    used_bytes = 4 * 2**30  # a typical value where the system does not report it
+    with contextlib.suppress(OSError, ValueError):
+        used_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     limits = {
-        "RLIMIT_AS": _measure_address_space() + memory_bytes,
+        "RLIMIT_AS": used_bytes + memory_bytes,
         "RLIMIT_CPU": int(time.process_time() + computing_s) + 1,
         "RLIMIT_FSIZE": 0,
         "RLIMIT_CORE": 0,
@@ -312,12 +259,3 @@ def _set_resource_limits(memory_bytes: int, computing_s: float) -> None:
             hard = soft + 1 if name == "RLIMIT_CPU" else soft
             with contextlib.suppress(ValueError, OSError):
                 resource.setrlimit(getattr(resource, name), (soft, hard))
-
-
-def _measure_address_space() -> int:
-    """Address space in use, bytes; a typical value where the system does not report it."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-    except (OSError, ValueError):
-        return 4 * 2**30
-    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -44,23 +45,13 @@ def count_uploaded_fields(file_path: str, **options: Any) -> dict[str, Any]:
     from planner.errors import FieldError
 
     parcels = list_fields(file_path, **options)
-    if parcels and not any(
-        _is_any_field_usable(file_path, how)
-        for how in (options, options | {"local": True}, options | {"swap_axes": True})
-    ):
+    for otherwise in ({}, {"local": True}, {"swap_axes": True}):
+        with suppress(FieldError):
+            if not all(one.fault for one in list_fields(file_path, **options | otherwise)):
+                return {"fields": len(parcels)}
+    if parcels:
         raise FieldError(parcels[0].fault)
-    return {"fields": len(parcels)}
-
-
-def _is_any_field_usable(file_path: str, options: dict[str, Any]) -> bool:
-    """Whether any field of a file can be used with these options."""
-    from fields.documents.reader import list_fields
-    from planner.errors import FieldError
-
-    try:
-        return not all(one.fault for one in list_fields(file_path, **options))
-    except FieldError:
-        return False
+    return {"fields": 0}
 
 
 def _describe_field(field: Field) -> dict[str, Any]:
@@ -137,13 +128,8 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     except ColumnError as refusal:
         if not refusal.mapping:
             raise
-    summary: dict[str, Any] = {
-        "rows": len(frame),
-        "columns": [str(name) for name in frame.columns],
-        "seconds": None,
-        "remarks": [],
-        "error": None,
-    }
+    summary: dict[str, Any] = {"rows": len(frame), "columns": [str(name) for name in frame.columns]}
+    summary |= {"seconds": None, "remarks": [], "error": None}
     try:
         log = build_log(frame, Path(file_path).stem)
     except HeadlandError as refusal:
@@ -165,8 +151,7 @@ def summarize_table(file_path: str) -> dict[str, Any]:
     if not {"time", "hours"} & set(columns):
         raise RequestError(
             f"{Path(file_path).stem!r} is neither a table of rain nor one of GNSS errors; give a header with time "
-            "(hh:mm) "
-            "or hours for rain, or make a GNSS table with headland gnss fit."
+            "(hh:mm) or hours for rain, or make a GNSS table with headland gnss fit."
         )
     rain = parse_rain(file_path, 0)
     return {"of": "rain", "times": len(rain.onsets_s), "share_pct": round(100.0 * sum(rain.probabilities), 3)}

@@ -6,12 +6,15 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 from pydantic import BaseModel, ValidationError
 
 from fields.nested_text import parse_toml
+from fields.text_files import explain_parse_error
 from planner.errors import HeadlandError, RequestError
 from planner.request.option_texts import convert_time_to_text
 
@@ -39,9 +42,8 @@ def read_day_form(text: str, changes: Sequence[Mapping[str, Any]], farm_path: st
             choices["implement"] = [each.name for each in farm.implements]
     has_farm = form["values"].get("farm") is None or bool(choices)
     if not form["faults"] and has_farm:
-        form["contradictions"] = _list_contradictions(
-            lambda: parse_day(form["text"], "day", farm=farm_path), form["values"]
-        )
+        parse = partial(parse_day, form["text"], "day", farm=farm_path)
+        form["contradictions"] = _list_contradictions(parse, form["values"])
     return form | {"choices": choices}
 
 
@@ -55,7 +57,8 @@ def read_farm_form(text: str, changes: Sequence[Mapping[str, Any]], farm_path: s
     form = _read_form(text, changes, FarmFile)
     folder = Path(farm_path).parent if farm_path else Path()
     if not form["faults"]:
-        form["contradictions"] = _list_contradictions(lambda: parse_farm(form["text"], "farm", folder), form["values"])
+        parse = partial(parse_farm, form["text"], "farm", folder)
+        form["contradictions"] = _list_contradictions(parse, form["values"])
     tractors = form["values"].get("tractors")
     names = [each.get("name") for each in tractors if isinstance(each, dict)] if isinstance(tractors, list) else []
     return form | {"choices": {"tractor": [name for name in names if isinstance(name, str)]}}
@@ -67,26 +70,17 @@ FORMS = {"day": read_day_form, "farm": read_farm_form}
 
 def _read_form(text: str, changes: Sequence[Mapping[str, Any]], model: type[BaseModel]) -> dict[str, Any]:
     """Text, values and faults of a file, after changes."""
-    sentence = _find_syntax_fault(text)
-    if sentence and changes:
-        raise RequestError(f"{sentence} Correct the text first.", parameter="text")
-    if sentence:
+    try:
+        parse_toml(text)
+    except (ValueError, RecursionError) as error:
+        sentence = f"This is not TOML: {explain_parse_error(error)}."
+        if changes:
+            raise RequestError(f"{sentence} Correct the text first.", parameter="text") from None
         return {"text": text, "values": {}, "faults": [{"path": [], "sentence": sentence}], "contradictions": []}
     text = _change_text(text, changes) if changes else text
     values = parse_toml(text)
     faults = list(_list_faults(values, model))
     return {"text": text, "values": _make_plain(values), "faults": faults, "contradictions": []}
-
-
-def _find_syntax_fault(text: str) -> str:
-    """Why a text is not TOML, as a sentence; "" where it is."""
-    from fields.text_files import explain_parse_error
-
-    try:
-        parse_toml(text)
-    except (ValueError, RecursionError) as error:
-        return f"This is not TOML: {explain_parse_error(error)}."
-    return ""
 
 
 def _make_plain(value: Any) -> Any:
@@ -101,17 +95,6 @@ def _make_plain(value: Any) -> Any:
     return value if isinstance(value, str | int | float) else str(value)
 
 
-class _SingleFault:
-    """One complaint of pydantic, where several are expected."""
-
-    def __init__(self, fault: Any) -> None:
-        self._fault = fault
-
-    def errors(self) -> list[Any]:
-        """The complaint in a list."""
-        return [self._fault]
-
-
 def _list_faults(values: Mapping[str, Any], model: type[BaseModel]) -> Iterator[FormFault]:
     """Each wrong or missing value with its place."""
     from vehicle.model.validation_messages import describe_validation_errors
@@ -120,7 +103,8 @@ def _list_faults(values: Mapping[str, Any], model: type[BaseModel]) -> Iterator[
         model.model_validate(values)
     except ValidationError as error:
         for fault in error.errors()[:MOST_FAULTS]:
-            clause = describe_validation_errors(cast(ValidationError, _SingleFault(fault)), model)
+            alone = SimpleNamespace(errors=lambda fault=fault: [fault])
+            clause = describe_validation_errors(cast(ValidationError, alone), model)
             yield {"path": list(fault["loc"]), "sentence": _format_sentence(clause, fault["loc"])}
 
 
@@ -180,6 +164,11 @@ def _apply_change(document: Any, path: ValuePath, value: Any) -> None:
     """Set the value at a path; None removes it, and a table at the end of a list is added."""
     import tomlkit
 
+    if isinstance(value, dict):
+        new_table = tomlkit.table()
+        for key, each in value.items():
+            new_table[key] = each
+        value = new_table
     home, (*sections, last) = document, path
     for place, following in zip(sections, path[1:], strict=True):
         if isinstance(place, str) and place not in home:
@@ -189,16 +178,6 @@ def _apply_change(document: Any, path: ValuePath, value: Any) -> None:
         if isinstance(last, int) or last in home:
             del home[last]
     elif isinstance(last, int) and last == len(home):
-        home.append(_build_table(value) if isinstance(value, dict) else value)
+        home.append(value)
     else:
-        home[last] = _build_table(value) if isinstance(value, dict) else value
-
-
-def _build_table(values: Mapping[str, Any]) -> Any:
-    """A new table of a list."""
-    import tomlkit
-
-    table = tomlkit.table()
-    for key, value in values.items():
-        table[key] = value
-    return table
+        home[last] = value

@@ -1,4 +1,9 @@
-"""The service's side of confined readings; their answers are only ever parsed as JSON."""
+"""The service's side of confined readings; their answers are only ever parsed as JSON.
+
+The fork server of multiprocessing would do but for the confinement: it has the environment of the service, hands the
+arguments and the key of the service to each process (the password of a database can stand in both), knows no peak of
+memory, and is one for a whole process.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -22,37 +26,17 @@ from planner.service.errors import ServiceError
 
 LOGGER = logging.getLogger(__name__)
 BOOTSTRAP_CODE = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from planner.service.sandbox.fork_server import "
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from planner.service.sandbox import confined_reading; "
 )
-FORK_SERVER_CODE, READ_ONCE_CODE = (
-    f"{BOOTSTRAP_CODE}serve; serve(int(sys.argv[2]))",
-    f"{BOOTSTRAP_CODE}read_once; read_once()",
-)
+FORK_SERVER_CODE = f"{BOOTSTRAP_CODE}confined_reading.serve(int(sys.argv[2]))"
+READ_ONCE_CODE = f"{BOOTSTRAP_CODE}confined_reading.read_once()"
 INHERITED_VARIABLES = (
-    "LANG",
-    "LC_ALL",
-    "LC_CTYPE",
-    "TZ",
-    "PATH",
-    "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH",
-    "SYSTEMROOT",
-    "WINDIR",
-    "TEMP",
-    "TMP",
-    "NUMBA_CACHE_DIR",
-    "PROJ_DATA",
-    "PROJ_LIB",
-    "GDAL_DATA",
-)
+    "LANG", "LC_ALL", "LC_CTYPE", "TZ", "PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT", "WINDIR", "TEMP",
+    "TMP", "NUMBA_CACHE_DIR", "PROJ_DATA", "PROJ_LIB", "GDAL_DATA",
+)  # fmt: skip
 """Environment variables that a reading gets; others may hold secrets."""
 SINGLE_THREAD_VARIABLES = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "NUMEXPR_NUM_THREADS": "1",
-    "GDAL_NUM_THREADS": "1",
-    "OGR_GPKG_NUM_THREADS": "1",
+    f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "GDAL", "OGR_GPKG")
 }
 """A process with threads cannot be forked safely, and a confined one cannot start any."""
 MOST_ANSWER_BYTES = 64 * 2**20
@@ -101,6 +85,26 @@ class _ForkServer:
     lock: threading.Lock = field(default_factory=threading.Lock)
     is_ready: bool = False
 
+    def wait_until_ready(self) -> None:
+        """Wait until it takes orders, and log once which protections are missing."""
+        if self.is_ready:
+            return
+        self.control.settimeout(START_TIMEOUT_S)
+        message = self.control.recv(65_536)
+        if not message:
+            raise ForkServerGoneError
+        _log_missing_protections(json.loads(message)["missing"])
+        self.is_ready = True
+
+    def end(self) -> None:
+        """End the server, which ends its readings."""
+        self.control.close()
+        try:
+            self.process.wait(READ_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
 
 class ForkingReader:
     """Reads each file in a process forked by a server (Linux)."""
@@ -119,8 +123,7 @@ class ForkingReader:
         with self._lock:
             self._closed, server, self._server = True, self._server, None
         if server is not None:
-            server.control.close()
-            _wait_for_exit(server.process)
+            server.end()
 
     def read_order(self, order: ReadOrder) -> ReadOutcome:
         """Run a reading; raises ServiceError where no server starts."""
@@ -129,7 +132,11 @@ class ForkingReader:
             try:
                 return self._send_order(server, order)
             except (ForkServerGoneError, OSError, ValueError):
-                self._discard_server(server)
+                with self._lock:
+                    if self._server is server:
+                        self._server = None
+                server.process.kill()
+                server.end()
         raise ServiceError(
             "Files cannot be read now, as the process for it does not start; see the log of the service."
         )
@@ -139,33 +146,34 @@ class ForkingReader:
             if self._closed:
                 raise ServiceError("The file was not read, as the service is stopping; try again after its restart.")
             if self._server is None:
-                self._server = _start_server()
+                local_socket, remote_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                with remote_socket:
+                    descriptor = remote_socket.fileno()
+                    process = _start_python(
+                        FORK_SERVER_CODE, str(descriptor), pass_fds=(descriptor,), stdout=subprocess.DEVNULL
+                    )
+                self._server = _ForkServer(process, local_socket)
             return self._server
-
-    def _discard_server(self, server: _ForkServer) -> None:
-        with self._lock:
-            if self._server is server:
-                self._server = None
-        server.control.close()
-        server.process.kill()
-        _wait_for_exit(server.process)
 
     def _send_order(self, server: _ForkServer, order: ReadOrder) -> ReadOutcome:
         local_socket, remote_socket = socket.socketpair()
         report, report_sender = socket.socketpair()
         with local_socket, report:
             with remote_socket, report_sender, server.lock:
-                _wait_until_ready(server)
-                limits = {"seconds": order.seconds}
-                descriptors = [remote_socket.fileno(), report_sender.fileno()]
-                socket.send_fds(server.control, [json.dumps(limits).encode()], descriptors)
+                server.wait_until_ready()
+                limits = json.dumps({"seconds": order.seconds}).encode()
+                socket.send_fds(server.control, [limits], [remote_socket.fileno(), report_sender.fileno()])
             deadline_s = time.monotonic() + order.seconds + READ_GRACE_S
             local_socket.settimeout(READ_GRACE_S)
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 local_socket.sendall(json.dumps(asdict(order)).encode())
                 local_socket.shutdown(socket.SHUT_WR)
             answer = _receive_all(local_socket, deadline_s)
-            return _build_outcome(answer, _receive_all(report, deadline_s + READ_GRACE_S))
+            content = _receive_all(report, deadline_s + READ_GRACE_S)
+        if not content and not answer:
+            raise ForkServerGoneError
+        end: dict[str, Any] = json.loads(content) if content else {"code": None, "peak_kb": 0, "late": False}
+        return ReadOutcome(answer, end["code"], end["peak_kb"], end["late"])
 
 
 class SpawningReader:
@@ -216,20 +224,21 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
         return report["value"]
     if "refused" in report:
         name = report.get("parameter")
-        raise HeadlandError(
-            _shorten_refusal_sentence(report["refused"]),
-            parameter=name[:LONGEST_PARAMETER_CHARS] if isinstance(name, str) else None,
+        parameter = name[:LONGEST_PARAMETER_CHARS] if isinstance(name, str) else None
+        # In one short line; private characters mark its parameters.
+        sentence = "".join(
+            one if one.isprintable() or "\ue000" <= one <= "\uf8ff" else " "
+            for one in report["refused"][:LONGEST_SENTENCE_CHARS]
         )
+        raise HeadlandError(sentence, parameter=parameter)
     if "fault" in report:
         raise build_refusal(str(report["fault"]))
-    if outcome.is_late or outcome.exit_code == -getattr(signal, "SIGXCPU", 0):
+    signal_name = _name_signal(outcome.exit_code)
+    if outcome.is_late or signal_name == "SIGXCPU":
         raise ServiceError(f"Reading this file took longer than {limit_s:.0f} s; split it.")
-    has_crashed = outcome.exit_code in [-getattr(signal, one, 0) for one in ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGKILL")]
-    if (
-        "memory" in report
-        or outcome.exit_code == -getattr(signal, "SIGKILL", 0)
-        or (has_crashed and outcome.peak_kb * 1024 > memory_bytes // 2)
-    ):
+    has_crashed = signal_name in ("SIGABRT", "SIGSEGV", "SIGBUS")
+    is_large = outcome.peak_kb * 1024 > memory_bytes // 2
+    if "memory" in report or signal_name == "SIGKILL" or (has_crashed and is_large):
         raise ServiceError("Reading this file needed too much memory; split it.")
     if len(outcome.answer) >= MOST_ANSWER_BYTES:
         raise ServiceError("The content of this file is too large to be shown; split it.")
@@ -242,12 +251,12 @@ def build_refusal(fault: str) -> ServiceError:
     return ServiceError(READ_FAULT)
 
 
-def _shorten_refusal_sentence(sentence: str) -> str:
-    """A sentence in one short line; private characters mark its parameters."""
-    printable = (
-        one if one.isprintable() or "\ue000" <= one <= "\uf8ff" else " " for one in sentence[:LONGEST_SENTENCE_CHARS]
-    )
-    return "".join(printable)
+def _name_signal(exit_code: int | None) -> str:
+    """The signal that ended a process; "" for another end."""
+    try:
+        return signal.Signals(-(exit_code or 0)).name
+    except ValueError:
+        return ""
 
 
 def _parse_answer(answer: bytes) -> dict[str, Any]:
@@ -259,15 +268,6 @@ def _parse_answer(answer: bytes) -> dict[str, Any]:
     if not isinstance(report, dict) or ("refused" in report and not isinstance(report["refused"], str)):
         return {}
     return report
-
-
-def _start_server() -> _ForkServer:
-    local_socket, remote_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with remote_socket:
-        process = _start_python(
-            FORK_SERVER_CODE, str(remote_socket.fileno()), pass_fds=(remote_socket.fileno(),), stdout=subprocess.DEVNULL
-        )
-    return _ForkServer(process, local_socket)
 
 
 def _start_spare_process() -> subprocess.Popen[bytes]:
@@ -284,18 +284,6 @@ def _start_python(code: str, *arguments: str, **popen_options: Any) -> subproces
         "subprocess.Popen[bytes]",
         subprocess.Popen(command, env=inherited | SINGLE_THREAD_VARIABLES, cwd=Path(sys.prefix), **popen_options),
     )
-
-
-def _wait_until_ready(server: _ForkServer) -> None:
-    """Wait until a server is ready, and log once which protections are missing."""
-    if server.is_ready:
-        return
-    server.control.settimeout(START_TIMEOUT_S)
-    message = server.control.recv(65_536)
-    if not message:
-        raise ForkServerGoneError
-    _log_missing_protections(json.loads(message)["missing"])
-    server.is_ready = True
 
 
 def _log_missing_protections(missing: list[str]) -> None:
@@ -317,19 +305,3 @@ def _receive_all(channel: socket.socket, deadline_s: float) -> bytes:
             parts.append(part)
             size += len(part)
     return b"".join(parts)[:MOST_ANSWER_BYTES]
-
-
-def _build_outcome(answer: bytes, report: bytes) -> ReadOutcome:
-    """The outcome of a reading; raises ForkServerGoneError where the server ended first."""
-    if not report and not answer:
-        raise ForkServerGoneError
-    values: Mapping[str, Any] = json.loads(report) if report else {"code": None, "peak_kb": 0, "late": False}
-    return ReadOutcome(answer, values["code"], values["peak_kb"], values["late"])
-
-
-def _wait_for_exit(process: subprocess.Popen[bytes]) -> None:
-    try:
-        process.wait(READ_GRACE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()

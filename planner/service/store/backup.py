@@ -12,14 +12,14 @@ import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
+from sqlalchemy.orm import Session
 
 from planner.service.errors import ServiceError
-from planner.service.settings import DATABASE_FILE
+from planner.service.settings import DATABASE_FILE, find_version
 from planner.service.store.database import Database, get_current_version, migrate_database
 from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.service_store import Store
@@ -45,27 +45,14 @@ class BackupManifest:
     """The files of a backup by name, and the version (`migration`) of its tables."""
 
     migration: str
-    headland: str
-    made: str
+    headland: str = field(default_factory=find_version)
+    made: str = field(default_factory=format_utc_now_ms)
     files: dict[str, ManifestEntry] = field(default_factory=dict)
-
-    def dump_manifest(self) -> str:
-        """The text of the file."""
-        return json.dumps({"form": MANIFEST_VERSION, **asdict(self)}, indent=1, sort_keys=True)
 
     @property
     def total_bytes(self) -> int:
         """Bytes of all files together."""
         return sum(entry.size for entry in self.files.values())
-
-
-def create_empty_manifest(migration: str) -> BackupManifest:
-    """A manifest without files."""
-    try:
-        headland_version = version("headland")
-    except PackageNotFoundError:
-        headland_version = "unknown"
-    return BackupManifest(migration, headland_version, format_utc_now_ms())
 
 
 def parse_manifest(text: bytes) -> BackupManifest:
@@ -100,7 +87,7 @@ def _parse_entry(name: str, values: Any) -> ManifestEntry:
     return ManifestEntry(size, sha256)
 
 
-BACKUP_BATCH_ROWS, BACKUP_PART_BYTES = 500, 2**20
+COPY_BATCH_ROWS, PART_BYTES = 500, 2**20
 SWEEP_MIN_AGE_S = 3600.0
 """Newer bytes may belong to a row that is being written."""
 
@@ -126,24 +113,25 @@ def back_up(store: Store, file: Path) -> int:
 
 def _pack_archive(store: Store, archive: zipfile.ZipFile, copy: Path, names: list[str]) -> None:
     """Add the database, the bytes and then the manifest to an archive; raises ServiceError."""
-    manifest = create_empty_manifest(get_current_version())
+    manifest = BackupManifest(get_current_version())
     manifest.files[DATABASE_FILE] = _add_to_archive(archive, copy, DATABASE_FILE)
     for sha256 in names:
-        name = f"{BYTES_FOLDER}/{sha256[:2]}/{sha256}"
+        name = format_bytes_name(sha256)
         try:
             manifest.files[name] = _add_to_archive(archive, store.blobs.get_path(sha256), name)
         except FileNotFoundError:
             raise _describe_missing_bytes(store, sha256, "gone") from None
         if manifest.files[name].sha256 != sha256:
             raise _describe_missing_bytes(store, sha256, "damaged")
-    archive.writestr(MANIFEST_FILE, manifest.dump_manifest())
+    values = {"form": MANIFEST_VERSION, **asdict(manifest)}
+    archive.writestr(MANIFEST_FILE, json.dumps(values, indent=1, sort_keys=True))
 
 
 def _add_to_archive(archive: zipfile.ZipFile, path: Path, name: str) -> ManifestEntry:
     """Add a file to an archive; returns its size and SHA-256."""
     digest, size = hashlib.sha256(), 0
     with open(path, "rb") as source, archive.open(name, "w", force_zip64=True) as target:
-        while part := source.read(BACKUP_PART_BYTES):
+        while part := source.read(PART_BYTES):
             digest.update(part)
             size += len(part)
             target.write(part)
@@ -161,8 +149,7 @@ def _describe_missing_bytes(store: Store, sha256: str, condition: str) -> Servic
     user = f"the {file.kind} {file.name!r}" if file is not None else f"the job {job}" if job else "a job or a fleet"
     return ServiceError(
         f"The bytes {sha256[:12]} of {user} are {condition} in the folder of the service, so a backup would not be "
-        "whole; "
-        f"delete {user} or bring the bytes back."
+        f"whole; delete {user} or bring the bytes back."
     )
 
 
@@ -184,11 +171,12 @@ def _copy_database(store: Store, copy: Path) -> list[str]:
     """Copy every row, as of one moment, into a new SQLite database; returns the SHA-256 they name, each once."""
     target = Database(f"sqlite:///{copy}")
     migrate_database(target.engine)
-    with _open_snapshot(store) as source, target.open_write_session() as session:
+    snapshot = store.database.engine.connect()
+    if snapshot.dialect.name == "postgresql":
+        snapshot = snapshot.execution_options(isolation_level="REPEATABLE READ")
+    with snapshot as source, target.open_write_session() as session:
         for table in TableBase.metadata.sorted_tables:
-            rows = source.execution_options(yield_per=BACKUP_BATCH_ROWS).execute(sa.select(table)).mappings()
-            for part in rows.partitions(BACKUP_BATCH_ROWS):
-                session.execute(sa.insert(table), [dict(row) for row in part])
+            copy_rows(table, source, session)
         names = sorted(set(list_named_bytes(source)))
     with target.engine.connect() as connection:
         connection.exec_driver_sql("COMMIT")
@@ -198,12 +186,16 @@ def _copy_database(store: Store, copy: Path) -> list[str]:
     return names
 
 
-def _open_snapshot(store: Store) -> sa.Connection:
-    """A connection with a snapshot of the database."""
-    connection = store.database.engine.connect()
-    if connection.dialect.name == "postgresql":
-        connection = connection.execution_options(isolation_level="REPEATABLE READ")
-    return connection
+def copy_rows(table: sa.Table, source: sa.Connection, session: Session) -> None:
+    """Copy all rows of a table into another database, some at a time."""
+    rows = source.execution_options(yield_per=COPY_BATCH_ROWS).execute(sa.select(table)).mappings()
+    for part in rows.partitions(COPY_BATCH_ROWS):
+        session.execute(sa.insert(table), [dict(row) for row in part])
+
+
+def format_bytes_name(sha256: str) -> str:
+    """The name of bytes in a backup, as they lie in the folder of the service."""
+    return f"{BYTES_FOLDER}/{sha256[:2]}/{sha256}"
 
 
 def list_named_bytes(connection: sa.Connection) -> list[str]:

@@ -60,14 +60,6 @@ class Database:
             yield session
             session.commit()
 
-    def check_database(self) -> None:
-        """Raise DatabaseError where the database does not answer within about five seconds."""
-        try:
-            with self.engine.connect() as connection:
-                connection.exec_driver_sql(SELECT_VERSION)
-        except sa.exc.SQLAlchemyError as error:
-            raise DatabaseError("The database does not answer; see that it runs and can be reached.") from error
-
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
@@ -84,14 +76,13 @@ def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
     Raises DatabaseError for a database that is newer, or of another program.
     """
     scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
-    with _open_connection(engine) as connection:
+    with _name_database_in_errors(engine), engine.connect() as connection:
         current = MigrationContext.configure(connection).get_current_revision()
         tables = set(sa.inspect(connection).get_table_names())
     if current is not None and current not in {each.revision for each in scripts.walk_revisions()}:
         raise DatabaseError(
             f"The database is of a newer Headland (its version is {current}, this one knows "
-            f"{scripts.get_current_head()}); "
-            "update Headland, or give another --database or --data."
+            f"{scripts.get_current_head()}); update Headland, or give another --database or --data."
         )
     if current is None and tables & set(TableBase.metadata.tables):
         raise DatabaseError(
@@ -118,14 +109,18 @@ def lift_timeouts(connection: sa.Connection) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def _open_connection(engine: sa.Engine) -> Iterator[sa.Connection]:
+def _name_database_in_errors(engine: sa.Engine) -> Iterator[None]:
+    """Turn errors of the driver into DatabaseError."""
     try:
-        with engine.connect() as connection:
-            yield connection
+        yield
     except sa.exc.DBAPIError as error:
-        why = " ".join(str(error.orig).split())[:200]
         place = engine.url.render_as_string(hide_password=True)
-        raise DatabaseError(f"The database {place} cannot be used: {why}.") from None
+        raise DatabaseError(f"The database {place} cannot be used: {shorten_error(error.orig)}.") from None
+
+
+def shorten_error(error: object, most_chars: int = 200) -> str:
+    """The text of an error in one short line."""
+    return " ".join(str(error).split())[:most_chars]
 
 
 def _create_engine(url: str) -> sa.Engine:
@@ -144,16 +139,13 @@ def _create_engine(url: str) -> sa.Engine:
             f"The driver of the database is missing ({error.name}); install 'headland[postgres]' or leave the "
             "database to SQLite."
         ) from None
-    _PREPARE_BY_BACKEND[parsed.get_backend_name()](engine)
-    return engine
-
-
-def _prepare_postgresql(engine: sa.Engine) -> None:
-    """Set time limits on connections; other drivers than psycopg have none."""
-    if engine.dialect.driver == "psycopg":
+    if parsed.get_backend_name() == "sqlite":
+        _prepare_sqlite(engine)
+    elif engine.dialect.driver == "psycopg":  # other drivers have no time limits
         from planner.service.store.postgresql import limit_engine_waits
 
         limit_engine_waits(engine)
+    return engine
 
 
 def _prepare_sqlite(engine: sa.Engine) -> None:
@@ -161,12 +153,8 @@ def _prepare_sqlite(engine: sa.Engine) -> None:
 
     def configure_connection(connection: sqlite3.Connection, _record: Any) -> None:
         connection.isolation_level = None
-        for pragma in (
-            f"busy_timeout={SQLITE_BUSY_TIMEOUT_MS}",
-            "journal_mode=WAL",
-            "foreign_keys=ON",
-            "synchronous=NORMAL",
-        ):
+        connection.execute(f"PRAGMA busy_timeout={SQLITE_BUSY_TIMEOUT_MS}")
+        for pragma in ("journal_mode=WAL", "foreign_keys=ON", "synchronous=NORMAL"):
             connection.execute(f"PRAGMA {pragma}")
 
     def begin_transaction(connection: sa.Connection) -> None:
@@ -175,9 +163,6 @@ def _prepare_sqlite(engine: sa.Engine) -> None:
 
     sa.event.listen(engine, "connect", configure_connection)
     sa.event.listen(engine, "begin", begin_transaction)
-
-
-_PREPARE_BY_BACKEND = {"sqlite": _prepare_sqlite, "postgresql": _prepare_postgresql}
 
 
 LOCK_FILE = "headland.lock"
@@ -203,17 +188,13 @@ def hold_service_lock(settings: ServiceSettings) -> Iterator[None]:
         if settings.database:
             database = Database(settings.url)
             stack.callback(database.close)
-            stack.enter_context(_lock_database(database.engine))
+            url = database.engine.url
+            if database.engine.dialect.name == "postgresql":
+                stack.enter_context(_lock_schema(database.engine))
+            elif url.database and url.database != ":memory:":
+                path = Path(url.database + LOCK_SUFFIX)
+                stack.enter_context(_lock_file(path, f"the file {url.database}", "--database"))
         yield
-
-
-def _lock_database(engine: sa.Engine) -> AbstractContextManager[None]:
-    if engine.dialect.name == "postgresql":
-        return _lock_schema(engine)
-    file = engine.url.database
-    if not file or file == ":memory:":
-        return nullcontext()
-    return _lock_file(Path(file + LOCK_SUFFIX), f"the file {file}", "--database")
 
 
 def _build_already_running_error(resource: str, option: str) -> ConflictError:
@@ -237,41 +218,31 @@ def _lock_file(path: Path, resource: str, option: str) -> Iterator[None]:
         os.close(number)
 
 
-if sys.platform == "win32":
-    import msvcrt
+def _try_lock(number: int) -> bool:
+    """Lock an open file; whether that succeeded."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
 
-    def _try_lock(number: int) -> bool:
-        """Lock an open file; whether that succeeded."""
-        try:
             msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
+        else:
+            import fcntl
 
-else:
-    import fcntl
-
-    def _try_lock(number: int) -> bool:
-        """Lock an open file; whether that succeeded."""
-        try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager
 def _lock_schema(engine: sa.Engine) -> Iterator[None]:
     """A connection that holds the advisory lock of the schema."""
-    database_url = engine.url.render_as_string(hide_password=True)
     with ExitStack() as stack:
-        try:
+        with _name_database_in_errors(engine):
             connection = stack.enter_context(engine.connect().execution_options(isolation_level="AUTOCOMMIT"))
             connection.exec_driver_sql(SET_KEEPALIVES)
             is_taken = connection.scalar(sa.text(TAKE_ADVISORY_LOCK))
-        except sa.exc.DBAPIError as error:
-            why = " ".join(str(error.orig).split())[:200]
-            raise DatabaseError(f"The database {database_url} cannot be used: {why}.") from None
         if not is_taken:
-            raise _build_already_running_error(f"the database {database_url}", "--database")
+            resource = f"the database {engine.url.render_as_string(hide_password=True)}"
+            raise _build_already_running_error(resource, "--database")
         yield

@@ -37,7 +37,10 @@ MEDIA_BY_SUFFIX = {
     ".tiff": "image/tiff",
     ".asc": "text/plain; charset=utf-8",
     ".txt": "text/plain; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".png": "image/png",
 }
+"""Of uploads and of results of jobs."""
 
 
 def choose_article(kind: str) -> str:
@@ -54,6 +57,14 @@ def check_suffix(kind: str, suffix: str) -> str:
             parameter="file",
         )
     return suffix
+
+
+def build_other_content_error(kind: str, name: str) -> ConflictError:
+    """The refusal of a file whose name another one has."""
+    return ConflictError(
+        f"There is {choose_article(kind)} {kind} {name!r} with other content; replace it or choose another name.",
+        parameter="name",
+    )
 
 
 class FileStore(StorePart):
@@ -74,28 +85,15 @@ class FileStore(StorePart):
         cannot be, ConflictError where other bytes have the name.
         """
         name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
-        row = FileRow(
-            kind=kind,
-            name=name,
-            suffix=suffix,
-            sha256=self.blobs.put_bytes(content),
-            size=len(content),
-            media=MEDIA_BY_SUFFIX[suffix],
-            created=format_utc_now_ms(),
-            options=dict(options or {}),
-            owner=owner,
-        )
+        values = self._put_content(content, suffix, options)
+        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), owner=owner, **values)
         try:
             with self.database.open_write_session() as session:
                 session.add(row)
         except sa.exc.IntegrityError:
             existing = self.get_file(kind, name)
             if existing.sha256 != row.sha256:
-                raise ConflictError(
-                    f"There is {choose_article(kind)} {kind} {name!r} with other content; replace it or choose "
-                    "another name.",
-                    parameter="name",
-                ) from None
+                raise build_other_content_error(kind, name) from None
             if existing.options != row.options:
                 with self.database.open_write_session() as session:
                     session.execute(sa.update(FileRow).where(FileRow.id == existing.id).values(options=row.options))
@@ -125,14 +123,12 @@ class FileStore(StorePart):
         Raises NotFoundError, ServiceError.
         """
         existing, suffix = self.get_file(kind, name), check_suffix(kind, suffix)
-        values = {
-            "suffix": suffix,
-            "sha256": self.blobs.put_bytes(content),
-            "size": len(content),
-            "media": MEDIA_BY_SUFFIX[suffix],
-            "options": dict(options or {}),
-        }
-        return self._update_file(existing, values)
+        return self._update_file(existing, self._put_content(content, suffix, options))
+
+    def _put_content(self, content: bytes, suffix: str, options: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Store the bytes of a file; returns the columns that describe them."""
+        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX[suffix], "options": dict(options or {})}
+        return values | {"sha256": self.blobs.put_bytes(content), "size": len(content)}
 
     def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:
         """Give a file another name; raises NotFoundError, ServiceError, or ConflictError where the name is taken."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
+from sqlalchemy.orm import Session
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.store.store_part import (
@@ -46,21 +47,10 @@ class JobStore(StorePart):
         Raises BusyError where too much waits.
         """
         row = JobRow(
-            id=secrets.token_hex(6),
-            kind=kind,
-            name=check_name(name),
-            status=QUEUED,
-            request=dict(request),
-            work=dict(request if work is None else work),
-            inputs=dict(inputs or {}),
-            created=format_utc_now_ms(),
-            done=0,
-            all=0,
-            words="",
-            tries=0,
-            owner=owner,
-            results=[],
-        )
+            id=secrets.token_hex(6), kind=kind, name=check_name(name), owner=owner, created=format_utc_now_ms(),
+            request=dict(request), work=dict(request if work is None else work), inputs=dict(inputs or {}),
+            status=QUEUED, done=0, all=0, words="", tries=0, results=[],
+        )  # fmt: skip
         with self.database.open_write_session() as session:
             waiting = session.scalar(sa.select(sa.func.count()).where(JobRow.status == QUEUED)) or 0
             if waiting >= self.settings.jobs_waiting:
@@ -100,11 +90,8 @@ class JobStore(StorePart):
     def get_job(self, id: str, kind: str | None = None) -> JobRow:
         """One job; raises NotFoundError."""
         with self.database.open_read_session() as session:
-            row = (
-                session.scalar(sa.select(JobRow).where(JobRow.id == id, *_build_kind_filter(kind)))
-                if is_storable_text(id)
-                else None
-            )
+            query = sa.select(JobRow).where(JobRow.id == id, *_build_kind_filter(kind))
+            row = session.scalar(query) if is_storable_text(id) else None
         if row is None:
             raise NotFoundError(f"There is no {kind or 'job'} {id[:60]!r}; the list shows all.", parameter="id")
         return row
@@ -138,9 +125,7 @@ class JobStore(StorePart):
         job = self.get_job(id, kind)
         ended = sa.update(JobRow).where(JobRow.number == job.number, JobRow.status.in_(UNFINISHED_STATUSES))
         with self.database.open_write_session() as session:
-            done = session.execute(
-                ended.values(status=CANCELLED, finished=format_utc_now_ms(), worker=None, lease=None)
-            )
+            done = session.execute(ended.values(_build_end_values(CANCELLED)))
         row = self.get_job(id, kind)
         if not done.rowcount:  # type: ignore[attr-defined]
             raise ConflictError(f"The job {id!r} is {row.status}; only one that is queued or running can be cancelled.")
@@ -159,26 +144,17 @@ class JobStore(StorePart):
 
         What was begun before comes after what was not, so that one job that takes its worker with it holds up nothing.
         """
-        if not self._has_waiting_jobs():
-            return None
+        with self.database.open_read_session() as session:
+            if session.scalar(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is None:
+                return None
         first = sa.select(JobRow.number).where(JobRow.status == QUEUED).order_by(JobRow.tries, JobRow.number).limit(1)
         first = first.with_for_update(skip_locked=True)
         claim = sa.update(JobRow).where(JobRow.number == first.scalar_subquery(), JobRow.status == QUEUED)
-        values = {
-            "status": RUNNING,
-            "worker": worker,
-            "lease": self._compute_lease_end_s(),
-            "done": 0,
-            "all": 0,
-            "words": "",
-        }
+        values = {"status": RUNNING, "worker": worker, "lease": self._compute_lease_end_s()}
+        values |= {"done": 0, "all": 0, "words": "", "tries": JobRow.tries + 1}
         with self.database.open_write_session() as session:
-            number = session.scalar(claim.values(**values, tries=JobRow.tries + 1).returning(JobRow.number))
+            number = session.scalar(claim.values(**values).returning(JobRow.number))
             return None if number is None else session.get(JobRow, number)
-
-    def _has_waiting_jobs(self) -> bool:
-        with self.database.open_read_session() as session:
-            return session.scalar(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is not None
 
     def _compute_lease_end_s(self) -> float:
         return time.time() + self.settings.lease_s
@@ -189,15 +165,13 @@ class JobStore(StorePart):
         if progress is not None:
             values |= {"done": progress[0], "all": progress[1], "words": progress[2][:LONGEST_PROGRESS_CHARS]}
         with self.database.open_write_session() as session:
-            held = session.execute(_build_claimed_job_update(number, worker).values(**values))
-            return bool(held.rowcount)  # type: ignore[attr-defined]
+            return _update_claimed_job(session, number, worker, values)
 
     def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
         """Store all results of a job, or none and return False where the worker has lost the job."""
         stored = [(name, self.blobs.put_bytes(content), len(content), media) for name, content, media in files]
-        ended = {"status": DONE, "finished": format_utc_now_ms(), "worker": None, "lease": None}
         with self.database.open_write_session() as session:
-            if not session.execute(_build_claimed_job_update(number, worker).values(**ended)).rowcount:  # type: ignore[attr-defined]
+            if not _update_claimed_job(session, number, worker, _build_end_values(DONE)):
                 return False
             session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
             session.add_all(
@@ -208,10 +182,8 @@ class JobStore(StorePart):
 
     def fail_job(self, number: int, worker: str, sentence: str) -> bool:
         """Fail a job with a sentence; False where the worker has lost the job."""
-        ended = {"status": FAILED, "error": sentence, "finished": format_utc_now_ms(), "worker": None, "lease": None}
         with self.database.open_write_session() as session:
-            held = session.execute(_build_claimed_job_update(number, worker).values(**ended))
-            return bool(held.rowcount)  # type: ignore[attr-defined]
+            return _update_claimed_job(session, number, worker, _build_end_values(FAILED) | {"error": sentence})
 
     def release_jobs(self, worker: str, *, counts_try: bool) -> None:
         """Put the jobs of a worker that is gone back into the queue; without `counts_try` the try is not counted."""
@@ -242,23 +214,27 @@ class JobStore(StorePart):
             self._fail_jobs_out_of_tries(session, *late)
             session.execute(sa.update(JobRow).where(*late).values(status=QUEUED, worker=None, lease=None))
 
-    def _fail_jobs_out_of_tries(self, session: Any, *conditions: Any) -> None:
+    def _fail_jobs_out_of_tries(self, session: Session, *conditions: Any) -> None:
         """Fail the jobs that have used up their tries."""
         tries = self.settings.tries
         sentence = (
             f"The worker process ended {tries} times before this job was done, probably for lack of memory; try a "
             "smaller field or fewer tractors."
         )
-        session.execute(
-            sa.update(JobRow)
-            .where(*conditions, JobRow.tries >= tries)
-            .values(status=FAILED, error=sentence, finished=format_utc_now_ms(), worker=None, lease=None)
-        )
+        failed = sa.update(JobRow).where(*conditions, JobRow.tries >= tries)
+        session.execute(failed.values(_build_end_values(FAILED) | {"error": sentence}))
 
 
 def _build_kind_filter(kind: str | None) -> tuple[Any, ...]:
     return () if kind is None else (JobRow.kind == kind,)
 
 
-def _build_claimed_job_update(number: int, worker: str) -> Any:
-    return sa.update(JobRow).where(JobRow.number == number, JobRow.worker == worker, JobRow.status == RUNNING)
+def _build_end_values(status: str) -> dict[str, Any]:
+    """The columns of a job that ends now."""
+    return {"status": status, "finished": format_utc_now_ms(), "worker": None, "lease": None}
+
+
+def _update_claimed_job(session: Session, number: int, worker: str, values: Mapping[str, Any]) -> bool:
+    """Change columns of a job; False where the worker does not hold it."""
+    held = sa.update(JobRow).where(JobRow.number == number, JobRow.worker == worker, JobRow.status == RUNNING)
+    return bool(session.execute(held.values(**values)).rowcount)  # type: ignore[attr-defined]

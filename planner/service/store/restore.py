@@ -10,6 +10,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -19,17 +20,18 @@ from planner.service.settings import DATABASE_FILE
 from planner.service.store.backup import (
     MANIFEST_FILE,
     MOST_MANIFEST_BYTES,
+    PART_BYTES,
     BackupManifest,
+    copy_rows,
+    format_bytes_name,
     list_named_bytes,
     parse_manifest,
 )
-from planner.service.store.database import Database, lift_timeouts, migrate_database
+from planner.service.store.database import SELECT_VERSION, Database, lift_timeouts, migrate_database, shorten_error
 from planner.service.store.disk_storage import is_disk_full, translate_disk_full
 from planner.service.store.service_store import Store
-from planner.service.store.store_part import BYTES_FOLDER
 from planner.service.store.tables import TableBase
 
-RESTORE_BATCH_ROWS, RESTORE_PART_BYTES = 500, 2**20
 SET_SEQUENCE = "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT max({column}) FROM {table}))"
 COMPRESSION_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 SELECT_STRANGE_OBJECTS = "SELECT type || ' ' || name FROM sqlite_master WHERE type NOT IN ('table', 'index')"
@@ -43,28 +45,6 @@ def restore_backup(store: Store, file: Path) -> int:
     Raises ServiceError for a file that is not a complete backup, NotFoundError without a file, ConflictError for a
     store that is not empty, DatabaseError for a backup of a newer Headland, StorageError where there is no room.
     """
-    _check_empty(store)
-    try:
-        with zipfile.ZipFile(file) as archive, _create_temporary_folder(store) as folder:
-            manifest = _read_checked_manifest(archive, file)
-            store.check_disk_space(manifest.total_bytes)
-            copy = Path(folder) / DATABASE_FILE
-            _check_parts(archive, manifest, file, copy)
-            _check_sqlite_file(copy, file)
-            return _restore_checked(store, archive, manifest, copy, file)
-    except FileNotFoundError:
-        raise NotFoundError(f"There is no file {file}; give the name of a backup.", parameter="file") from None
-    except (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
-        if is_disk_full(error, store.settings.data):
-            raise StorageError(f"No room is left in {store.settings.data} to bring {file} back; make some.") from None
-        raise ServiceError(f"{file} cannot be read as a backup: {error}.".replace("..", ".")) from None
-
-
-def _create_temporary_folder(store: Store) -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(dir=store.settings.data, prefix=".restore-")
-
-
-def _check_empty(store: Store) -> None:
     with store.database.open_read_session() as session:
         for table in TableBase.metadata.sorted_tables:
             if session.execute(sa.select(sa.literal(1)).select_from(table).limit(1)).first() is not None:
@@ -73,6 +53,54 @@ def _check_empty(store: Store) -> None:
                     "--database.",
                     parameter="data",
                 )
+    data = store.settings.data
+    try:
+        with zipfile.ZipFile(file) as archive, tempfile.TemporaryDirectory(dir=data, prefix=".restore-") as folder:
+            backup = _OpenBackup(file, archive, _read_checked_manifest(archive, file))
+            store.blobs.check_disk_space(backup.manifest.total_bytes)
+            copy = Path(folder) / DATABASE_FILE
+            with open(copy, "wb") as stream:
+                backup.read_part(DATABASE_FILE, stream.write)
+            for name in backup.list_bytes():
+                backup.read_part(name, len)
+            _check_sqlite_file(copy, file)
+            return _restore_checked(store, backup, copy)
+    except FileNotFoundError:
+        raise NotFoundError(f"There is no file {file}; give the name of a backup.", parameter="file") from None
+    except (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+        if is_disk_full(error, data):
+            raise StorageError(f"No room is left in {data} to bring {file} back; make some.") from None
+        raise ServiceError(f"{file} cannot be read as a backup: {error}.".replace("..", ".")) from None
+
+
+@dataclass(frozen=True)
+class _OpenBackup:
+    """A backup whose manifest is checked."""
+
+    file: Path
+    archive: zipfile.ZipFile
+    manifest: BackupManifest
+
+    def list_bytes(self) -> list[str]:
+        """The names of all parts but the database."""
+        return [name for name in self.manifest.files if name != DATABASE_FILE]
+
+    def read_part(self, name: str, consume: Callable[[bytes], object]) -> None:
+        """Hand on the bytes of a part, at most as many as the manifest names; raises ServiceError for others."""
+        entry, digest, size = self.manifest.files[name], hashlib.sha256(), 0
+        with self.archive.open(name) as source:
+            while part := source.read(min(PART_BYTES, entry.size - size + 1)):
+                size += len(part)
+                if size > entry.size:
+                    break
+                digest.update(part)
+                consume(part)
+        if size != entry.size or digest.hexdigest() != entry.sha256:
+            raise _build_refusal(self.file, f"damaged: its part {name} has other bytes")
+
+
+def _build_refusal(file: Path, fault: str) -> ServiceError:
+    return ServiceError(f"{file} is {fault}; {USE_ANOTHER_BACKUP}.")
 
 
 def _read_checked_manifest(archive: zipfile.ZipFile, file: Path) -> BackupManifest:
@@ -85,72 +113,33 @@ def _read_checked_manifest(archive: zipfile.ZipFile, file: Path) -> BackupManife
     if MANIFEST_FILE not in parts:
         raise ServiceError(
             f"{file} has no {MANIFEST_FILE}, so nothing tells whether it is whole; unpack it into an empty folder, "
-            "begin "
-            "headland serve --data with that, and make a new backup of it."
+            "begin headland serve --data with that, and make a new backup of it."
         )
     duplicate = next((name for name, times in Counter(archive.namelist()).items() if times > 1), None)
     if duplicate is not None:
-        raise ServiceError(f"{file} is damaged: it has the part {duplicate[:60]!r} twice; {USE_ANOTHER_BACKUP}.")
+        raise _build_refusal(file, f"damaged: it has the part {duplicate[:60]!r} twice")
     odd = next((info for info in parts.values() if info.compress_type not in COMPRESSION_METHODS), None)
     if odd is not None:
-        raise ServiceError(
-            f"{file} is no backup of Headland: {odd.filename[:60]!r} is packed another way; {USE_ANOTHER_BACKUP}."
-        )
+        raise _build_refusal(file, f"no backup of Headland: {odd.filename[:60]!r} is packed another way")
     if parts[MANIFEST_FILE].file_size > MOST_MANIFEST_BYTES:
-        raise ServiceError(
-            f"{file} is damaged: its {MANIFEST_FILE} has {parts[MANIFEST_FILE].file_size} bytes; {USE_ANOTHER_BACKUP}."
-        )
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} has {parts[MANIFEST_FILE].file_size} bytes")
     try:
         manifest = parse_manifest(archive.read(MANIFEST_FILE))
     except ValueError as error:
-        why = " ".join(str(error).split())[:120]
-        raise ServiceError(
-            f"{file} is damaged: its {MANIFEST_FILE} cannot be used, {why}; {USE_ANOTHER_BACKUP}."
-        ) from None
-    _check_part_names(set(parts) - {MANIFEST_FILE}, manifest, file)
+        why = shorten_error(error, 120)
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} cannot be used, {why}") from None
+    present, named = set(parts) - {MANIFEST_FILE}, set(manifest.files)
+    if missing := sorted(named - present):
+        raise _build_refusal(file, f"not whole: its part {missing[0]} is missing")
+    if strange := sorted(present - named):
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} does not name {strange[0][:60]!r}")
     return manifest
-
-
-def _check_part_names(names: set[str], manifest: BackupManifest, file: Path) -> None:
-    missing = next(iter(sorted(set(manifest.files) - names)), None)
-    if missing is not None:
-        raise ServiceError(f"{file} is not whole: its part {missing} is missing; {USE_ANOTHER_BACKUP}.")
-    strange = next(iter(sorted(names - set(manifest.files))), None)
-    if strange is not None:
-        raise ServiceError(
-            f"{file} is damaged: its {MANIFEST_FILE} does not name {strange[:60]!r}; {USE_ANOTHER_BACKUP}."
-        )
-
-
-def _check_parts(archive: zipfile.ZipFile, manifest: BackupManifest, file: Path, copy: Path) -> None:
-    """Read every part once, the database into a file; raises ServiceError for a part with a wrong SHA-256."""
-    with open(copy, "wb") as stream:
-        _read_part(archive, manifest, DATABASE_FILE, file, stream.write)
-    for name in manifest.files:
-        if name != DATABASE_FILE:
-            _read_part(archive, manifest, name, file, len)
-
-
-def _read_part(
-    archive: zipfile.ZipFile, manifest: BackupManifest, name: str, file: Path, consume: Callable[[bytes], object]
-) -> None:
-    """Yield the bytes of a part, at most as many as the manifest names; raises ServiceError for others."""
-    entry, digest, size = manifest.files[name], hashlib.sha256(), 0
-    with archive.open(name) as source:
-        while part := source.read(min(RESTORE_PART_BYTES, entry.size - size + 1)):
-            size += len(part)
-            if size > entry.size:
-                break
-            digest.update(part)
-            consume(part)
-    if size != entry.size or digest.hexdigest() != entry.sha256:
-        raise ServiceError(f"{file} is damaged: its part {name} has other bytes; {USE_ANOTHER_BACKUP}.")
 
 
 def _check_sqlite_file(copy: Path, file: Path) -> None:
     """Let SQLite check all pages and keys of a database; raises ServiceError where it is damaged."""
     if not copy.read_bytes()[:16].startswith(b"SQLite format 3"):
-        raise ServiceError(f"{file} is damaged: its {DATABASE_FILE} is no database; {USE_ANOTHER_BACKUP}.")
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} is no database")
     try:
         with closing(sqlite3.connect(f"{copy.resolve().as_uri()}?mode=ro", uri=True)) as connection:
             connection.execute("PRAGMA trusted_schema=OFF")
@@ -158,76 +147,52 @@ def _check_sqlite_file(copy: Path, file: Path) -> None:
             orphan = connection.execute("PRAGMA foreign_key_check").fetchone()
             strange = connection.execute(SELECT_STRANGE_OBJECTS).fetchone()
     except sqlite3.DatabaseError as error:
-        raise ServiceError(
-            f"{file} is damaged: its {DATABASE_FILE} cannot be read ({error}); {USE_ANOTHER_BACKUP}."
-        ) from None
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} cannot be read ({error})") from None
     if integrity != "ok":
-        why = " ".join(str(integrity).split())[:120]
-        raise ServiceError(
-            f"{file} is damaged: its {DATABASE_FILE} does not hold together ({why}); {USE_ANOTHER_BACKUP}."
-        )
+        why = shorten_error(integrity, 120)
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} does not hold together ({why})")
     if orphan is not None:
-        raise ServiceError(
-            f"{file} is damaged: rows of its table {orphan[0]} belong to none of {orphan[2]}; {USE_ANOTHER_BACKUP}."
-        )
+        raise _build_refusal(file, f"damaged: rows of its table {orphan[0]} belong to none of {orphan[2]}")
     if strange is not None:
-        raise ServiceError(
-            f"{file} is no backup of Headland: its {DATABASE_FILE} has a {strange[0][:60]}; {USE_ANOTHER_BACKUP}."
-        )
+        raise _build_refusal(file, f"no backup of Headland: its {DATABASE_FILE} has a {strange[0][:60]}")
 
 
-def _restore_checked(store: Store, archive: zipfile.ZipFile, manifest: BackupManifest, copy: Path, file: Path) -> int:
+def _restore_checked(store: Store, backup: _OpenBackup, copy: Path) -> int:
     """Store the bytes, then all rows at once; delete the bytes again where that fails."""
-    source = Database(f"sqlite:///{copy}")
+    source, file, manifest = Database(f"sqlite:///{copy}"), backup.file, backup.manifest
     try:
         with source.engine.connect() as connection:
-            version = connection.scalar(sa.text("SELECT version_num FROM alembic_version"))
+            version = connection.scalar(sa.text(SELECT_VERSION))
         if version != manifest.migration:
-            raise ServiceError(
-                f"{file} is damaged: its {DATABASE_FILE} is not of the version in its {MANIFEST_FILE}; "
-                f"{USE_ANOTHER_BACKUP}."
-            )
+            fault = f"damaged: its {DATABASE_FILE} is not of the version in its {MANIFEST_FILE}"
+            raise _build_refusal(file, fault)
         migrate_database(source.engine)
-        _check_named_bytes(source, manifest, file)
-        with _delete_new_bytes_on_error(store) as fresh:
-            for name in manifest.files:
-                if name != DATABASE_FILE:
-                    _store_part(store, archive, name, manifest, file, fresh)
+        with source.open_read_session() as session:
+            named = set(map(format_bytes_name, list_named_bytes(session.connection())))
+        if missing := sorted(named - set(backup.list_bytes())):
+            raise _build_refusal(file, f"not whole: its database names {missing[0][:90]}, which is missing")
+        if unused := sorted(set(backup.list_bytes()) - named):
+            raise _build_refusal(file, f"no backup of Headland: nothing in its database names {unused[0]}")
+        with _delete_new_bytes_on_error(store) as new_digests:
+            for name in backup.list_bytes():
+                if not store.blobs.get_path(manifest.files[name].sha256).exists():
+                    new_digests.append(manifest.files[name].sha256)
+                parts: list[bytes] = []
+                backup.read_part(name, parts.append)
+                store.blobs.put_bytes(b"".join(parts))
             _copy_rows(store, source)
     except ServiceError:
         raise
     except (ValueError, TypeError, AttributeError, LookupError):
-        raise ServiceError(
-            f"{file} is damaged: rows of its {DATABASE_FILE} cannot be read; {USE_ANOTHER_BACKUP}."
-        ) from None
+        raise _build_refusal(file, f"damaged: rows of its {DATABASE_FILE} cannot be read") from None
     except sa.exc.DBAPIError as error:
-        why = " ".join(str(error.orig).split())[:120]
+        why = shorten_error(error.orig, 120)
         raise ServiceError(
             f"{file} cannot be brought back: {why}; {USE_ANOTHER_BACKUP}, or see to the database."
         ) from None
     finally:
         source.close()
     return len(manifest.files) - 1
-
-
-def _check_named_bytes(source: Database, manifest: BackupManifest, file: Path) -> None:
-    """Check that the archive has exactly the bytes that its database names; raises ServiceError."""
-    with source.open_read_session() as session:
-        named = {f"{BYTES_FOLDER}/{sha256[:2]}/{sha256}" for sha256 in list_named_bytes(session.connection())}
-    _check_same_byte_names(named, set(manifest.files) - {DATABASE_FILE}, file)
-
-
-def _check_same_byte_names(named: set[str], present: set[str], file: Path) -> None:
-    missing = next(iter(sorted(named - present)), None)
-    if missing is not None:
-        raise ServiceError(
-            f"{file} is not whole: its database names {missing[:90]}, which is missing; {USE_ANOTHER_BACKUP}."
-        )
-    unused = next(iter(sorted(present - named)), None)
-    if unused is not None:
-        raise ServiceError(
-            f"{file} is no backup of Headland: nothing in its database names {unused}; {USE_ANOTHER_BACKUP}."
-        )
 
 
 @contextmanager
@@ -242,18 +207,6 @@ def _delete_new_bytes_on_error(store: Store) -> Iterator[list[str]]:
         raise
 
 
-def _store_part(
-    store: Store, archive: zipfile.ZipFile, name: str, manifest: BackupManifest, file: Path, new_digests: list[str]
-) -> None:
-    """Store the bytes of one part."""
-    sha256 = manifest.files[name].sha256
-    if not store.blobs.get_path(sha256).exists():
-        new_digests.append(sha256)
-    parts: list[bytes] = []
-    _read_part(archive, manifest, name, file, parts.append)
-    store.blobs.put_bytes(b"".join(parts))
-
-
 def _copy_rows(store: Store, source: Database) -> None:
     """Copy all rows of a database."""
     with (
@@ -263,9 +216,7 @@ def _copy_rows(store: Store, source: Database) -> None:
         lift_timeouts(session.connection()),
     ):
         for table in TableBase.metadata.sorted_tables:
-            rows = old.execution_options(yield_per=RESTORE_BATCH_ROWS).execute(sa.select(table)).mappings()
-            for part in rows.partitions(RESTORE_BATCH_ROWS):
-                session.execute(sa.insert(table), [dict(row) for row in part])
+            copy_rows(table, old, session)
             _advance_sequence(session.connection(), table)
 
 

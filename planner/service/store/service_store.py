@@ -28,14 +28,6 @@ class Store(TokenStore, FileStore, JobStore, FleetStore):
             self.close()
             raise
 
-    def check_database(self) -> None:
-        """Raise DatabaseError where the database does not answer."""
-        self.database.check_database()
-
-    def check_disk_space(self, size_bytes: int) -> None:
-        """Raise StorageError where a file of this size would be refused."""
-        self.blobs.check_disk_space(size_bytes)
-
     def close(self) -> None:
         """Close the database."""
         self.database.close()

@@ -14,13 +14,8 @@ from planner.service.store.disk_storage import BlobStore
 
 LONGEST_NAME_CHARS = 100
 BYTES_FOLDER = "bytes"
-WINDOWS_DEVICES = {
-    "con",
-    "prn",
-    "aux",
-    "nul",
-    *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)),
-}
+_PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
+WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 
 
 class StorePart:
@@ -57,12 +52,8 @@ def check_name(name: str, parameter: str = "name") -> str:
     name = unicodedata.normalize("NFC", name)
     if name.partition(".")[0].strip().lower() in WINDOWS_DEVICES:
         raise ServiceError(f"{name!r} is what Windows calls a device; choose another name.", parameter=parameter)
-    if (
-        len(name) > LONGEST_NAME_CHARS
-        or ".." in name
-        or not re.fullmatch(r"\w[\w ._()+-]*", name)
-        or name != name.strip()
-    ):
+    is_plain = re.fullmatch(r"\w[\w ._()+-]*", name) and ".." not in name and name == name.strip()
+    if not is_plain or len(name) > LONGEST_NAME_CHARS:
         shown = name if len(name) <= 40 else name[:40] + "..."
         raise ServiceError(
             f"The name {shown!r} cannot be used; begin with a letter or digit, then letters, digits, spaces and "

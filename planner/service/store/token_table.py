@@ -11,7 +11,6 @@ from itertools import count
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.store.store_part import StorePart, check_name, format_time, format_utc_now_ms, is_storable_text
@@ -46,50 +45,39 @@ class TokenStore(StorePart):
         fleet: str | None = None,
         tractor: int | None = None,
         expires: str | None = None,
+        is_for_browser: bool = False,
     ) -> tuple[str, TokenRow]:
         """Make a token: its text, which is stored nowhere, and its row.
 
-        `expires` is as of `parse_end`; without it a robot's token ends after 30 days and others never. Raises
+        `expires` is as of `parse_expiry`; without it a robot's token ends after 30 days and others never. Raises
         ServiceError, also for a name that browsers have, NotFoundError for a fleet that there is not, ConflictError.
         """
-        if name.startswith(BROWSER_TOKEN_PREFIX):
+        if name.startswith(BROWSER_TOKEN_PREFIX) and not is_for_browser:
             raise ServiceError(
                 f"The name {name!r} is one for browsers that log in on the machine of the service; choose a name that "
                 f"does not begin with {BROWSER_TOKEN_PREFIX.strip()!r}.",
                 parameter="name",
             )
-        return self._create_token(name, scopes, fleet=fleet, tractor=tractor, expires=expires)
-
-    def _create_token(
-        self, name: str, scopes: str | Iterable[str], *, fleet: str | None, tractor: int | None, expires: str | None
-    ) -> tuple[str, TokenRow]:
         chosen = check_scopes(scopes.split() if isinstance(scopes, str) else scopes)
         check_robot_binding(chosen, fleet, tractor)
         end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
         text = TOKEN_PREFIX + secrets.token_urlsafe(32)
         row = TokenRow(
-            name=check_name(name),
-            scopes=" ".join(chosen),
-            sha256=hash_token(text),
-            created=format_utc_now_ms(),
-            fleet=fleet,
-            tractor=tractor,
-            expires=end,
-        )
+            name=check_name(name), scopes=" ".join(chosen), sha256=hash_token(text), created=format_utc_now_ms(),
+            fleet=fleet, tractor=tractor, expires=end,
+        )  # fmt: skip
         try:
             with self.database.open_write_session() as session:
-                _check_fleet_exists(session, fleet)
+                if fleet is not None and (not is_storable_text(fleet) or session.get(FleetRow, fleet) is None):
+                    raise NotFoundError(
+                        f"There is no fleet {fleet[:60]!r}; the address of its page, and /api/v1/fleets, show its id.",
+                        parameter="fleet",
+                    )
                 session.add(row)
         except sa.exc.IntegrityError:
             sentence = f"There is a token {name!r}; choose another name or revoke it."
             raise ConflictError(sentence, parameter="name") from None
         return text, row
-
-    def find_token(self, token_text: str) -> TokenRow | None:
-        """The token of a text; None for an unknown or expired one."""
-        with self.database.open_read_session() as session:
-            row = session.scalar(sa.select(TokenRow).where(TokenRow.sha256 == hash_token(token_text)))
-        return None if row is None or has_expired(row) else row
 
     def list_tokens(self) -> list[TokenRow]:
         """All tokens, the oldest first, expired ones included."""
@@ -106,7 +94,7 @@ class TokenStore(StorePart):
             return None
         number = next(each for each in count(1) if f"{BROWSER_TOKEN_PREFIX}{each}" not in names)
         name = f"{BROWSER_TOKEN_PREFIX}{number}"
-        return self._create_token(name, BROWSER_SCOPES, fleet=None, tractor=None, expires=BROWSER_TOKEN_LIFE)[0]
+        return self.create_token(name, BROWSER_SCOPES, expires=BROWSER_TOKEN_LIFE, is_for_browser=True)[0]
 
     def revoke_token(self, name: str) -> None:
         """Revoke a token; raises NotFoundError."""
@@ -199,13 +187,3 @@ def _parse_expiry_time(text: str, begin: datetime) -> datetime | None:
         return end.replace(tzinfo=UTC) if end.tzinfo is None else end.astimezone(UTC)
     except (ValueError, OverflowError):
         return None
-
-
-def _check_fleet_exists(session: Session, fleet: str | None) -> None:
-    if fleet is None:
-        return
-    if not is_storable_text(fleet) or session.get(FleetRow, fleet) is None:
-        raise NotFoundError(
-            f"There is no fleet {fleet[:60]!r}; the address of its page, and /api/v1/fleets, show its id.",
-            parameter="fleet",
-        )

@@ -7,7 +7,7 @@ import { fieldEditor } from "../drawfield.js";
 import { fieldMap } from "../fieldmap.js";
 import { earlier, progressBar } from "../jobs.js";
 import { ACCEPTED } from "../shelf.js";
-import { MACHINES, MORE, TIME, WORK, controlName, optionGrid, readOptions, writeOptions } from "../planoptions.js";
+import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
@@ -21,7 +21,7 @@ export function planAgain(request) {
 
 export async function open(main, shell) {
   shell.title("Plan");
-  const draft = takeDraft(), { labels, strategies: words } = await get("forms/plan");
+  const draft = takeDraft(), described = await get("forms/plan"), { labels, strategies: words } = described, options = planOptions(described);
   const PLACED = ["entrance", "refill", "obstacle"];
   const preview = fieldMap((name, text) => { form.elements[name].value = text; }), closing = [preview.close];
   const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap_axes: swap.checked });
@@ -100,13 +100,13 @@ export async function open(main, shell) {
   put(form,
     el("section", { class: "panel stack" }, el("h2", {}, labels.tractor), machine, el("div", { class: "two even" }, tractor.node, farm.node), ofFarm),
     el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, keep, reading), preview.node), drawing),
-    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), optionGrid(MACHINES, labels), strategies),
-    el("section", { class: "panel stack" }, el("h2", {}, "Work"), optionGrid(WORK, labels)),
-    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), optionGrid(TIME, labels),
-      el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), optionGrid(rows, labels)]),
+    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES), strategies),
+    el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), options.grid(TIME),
+      el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), options.grid(rows)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run), running);
-  if (draft.request) writeOptions(form, draft.request);
+  if (draft.request) options.write(form, draft.request);
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
   form.addEventListener("submit", async (event) => {
@@ -118,7 +118,7 @@ export async function open(main, shell) {
     put(trouble);
     for (const marked of form.querySelectorAll("[aria-invalid]")) for (const name of ["aria-invalid", "aria-describedby"]) marked.removeAttribute(name);
     try {
-      const job = await post("plans", requestOf(form, { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }));
+      const job = await post("plans", requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }));
       location.hash = `#/plan/${part(job.id)}`;
     } catch (error) {
       running.hidden = true;
@@ -162,8 +162,8 @@ function obstacleChoice(obstacles, ignored) {
 }
 
 // The form's values and files under the service's names.
-function requestOf(form, files) {
-  const request = readOptions(form), value = (name) => form.querySelector(`select[name="${name}"]`)?.value ?? "";
+function requestOf(form, request, files) {
+  const value = (name) => form.querySelector(`select[name="${name}"]`)?.value ?? "";
   request.tractors ??= "1-6";
   request.strategies = [...form.querySelectorAll("[name=strategy]:checked")].map((one) => one.value).join(",") || "all";
   request.field = files.field;
