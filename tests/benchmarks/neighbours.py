@@ -38,7 +38,7 @@ def measure(fleets: int, seconds: float, together: bool) -> tuple[float, float, 
         if together:
             hood.add(str(number), str(number), centre, lambda: None, 0.0)
         added_s = max(added_s, time.perf_counter() - begin)
-        centre.start_fleet_work("anna", 0.0)
+        centre.operators.start_fleet_work("anna", 0.0)
         centres.append(centre)
         before += count
     rounds = []

@@ -7,27 +7,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 AlarmCode = Literal[
-    "astray",
-    "broken",
-    "clock",
-    "doubt",
-    "drives on",
-    "error",
-    "failed",
-    "fence",
-    "finding",
-    "late",
-    "leap",
-    "near",
-    "near fleet",
-    "neighbour stopped",
-    "obstacle",
-    "replaced",
-    "restarted",
-    "unknown ground",
-    "unread obstacle",
+    "astray", "broken", "clock", "doubt", "drives on", "error", "failed", "fence", "finding", "late", "leap", "near",
+    "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground", "unread obstacle",
     "unrecorded",
-]
+]  # fmt: skip
 
 
 class OutboundMessage(BaseModel):
@@ -304,20 +287,7 @@ class EventMessage(OutboundMessage):
 
 
 OUTBOUND_MESSAGES: tuple[type[OutboundMessage], ...] = (
-    WelcomeMessage,
-    RefusedMessage,
-    AckMessage,
-    HeartbeatMessage,
-    ReleaseMessage,
-    CommandMessage,
-    StopMessage,
-    ResumeMessage,
-    PlanMessage,
-    LeaseMessage,
-    SceneMessage,
-    TickMessage,
-    CoverageMessage,
-    AlarmsMessage,
-    ProposalMessage,
-    EventMessage,
-)
+    WelcomeMessage, RefusedMessage, AckMessage, HeartbeatMessage, ReleaseMessage, CommandMessage, StopMessage,
+    ResumeMessage, PlanMessage, LeaseMessage, SceneMessage, TickMessage, CoverageMessage, AlarmsMessage,
+    ProposalMessage, EventMessage,
+)  # fmt: skip
