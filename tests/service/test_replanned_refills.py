@@ -203,11 +203,11 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
     )
     bare = replace(plan, timed_missions=none)
     told = _describe_unknown_load(bare, _infer_carried_supply(bare))
-    assert told is not None and "check the tanks" in told
-    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) is None
+    assert len(told) == 1 and "check the tanks" in told[0]
+    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) == []
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
-    assert _describe_unknown_load(dry, None) is None
+    assert _describe_unknown_load(dry, None) == []
 
 
 def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:

@@ -16,6 +16,7 @@ import shapely
 from vehicle.missions.plan import Leg, Mission
 
 Array = npt.NDArray[np.float64]
+ROUNDING_M = 1e-6  # of a place on a corner, which belongs to the segment before it
 SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
 
 
@@ -129,7 +130,7 @@ class TimedMission:
         number = min(leg, len(self.legs) - 1)
         nearest_leg, distances_m = self.legs[number], self._point_distances_m[number]
         at_m = float(shapely.line_locate_point(self.lines[number], shapely.Point(place)))
-        segment = min(max(int(np.searchsorted(distances_m, at_m)) - 1, 0), len(distances_m) - 2)
+        segment = min(max(int(np.searchsorted(distances_m, at_m - ROUNDING_M)) - 1, 0), len(distances_m) - 2)
         x, y = nearest_leg.gear * (nearest_leg.points[segment + 1] - nearest_leg.points[segment])
         return abs(math.remainder(heading_rad - math.atan2(y, x), 2.0 * math.pi))
 

@@ -154,9 +154,7 @@ def _attempt_replan(
     blocked_m = sum(metres for _, metres in shares)
     helper_numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     eta_s = float(max(run.finish_s[n] for n in helper_numbers)) / remaining.times
-    sentences = _describe_open_work(remaining, unreachable_m, blocked_m)
-    if supply is None and "refills" in plan.plan.notes:
-        sentences.append("The plan has no service stops, so the size of a load is unknown: check the tanks.")
+    sentences = [*_describe_open_work(remaining, unreachable_m, blocked_m), *_describe_unknown_load(plan, supply)]
     new_plan, sentence = _build_whole_plan(remaining, missions, run), " ".join(sentences) or None
     return ReplanProposal(new_plan, tuple(ends), eta_s, reassigned_m, unreachable_m, blocked_m, sentence)
 
@@ -171,6 +169,13 @@ def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_
     if unreachable_m >= 0.5:
         sentences.append(f"{unreachable_m:.0f} m of track cannot be reached and remain unworked.")
     return sentences
+
+
+def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
+    """A remark if tractors carry something and the plan does not say how much; none otherwise."""
+    if supply is not None or "refills" not in plan.plan.notes:
+        return []
+    return ["The plan has no service stops, so the size of a load is unknown: check the tanks."]
 
 
 def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:

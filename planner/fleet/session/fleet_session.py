@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, assert_never
 
 from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.manager.fleet_manager import UNRECORDED, FleetManager
@@ -270,6 +270,8 @@ class FleetSession:
                 self.replan(who, [number - 1 for number in frame.without])
             case inbound_frames.AcceptFrame():
                 self.accept_proposal(who, frame.proposal, now)
+            case _:
+                assert_never(frame)
 
     def _forward_remote_command(self, client: FleetClient, frame: inbound_frames.CommandFrame, now: float) -> None:
         speed_mps = 0.0 if frame.start == 0 else frame.speed_command_mps
