@@ -8,23 +8,22 @@ from typing import Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
+    NO_PLAN_STATUS,
     AsJson,
     ClusterOption,
     FieldArgument,
+    GivenOptions,
     ProcessesOption,
-    build_plan_inputs,
     get_option_name,
     inject_request_options,
 )
-from planner.request.options import convert_options_to_parameters, list_options
-from planner.request.plan_request import FIELD, FarmChoice, PlanRequest
+from planner.cli.common.terminal import create_progress_callback, print_answer, warm_up
+from planner.cli.plan import ExecutorChoice
+from planner.errors import RequestError, shorten_value
+from planner.request.plan_request import FIELD
 
 LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
 """Options of a plan that this command compares, or that exclude what it compares."""
-SHARED_OPTIONS = tuple(
-    option.name for option in (*list_options(PlanRequest), *list_options(FarmChoice)) if option.name not in LEFT_OUT
-)
-NO_PLAN_STATUS = 3
 _ONE_TRACTOR: dict[str, dict[str, Any]] = {
     "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},
     "strategies": {
@@ -34,7 +33,7 @@ _ONE_TRACTOR: dict[str, dict[str, Any]] = {
 }
 
 
-@inject_request_options(only=SHARED_OPTIONS, changes=_ONE_TRACTOR)
+@inject_request_options(without=LEFT_OUT, changes=_ONE_TRACTOR)
 def compare_bearings(
     context: typer.Context,
     field: FieldArgument = "iwamizawa",
@@ -53,16 +52,13 @@ def compare_bearings(
 
     Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
     """
-    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
-    from planner.cli.plan import ExecutorChoice
     from planner.pipeline.bearing_comparison import USUAL_BEARINGS_DEG, list_bearing_requests
     from planner.pipeline.bearing_comparison import compare_bearings as compare
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
     chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
-    farm = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
-    request = PlanRequest.from_options(options | {"field": field})
-    completed = build_plan_inputs(request, farm.farm, farm.implement, context)
+    given = GivenOptions(context, options)
+    completed = given.build_inputs(given.build_request(field=field))
     inputs = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
     executor_choice = ExecutorChoice(processes, cluster)
     warm_up()
@@ -71,17 +67,13 @@ def compare_bearings(
         create_progress_callback("Comparing bearings") as progress,
     ):
         comparison = compare(inputs, executor, progress, lambda refusal: refusal.render_sentence(get_option_name))
-    if json:
-        typer.echo(format_bearing_json(comparison), nl=False)
-    else:
-        print_renderable(build_bearing_table, comparison)
+    print_answer(json, format_bearing_json, build_bearing_table, comparison)
     if all(row.plan is None for row in comparison.rows):
         raise typer.Exit(NO_PLAN_STATUS)
 
 
 def _parse_bearings(text: str) -> tuple[float, ...]:
     """ "0,45,90" as degrees, each once; raises RequestError."""
-    from planner.errors import RequestError, shorten_value
 
     try:
         return tuple(dict.fromkeys(float(part) for part in text.split(",")))

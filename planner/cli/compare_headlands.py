@@ -5,43 +5,37 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from planner.cli.common.options import (
+    NO_PLAN_STATUS,
     ClusterOption,
     CsvOption,
     FieldsArgument,
+    GivenOptions,
     JsonOption,
     ProcessesOption,
-    build_plan_inputs,
-    find_shift_start,
     get_option_name,
     inject_request_options,
 )
-from planner.request.options import convert_options_to_parameters, list_options
-from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable, warm_up
+from planner.cli.plan import ExecutorChoice, check_one_output, expand_fields
+from planner.errors import HeadlandError, RequestError, shorten_value, suggest_name
+from planner.request.option_texts import parse_widths
+from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
-    from planner.cli.plan import ExecutorChoice
-    from planner.errors import HeadlandError
     from planner.pipeline.headland_comparison import HeadlandQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
 """Options of a plan that this command takes as lists, or not at all."""
-SHARED_OPTIONS = tuple(
-    option.name
-    for option in (*list_options(PlanRequest), *list_options(FarmChoice))
-    if option.name not in COMPARED_OPTIONS
-)
-NO_PLAN_STATUS = 3
 _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "width": {
         "type": str,
@@ -61,7 +55,7 @@ def render_refusal(refusal: HeadlandError) -> str:
     return refusal.render_sentence(get_option_name)
 
 
-@inject_request_options(only=SHARED_OPTIONS, changes=_CHANGED_OPTIONS)
+@inject_request_options(without=COMPARED_OPTIONS, changes=_CHANGED_OPTIONS)
 def compare_headlands(
     context: typer.Context,
     fields: FieldsArgument = None,
@@ -95,47 +89,32 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import print_remarks
-    from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
-    from planner.errors import RequestError
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
-    from planner.pipeline.many_fields import expand_field_names, share_obstacles
-    from planner.request.option_texts import parse_widths
+    from planner.pipeline.many_fields import share_obstacles
+    from reports.plan.headland_page import render_headland_page
 
     check_one_output(json, csv)
     if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
         raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
-    names = expand_field_names(
-        fields or [DEFAULT_FIELD],
-        local=options["local"],
-        crs=options["crs"],
-        swap_axes=options["swap_axes"],
-        show_remarks=print_remarks,
-    )
+    names = expand_fields(fields, options)
     choices = HeadlandChoices(
         _parse_choices(corners, "--corners", CORNERS),
         () if headland_order is None else _parse_choices(headland_order, "--headland-order", HEADLAND_ORDERS),
         () if headland_passes is None else _parse_pass_counts(headland_passes),
     )
     executor_choice = ExecutorChoice(processes, cluster)
-    farm = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
-    build_inputs = partial(build_plan_inputs, farm=farm.farm, implement=farm.implement, context=context)
-    requests = share_obstacles(
-        [
-            _build_request(options | {"field": name, "width": width_m}, farm.farm)
-            for name in names
-            for width_m in parse_widths(options["width"])
-        ]
-    )
-    inputs = [build_inputs(request) for request in requests]
+    given = GivenOptions(context, options)
+    widths_m = parse_widths(options["width"])
+    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    inputs = [given.build_inputs(request) for request in share_obstacles(requests)]
+    farm = given.choice
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
     comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
-    with write_before_printing(_render_page(comparison, html)):
+    with write_before_printing([(html, render_headland_page(comparison))] if html else []):
         _print_comparison(comparison, json, csv)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.plans):
@@ -144,7 +123,6 @@ def compare_headlands(
 
 def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
     """The words of a list with commas, each once; raises RequestError."""
-    from planner.errors import RequestError, shorten_value, suggest_name
 
     words = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
     for word in words:
@@ -158,7 +136,6 @@ def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str,
 
 def _parse_pass_counts(text: str) -> tuple[int, ...]:
     """ "2", "1-3" or "1,2,4" as numbers of headland passes, each once; raises RequestError."""
-    from planner.errors import RequestError, shorten_value
 
     counts: dict[int, None] = {}
     for part in text.split(","):
@@ -173,14 +150,7 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _build_request(options: dict[str, Any], farm: str | None) -> PlanRequest:
-    """The request of one field and width, the headland left open."""
-    shift_s = None if options["deadline"] is None else find_shift_start(farm)
-    return PlanRequest.from_options(options, shift_s=shift_s)
-
-
 def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
-    from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.pipeline.headland_comparison import compare_headlands as compare
 
     warm_up()
@@ -193,23 +163,13 @@ def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorCho
 
 def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     """Raise RequestError where the only field is refused for one reason, whatever the way."""
-    from planner.errors import RequestError
 
     reasons = {each.refusal for each in comparison.plans if not each.field_name}
     if len(comparison.fields) == 1 and len(reasons) == 1 and not any(each.field_name for each in comparison.plans):
         raise RequestError(str(reasons.pop()))
 
 
-def _render_page(comparison: HeadlandComparison, html: Path | None) -> list[tuple[Path, OutputContent]]:
-    if html is None:
-        return []
-    from reports.plan.headland_page import render_headland_page
-
-    return [(html, render_headland_page(comparison))]
-
-
 def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> None:
-    from planner.cli.common.terminal import print_renderable
     from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
 
     if json or csv:

@@ -8,17 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from planner.cli.common.options import AsJson, inject_request_options
+from planner.cli.common.options import NO_PLAN_STATUS, AsJson, inject_request_options
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_output_paths,
+    refuse_overwrite,
+    render_requested,
+    write_before_printing,
+)
+from planner.cli.common.terminal import print_remarks, print_renderable, print_sentence, warm_up
+from planner.cli.plan import ExecutorChoice, check_one_output
+from planner.errors import RequestError
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
     from planner.day.input_file import DayFile
     from planner.day.planning import PreparedDay
     from planner.farm.inventory import FarmFile
     from reports.day.schedule_results import DayResult
 
 
-NOT_RECOMMENDED_STATUS = 3
 PLAN = "plan"
 
 
@@ -87,16 +95,12 @@ def plan_day_file(
 
     Example: headland day plan day.toml --html day.html. The word plan may be left out.
     """
-    from planner.cli.common.outputs import check_output_paths, write_before_printing
-    from planner.cli.common.terminal import print_remarks, print_sentence
+    from planner.day.input_file import load_day
     from planner.day.planning import prepare_day
-    from planner.errors import RequestError
     from planner.request.plan_request import MAX_SAMPLES
 
-    if json and csv:
-        raise RequestError("--json and --csv both print to standard output; choose one.")
-    if processes is not None and processes < 1:
-        raise RequestError(f"--processes is {processes}; use 1 or more.")
+    check_one_output(json, csv)
+    executor_choice = ExecutorChoice(processes, None)
     samples, seed = options["samples"], options["seed"]
     if not 1 <= samples <= MAX_SAMPLES:
         raise RequestError(f"--samples is {samples}; use 1 to {MAX_SAMPLES}.")
@@ -106,19 +110,19 @@ def plan_day_file(
         raise RequestError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
-    day_file, farm_file = _load_day_and_farm(file, options["farm"], options["rain"], certainty)
+    day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)
     check_output_paths(
         (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_input_files(file, day_file, farm_file)
     )
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
-    result = _compute_day_plan(prepared, cache, samples, seed, processes, field_minutes)
+    result = _compute_day_plan(prepared, cache, samples, seed, executor_choice, field_minutes)
     with write_before_printing(_render_day_outputs(result, html, png, map_png)):
         _print_result(result, json, csv, explain)
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
     if not result.jobs or result.shortfalls:
-        raise typer.Exit(NOT_RECOMMENDED_STATUS)
+        raise typer.Exit(NO_PLAN_STATUS)
 
 
 @day.command()
@@ -130,8 +134,6 @@ def new(
 
     Example: headland day new day.toml
     """
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import print_sentence
     from planner.day.input_file import read_example_day_text
 
     check_output_paths((file, ".toml"))
@@ -149,15 +151,6 @@ def example() -> None:
     from planner.day.input_file import read_example_day_text
 
     typer.echo(read_example_day_text(), nl=False)
-
-
-def _load_day_and_farm(
-    file: str, farm: str | None, rain: str | None, certainty: float | None
-) -> tuple[DayFile, FarmFile]:
-    """The day and its farm, with the values of the command line."""
-    from planner.day.input_file import load_day
-
-    return load_day(file, farm=farm, rain=rain, certainty_pct=certainty)
 
 
 def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict[str | Path, str]:
@@ -178,20 +171,23 @@ def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict
 
 
 def _compute_day_plan(
-    prepared: PreparedDay, cache: Path | None, samples: int, seed: int, processes: int | None, field_minutes: float
+    prepared: PreparedDay,
+    cache: Path | None,
+    samples: int,
+    seed: int,
+    executor_choice: ExecutorChoice,
+    field_minutes: float,
 ) -> DayResult:
     from planner.cli.common.progress import open_stage_bar
-    from planner.cli.common.terminal import warm_up
     from planner.day.field_times import FieldTimeCache, find_cache_folder
     from planner.day.planning import plan_day
-    from planner.pipeline.executors import create_executor
 
     store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()
     with (
-        create_executor(max(unknown_count, 1), processes) as executor,
+        executor_choice.open_executor(max(unknown_count, 1)) as executor,
         open_stage_bar("Simulating fields") as bar,
     ):
         return plan_day(
@@ -212,7 +208,6 @@ def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> No
 
         typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
         return
-    from planner.cli.common.terminal import print_renderable
     from reports.day.first_screen import build_day_screen
 
     print_renderable(build_day_screen, result, with_next=not explain)
@@ -227,23 +222,13 @@ def _render_day_outputs(
     result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
 ) -> list[tuple[Path, OutputContent]]:
     """The requested page and pictures."""
+    from reports.day.page import draw_gantt, draw_road_map, render_day_page
     from reports.plan.map_figure import render_png
 
-    results: list[tuple[Path, OutputContent]] = []
-    if html:
-        from reports.day.page import render_day_page
-
-        results.append((html, render_day_page(result)))
-    if png:
-        from reports.day.page import draw_gantt
-
-        results.append((png, render_png(draw_gantt(result))))
-    if map_png:
-        from reports.day.page import draw_road_map
-
-        figure = draw_road_map(result)
-        if figure is None:
-            typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
-        else:
-            results.append((map_png, render_png(figure)))
+    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
+    road_map = draw_road_map(result) if map_png else None
+    if map_png and road_map is not None:
+        results.append((map_png, render_png(road_map)))
+    elif map_png:
+        typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
     return results

@@ -8,10 +8,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import AsJson, TractorOption
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
+from planner.cli.common.terminal import (
+    create_progress_callback,
+    limit_linear_algebra_threads,
+    print_answer,
+    print_renderable,
+    print_sentence,
+)
+from planner.errors import RequestError
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
-    from planner.errors import RequestError
     from planner.pipeline.log_ground import HeightFile
     from planner.pipeline.soil_rows import SoilLine
     from vehicle.identification.diagnosis.demo_logs import HiddenEffect
@@ -94,10 +107,8 @@ def diagnose(
 
     Example: headland diagnose runs/*.csv --tractor eg105 --holdout auto --html report.html --save my-eg105.toml
     """
-    from planner.cli.common.terminal import limit_linear_algebra_threads
 
     limit_linear_algebra_threads()
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 
     _check_demo_options(demo, logs, seed, hide, {"--fix": fix, "--mapping": mapping, "--column": column}, as_driven)
     columns = _choose_mapping(mapping, column)
@@ -116,14 +127,11 @@ def diagnose(
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
-        from planner.cli.common.terminal import print_sentence
         from reports.diagnosis.log_checks import describe_unsaved
 
         print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
         raise typer.Exit(NOT_SAVED_STATUS)
     if unsaved_soil is not None:
-        from planner.cli.common.terminal import print_sentence
-
         print_sentence(str(unsaved_soil), err=True)
         raise typer.Exit(NOT_SAVED_STATUS)
 
@@ -131,25 +139,21 @@ def diagnose(
 def _render_report(
     diagnosis: Diagnosis, hidden: HiddenEffect | None, html: Path | None, save: Path | None, next_drive: Path | None
 ) -> list[tuple[Path, OutputContent]]:
-    results: list[tuple[Path, OutputContent]] = []
-    if html:
-        from reports.diagnosis.page import render_diagnosis_page
+    from reports.diagnosis.page import render_diagnosis_page
+    from vehicle.model.tractor_writer import format_tractor_toml
 
-        results.append((html, render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)))
-    if save and diagnosis.is_savable:
-        from vehicle.model.tractor_writer import format_tractor_toml
-
-        results.append((save, format_tractor_toml(diagnosis.tractor)))
-    if next_drive and diagnosis.next_drive_plan is not None:
-        results.append((next_drive, diagnosis.next_drive_plan))
-    return results
+    next_plan = diagnosis.next_drive_plan
+    return render_requested(
+        (html, lambda: render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)),
+        (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
+        (None if next_plan is None else next_drive, lambda: next_plan or ""),
+    )
 
 
 def _check_demo_options(
     demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, conversions: dict[str, Any], as_driven: bool
 ) -> None:
     """Raise RequestError for both or neither of logs and --demo, and for an option that would be ignored."""
-    from planner.errors import RequestError
 
     if demo == bool(logs):
         raise RequestError("Give either log files or --demo.")
@@ -165,7 +169,6 @@ def _check_demo_options(
 
 def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str | None, demo: bool) -> HeightFile | None:
     """Raises RequestError for heights with --demo, and for a coordinate system without heights."""
-    from planner.errors import RequestError
     from planner.pipeline.log_ground import HeightFile
 
     if elevation is not None and demo:
@@ -187,7 +190,6 @@ def _choose_mapping(mapping: str | None, column: list[str] | None) -> list[str]:
 
 def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str, demo: bool) -> SoilLine | None:
     """Raises RequestError for a line that cannot be added, and for an option that would be ignored."""
-    from planner.errors import RequestError
     from planner.pipeline.soil_rows import parse_soil_line
 
     if save_soil is None:
@@ -203,7 +205,6 @@ def _render_soil(
     diagnosis: Diagnosis, line: SoilLine | None
 ) -> tuple[list[tuple[Path, OutputContent]], RequestError | None]:
     """The table with the line, or why there is none."""
-    from planner.errors import RequestError
     from planner.pipeline.soil_rows import build_soil_row, format_soil_table
 
     if line is None:
@@ -219,7 +220,6 @@ def _run_diagnosis(
     hide: str | None, holdout: list[str] | None, heights: HeightFile | None, mapping: list[str],
 ) -> tuple[Diagnosis, HiddenEffect | None]:  # fmt: skip
     """The diagnosis, and without logs what the demonstration had hidden."""
-    from planner.cli.common.terminal import create_progress_callback
     from planner.pipeline.diagnosis import diagnose as explain
     from planner.pipeline.diagnosis import diagnose_demo
 
@@ -241,7 +241,6 @@ def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bo
 
         typer.echo(format_diagnosis_json(diagnosis, hidden), nl=False)
         return
-    from planner.cli.common.terminal import print_renderable
     from reports.diagnosis.first_screen import build_diagnosis_screen
     from reports.diagnosis.tables import build_diagnosis_table
 
@@ -273,28 +272,19 @@ def replay(
 
     Example: headland replay run.csv --tractor my-eg105.toml --png run.png
     """
-    from planner.cli.common.terminal import limit_linear_algebra_threads
 
     limit_linear_algebra_threads()
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.pipeline.diagnosis import replay as simulate
     from reports.diagnosis.replay import build_replay_table, draw_replay, format_replay_json, render_replay_page
+    from reports.plan.map_figure import render_png
 
     heights, columns = _choose_heights(elevation, elevation_crs, crs, demo=False), _choose_mapping(mapping, column)
     input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation, mapping=mapping)
     check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
     result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
-    results: list[tuple[Path, OutputContent]] = []
-    if png:
-        from reports.plan.map_figure import render_png
-
-        results.append((png, render_png(draw_replay(result.replayed))))
-    if html:
-        results.append((html, render_replay_page(result.replayed, result.remarks)))
+    results = render_requested(
+        (png, lambda: render_png(draw_replay(result.replayed))),
+        (html, lambda: render_replay_page(result.replayed, result.remarks)),
+    )
     with write_before_printing(results):
-        if json:
-            typer.echo(format_replay_json(result.replayed, result.remarks), nl=False)
-        else:
-            from planner.cli.common.terminal import print_renderable
-
-            print_renderable(build_replay_table, result.replayed, result.remarks)
+        print_answer(json, format_replay_json, build_replay_table, result.replayed, result.remarks)

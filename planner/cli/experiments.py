@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.cli.common.options import AsJson, Html, Png, TractorOption
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
+from planner.cli.common.terminal import create_progress_callback, print_answer, warm_up
+from planner.errors import RequestError
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
     from vehicle.trials.sheets.sheet import ExperimentSheet
 
 
@@ -25,8 +33,7 @@ def design(
 
     Example: headland design tyres --html tyres.html
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import print_renderable, warm_up
+    from reports.trials.report import build_trials_table, format_experiment_json
     from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
 
     check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
@@ -34,14 +41,7 @@ def design(
     warm_up()
     sheet = run_design_study(study, tractor)
     with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        if json:
-            from reports.trials.report import format_experiment_json
-
-            typer.echo(format_experiment_json(sheet), nl=False)
-        else:
-            from reports.trials.report import build_trials_table
-
-            print_renderable(build_trials_table, (sheet,))
+        print_answer(json, format_experiment_json, lambda only: build_trials_table((only,)), sheet)
 
 
 OptionalNumber = Optional[float]
@@ -73,8 +73,7 @@ def drive(
 
     Example: headland drive --steer 25 --ground mud --model nonlinear --png circle.png
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import print_renderable, warm_up
+    from reports.trials.report import format_drive_json
     from vehicle.trials.sheets.steered_drive import (
         SteeredDriveRequest,
         build_drive_sheet,
@@ -91,12 +90,7 @@ def drive(
     result, path = run_steered_drive(request)
     sheets = (build_drive_sheet(request, result, path),) if html or png else ()
     with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        if json:
-            from reports.trials.report import format_drive_json
-
-            typer.echo(format_drive_json(result), nl=False)
-        else:
-            print_renderable(describe_drive, result)
+        print_answer(json, format_drive_json, describe_drive, result)
 
 
 def study(json: AsJson = False) -> None:
@@ -104,20 +98,14 @@ def study(json: AsJson = False) -> None:
 
     Example: headland study --json
     """
-    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
     from planner.pipeline.thesis_study import study as simulate
+    from reports.plan.ranking_export import format_study_json
+    from reports.plan.ranking_table import build_study_tables
 
     warm_up()
     with create_progress_callback("Simulating the study") as progress:
         result = simulate(progress=progress)
-    if json:
-        from reports.plan.ranking_export import format_study_json
-
-        typer.echo(format_study_json(result), nl=False)
-        return
-    from reports.plan.ranking_table import build_study_tables
-
-    print_renderable(build_study_tables, result)
+    print_answer(json, format_study_json, build_study_tables, result)
 
 
 ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
@@ -137,9 +125,7 @@ def validate(
 
     Example: headland validate zigzag --html zigzag.html
     """
-    from planner.cli.common.outputs import check_output_paths, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
-    from planner.errors import RequestError
+    from reports.trials.report import build_trials_table, format_trials_json
     from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name, run_experiments
 
     check_output_paths((html, ".html"), (png, ".png"))
@@ -154,28 +140,17 @@ def validate(
         names = EXPERIMENTS if experiment is None else (experiment,)
         sheets = run_experiments(names, seed=seed, progress=progress)
     with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        if json:
-            from reports.trials.report import format_trials_json
-
-            typer.echo(format_trials_json(sheets), nl=False)
-        else:
-            from reports.trials.report import build_trials_table
-
-            print_renderable(build_trials_table, sheets)
+        print_answer(json, format_trials_json, build_trials_table, sheets)
 
 
 def render_experiment_outputs(
     sheets: tuple[ExperimentSheet, ...], html: Path | None, png: Path | None
 ) -> list[tuple[Path, OutputContent]]:
     """The requested page of some experiments and picture of the first."""
-    results: list[tuple[Path, OutputContent]] = []
-    if html:
-        from reports.trials.report import render_trials_page
+    from reports.plan.map_figure import render_png
+    from reports.trials.figures import draw_experiment_panels
+    from reports.trials.report import render_trials_page
 
-        results.append((html, render_trials_page(sheets)))
-    if png:
-        from reports.plan.map_figure import render_png
-        from reports.trials.figures import draw_experiment_panels
-
-        results.append((png, render_png(draw_experiment_panels(sheets[0]))))
-    return results
+    return render_requested(
+        (html, lambda: render_trials_page(sheets)), (png, lambda: render_png(draw_experiment_panels(sheets[0])))
+    )

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from planner.cli.common.options import AsJson
+from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
+from planner.cli.common.terminal import print_answer, print_sentence
 
 farm = typer.Typer(
     help="The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml",
@@ -29,8 +31,6 @@ def new(
 
     Example: headland farm new farm.toml
     """
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import print_sentence
     from planner.farm.inventory import read_example_farm_text
 
     check_output_paths((file, ".toml"))
@@ -61,12 +61,8 @@ def check(
     """
     from planner.farm.inventory import load_farm
     from planner.farm.value_sources import build_farm_sheet, format_farm_json
-
-    farm_file = load_farm(file)
-    if json:
-        typer.echo(format_farm_json(farm_file), nl=False)
-        return
-    from planner.cli.common.terminal import print_renderable
     from reports.trials.report import build_trials_table
 
-    print_renderable(build_trials_table, (build_farm_sheet(farm_file, file),))
+    print_answer(
+        json, format_farm_json, lambda shown: build_trials_table((build_farm_sheet(shown, file),)), load_farm(file)
+    )

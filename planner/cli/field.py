@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
-from planner.cli.common.options import AsJson, FieldArgument, build_plan_inputs, inject_request_options
+from planner.cli.common.options import AsJson, FieldArgument, GivenOptions, inject_request_options
+from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
 from planner.cli.common.reader import translate_help
-from planner.request.options import convert_options_to_parameters
-from planner.request.plan_request import FarmChoice, PlanRequest
+from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.errors import RequestError
 
 if TYPE_CHECKING:
     from planner.evaluation.context import PlanningContext
@@ -46,17 +47,16 @@ def field(
 
     Example: headland field denmark --width 6 --png denmark.png
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, print_remarks, warm_up
-    from planner.errors import RequestError
     from planner.evaluation.preparation import prepare_context
     from planner.pipeline.outputs.pictures import describe_field
+    from reports.plan.field_report import build_field_report
+    from reports.plan.ranking_export import format_facts_json
 
-    choice = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
+    given = GivenOptions(context, options)
     check_output_paths(
         (png, ".png"),
         input_files=list_input_files(
-            field=field, tractor=options["tractor"], farm=choice.farm, elevation=options["elevation"]
+            field=field, tractor=options["tractor"], farm=given.choice.farm, elevation=options["elevation"]
         ),
     )
     if list_only and png:
@@ -64,8 +64,7 @@ def field(
     if list_only:
         _list_parcels(field, options["local"], options["crs"], options["swap_axes"], json)
         return
-    request = PlanRequest.from_options(options | {"field": field})
-    plan_inputs = build_plan_inputs(request, choice.farm, choice.implement, context)
+    plan_inputs = given.build_inputs(given.build_request(field=field))
     warm_up()
     with create_progress_callback("Laying out the field"):
         planning_context = prepare_context(
@@ -76,7 +75,7 @@ def field(
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
-        _print_facts(facts, json)
+        print_answer(json, format_facts_json, build_field_report, facts)
 
 
 def write_heights(
@@ -94,8 +93,6 @@ def write_heights(
     Example: headland field heights runs -o heights.tif
     """
     from fields.terrain.rasters import list_raster_files, render_raster
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable
     from planner.task_logs.run_heights import build_run_heights
     from planner.task_logs.runs.run_files import list_run_files, load_imported_runs
     from reports.common.text_tables import format_sentence
@@ -129,18 +126,6 @@ class FieldCommand(TyperCommand):
         return command.make_context(f"{info_name} {HEIGHTS}", args[1:], *others, **options)
 
 
-def _print_facts(facts: dict[str, Any], json: bool) -> None:
-    if json:
-        from reports.plan.ranking_export import format_facts_json
-
-        typer.echo(format_facts_json(facts), nl=False)
-        return
-    from planner.cli.common.terminal import print_renderable
-    from reports.plan.field_report import build_field_report
-
-    print_renderable(build_field_report, facts)
-
-
 def _draw_map(planning_context: PlanningContext) -> bytes:
     from planner.pipeline.outputs.pictures import build_outline_picture
     from reports.plan.map_figure import draw_plan_map, render_png
@@ -150,14 +135,8 @@ def _draw_map(planning_context: PlanningContext) -> bytes:
 
 def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, json: bool) -> None:
     from fields.documents.reader import list_fields_with_notes
-    from planner.cli.common.terminal import print_remarks
     from reports.plan.field_report import build_parcels_table, format_parcels_json
 
     parcels, notes = list_fields_with_notes(field, local=local, crs=crs, swap_axes=swap_axes)
     print_remarks(notes)
-    if json:
-        typer.echo(format_parcels_json(parcels), nl=False)
-        return
-    from planner.cli.common.terminal import print_renderable
-
-    print_renderable(build_parcels_table, parcels)
+    print_answer(json, format_parcels_json, build_parcels_table, parcels)

@@ -7,6 +7,8 @@ from typing import Annotated, Optional
 
 import typer
 
+from planner.cli.common.terminal import print_renderable
+
 
 def guide(
     topic: Annotated[Optional[str], typer.Argument(help="A topic; without one, all topics are listed.")] = None,
@@ -18,7 +20,6 @@ def guide(
     """
     from rich.markdown import Markdown
 
-    from planner.cli.common.terminal import print_renderable
     from planner.guide.guide_pages import list_pages, read_page, search_pages
 
     if search is not None:

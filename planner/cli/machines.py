@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.cli.common.options import AsJson, FarmOption, Html, Png
-from planner.cli.common.terminal import print_sentence
+from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
+from planner.cli.common.terminal import (
+    create_progress_callback,
+    print_remarks,
+    print_renderable,
+    print_sentence,
+    warm_up,
+)
+from planner.errors import RequestError, mark_parameter
 
 if TYPE_CHECKING:
     from vehicle.datasheet.sheet import Datasheet, DatasheetQuantity
@@ -77,8 +85,6 @@ def fit(
 
     Example: headland gnss fit fixes.csv -o table.csv
     """
-    from planner.cli.common.outputs import check_output_paths, write_before_printing
-    from planner.cli.common.terminal import print_sentence
     from vehicle.model.gnss import build_error_table, format_error_table, load_static_fixes
 
     check_output_paths((output, ""), input_files={fixes: "the fixes"})
@@ -153,8 +159,6 @@ def new(
 
     Example: headland tractor new my.toml --name "Fendt 724" --wheelbase 2.78 --width 2.55 --turning-radius 5.5
     """
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import print_remarks, print_renderable
     from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
@@ -191,8 +195,6 @@ def check(
 
     Example: headland tractor check my.toml --html my.html
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
     from planner.cli.experiments import render_experiment_outputs
     from planner.farm.inventory import load_farm
     from vehicle.model.tractor import load_tractor
@@ -216,7 +218,6 @@ def check(
 
 def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -> tuple[str, Datasheet]:
     """Name and datasheet; asks for missing values on a terminal. Raises RequestError or VehicleError."""
-    from planner.errors import RequestError, mark_parameter
     from vehicle.datasheet.sheet import build_datasheet, list_missing
 
     missing = list_missing(values)

@@ -2,47 +2,45 @@
 
 from __future__ import annotations
 
-import json as jsons
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from planner.cli.common.options import (
+    NO_PLAN_STATUS,
     ClusterOption,
     CsvOption,
     FieldsArgument,
+    GivenOptions,
     JsonOption,
     ProcessesOption,
-    build_plan_inputs,
-    find_shift_start,
+    get_option_name,
     inject_request_options,
 )
-from planner.request.options import convert_options_to_parameters
-from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_output_paths,
+    list_input_files,
+    write_before_printing,
+    write_results,
+)
+from planner.cli.common.terminal import LOADING, print_remarks, print_renderable, print_sentence, warm_up
+from planner.errors import RequestError
+from planner.request.option_texts import parse_widths
+from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
     from planner.cli.common.progress import StageBar
     from planner.pipeline.farm_inputs import PlanInputs
     from planner.pipeline.many_fields import FieldAnswer, FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
-
-
-@dataclass(frozen=True)
-class BatchSelection:
-    """Fields and widths to plan; `is_batch` where there are several."""
-
-    fields: tuple[str, ...]
-    widths_m: tuple[float, ...]
-    is_batch: bool
 
 
 @dataclass(frozen=True)
@@ -53,8 +51,6 @@ class ExecutorChoice:
     cluster: str | None
 
     def __post_init__(self) -> None:
-        from planner.errors import RequestError
-
         if self.processes is not None and self.processes < 1:
             raise RequestError(f"--processes is {self.processes}; use 1 or more.")
         if self.processes is not None and self.cluster is not None:
@@ -62,62 +58,43 @@ class ExecutorChoice:
 
     def open_executor(self, tasks: int) -> AbstractContextManager[Executor]:
         """The executor for this number of tasks."""
-        from planner.pipeline.executors import create_executor
+        from planner.pipeline.executors import connect_cluster, create_executor
 
-        if self.cluster is None:
-            return create_executor(tasks, self.processes)
-        from planner.pipeline.executors import connect_cluster
-
-        return connect_cluster(self.cluster)
-
-
-def parse_selection(names: Sequence[str], width: str, local: bool, crs: str | None, swap_axes: bool) -> BatchSelection:
-    """The fields and widths that names with stars and widths with commas stand for; raises HeadlandError."""
-    from planner.cli.common.terminal import print_remarks
-    from planner.pipeline.many_fields import expand_field_names
-    from planner.request.option_texts import parse_widths
-
-    fields = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes, show_remarks=print_remarks)
-    widths_m = parse_widths(width)
-    return BatchSelection(fields, widths_m, len(widths_m) > 1 or fields != (names[0],))
+        return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
 def plan_batch(
-    selection: BatchSelection,
-    request: PlanRequest,
-    build_inputs: Callable[[PlanRequest], PlanInputs],
+    requests: Sequence[PlanRequest],
+    given: GivenOptions,
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
     html: Path | None,
     json: bool,
     csv: bool,
-    every_plan: bool,
     explain: bool,
 ) -> bool:
     """Print one table of every field at every width; whether each has a plan that meets the request.
 
     A page is written before the table is printed, and after all of the CSV.
     """
-    from planner.cli.common.outputs import check_output_paths
     from planner.cli.common.progress import open_stage_bar
-    from planner.cli.common.terminal import warm_up
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
+    from reports.plan.many_fields_page import render_many_fields_page
 
     check_output_paths(
         (checkpoint, ".jsonl"),
         (html, ".html"),
-        input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields},
+        input_files={name.rpartition("#")[0] or name: "a field" for name in (one.field for one in requests)},
     )
     earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
-    requests = share_obstacles(
-        [replace(request, field=field, width_m=width_m) for field in selection.fields for width_m in selection.widths_m]
-    )
-    questions = [FieldQuestion(build_inputs(one), every_plan, html is not None) for one in requests]
+    every_plan, with_map = given.choice.simulate_all, html is not None
+    questions = [FieldQuestion(given.build_inputs(one), every_plan, with_map) for one in share_obstacles(requests)]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
     with open_stage_bar("Planning fields") as bar, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, bar, show)
-        _write_index_page(records, html)
+        if html is not None:
+            write_results([(html, render_many_fields_page(records))])
     _print_field_remarks(records)
     return all(_has_accepted_plan(record) for record in records)
 
@@ -178,22 +155,11 @@ def _is_usable(record: Record, question: FieldQuestion) -> bool:
     return has_checksum(record) and not (question.with_map and get_best_plan(record) and record.get(MAP_KEY) is None)
 
 
-def _write_index_page(records: Sequence[Record], html: Path | None) -> None:
-    """Write the page of all fields, if one was asked for."""
-    if html is None:
-        return
-    from planner.cli.common.outputs import write_results
-    from reports.plan.many_fields_page import render_many_fields_page
-
-    write_results([(html, render_many_fields_page(records))])
-
-
 def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Record:
     """An answer as plain values."""
-    from planner.cli.common.options import get_option_name
     from planner.pipeline.many_fields import KEY_FIELD, add_checksum
     from reports.plan.many_fields import MAP_KEY
-    from reports.plan.ranking_export import format_ranking_json
+    from reports.plan.ranking_export import build_ranking_entry
 
     refusal, ranking = answer.refusal, answer.ranking
     record: dict[str, Any] = {
@@ -201,14 +167,13 @@ def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Rec
         "requested_field": question.field_name,
         "width_m": question.inputs.request.width_m,
         "refusal": None if refusal is None else refusal.render_sentence(get_option_name),
-        "ranking": None if ranking is None else jsons.loads(format_ranking_json(ranking)),
+        "ranking": None if ranking is None else build_ranking_entry(ranking),
     }
     return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
 
 
 def _print_field_remarks(records: Iterable[Record]) -> None:
     """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
-    from planner.cli.common.terminal import print_remarks
 
     fields_by_remark: dict[str, dict[str, None]] = {}
     for ranking in (record["ranking"] for record in records if record["ranking"]):
@@ -229,7 +194,6 @@ def _has_accepted_plan(record: Record) -> bool:
 @contextmanager
 def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[Record], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
-    from planner.cli.common.terminal import print_renderable
     from reports.plan.many_fields import (
         build_many_fields_table,
         format_many_csv_head,
@@ -256,7 +220,6 @@ def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Calla
             print_renderable(build_many_fields_table, records)
 
 
-NO_PLAN_STATUS = 3
 DEFAULT_FIELD = "iwamizawa"
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
 _WIDTH = {
@@ -302,41 +265,35 @@ def plan(
 
     Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
-    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-    from planner.cli.common.terminal import print_remarks
     from strategies.registry import describe_hidden_strategies
 
     check_one_output(json, csv)
-    selection = parse_selection(
-        fields or [DEFAULT_FIELD], options["width"], options["local"], options["crs"], options["swap_axes"]
-    )
+    names = expand_fields(fields, options)
+    widths_m = parse_widths(options["width"])
     executor_choice = ExecutorChoice(processes, cluster)
-    choice = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
-    request = PlanRequest.from_options(
-        options | {"field": selection.fields[0], "width": selection.widths_m[0]},
-        shift_s=None if options["deadline"] is None else find_shift_start(choice.farm),
-    )
-    build_inputs = partial(build_plan_inputs, farm=choice.farm, implement=choice.implement, context=context)
-    if selection.is_batch or checkpoint is not None:
+    given = GivenOptions(context, options)
+    choice = given.choice
+    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    if len(widths_m) > 1 or names != tuple(fields or [DEFAULT_FIELD])[:1] or checkpoint is not None:
         _refuse_single_field_outputs(("--png", png), ("--save", save))
-        is_complete = plan_batch(
-            selection, request, build_inputs, executor_choice, checkpoint, html, json, csv, choice.simulate_all, explain
-        )
+        is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, json, csv, explain)
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
+    (request,) = requests
     input_files = list_input_files(
         field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm,
         rain=request.rain, elevation=request.elevation, soil=request.soil, rain_mm=request.rain_mm,
     )  # fmt: skip
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
-        build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
+        given.build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
     remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
     print_remarks([*remarks, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not (json or csv)
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)
-    _exit_without_plan(result.ranking)
+    if not result.ranking.is_recommended:
+        raise typer.Exit(NO_PLAN_STATUS)
 
 
 def _describe_learned_values(ranking: PlanRanking) -> list[str]:
@@ -344,23 +301,23 @@ def _describe_learned_values(ranking: PlanRanking) -> list[str]:
     return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
 
 
-def _exit_without_plan(ranking: PlanRanking) -> None:
-    """Exit with the documented status where no plan meets the request."""
-    if not ranking.is_recommended:
-        raise typer.Exit(NO_PLAN_STATUS)
-
-
 def check_one_output(json: bool, csv: bool) -> None:
     """Raise RequestError where both would be printed."""
-    from planner.errors import RequestError
 
     if json and csv:
         raise RequestError("--json and --csv both print to standard output; choose one.")
 
 
+def expand_fields(fields: Sequence[str] | None, options: Mapping[str, Any]) -> tuple[str, ...]:
+    """The fields that names, with or without stars, stand for; raises HeadlandError."""
+    from planner.pipeline.many_fields import expand_field_names
+
+    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
+    return expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+
+
 def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
     """Refuse output files for one field where there are several."""
-    from planner.errors import RequestError
 
     for option, path in outputs:
         if path is not None:
@@ -373,7 +330,6 @@ def _simulate_plans(
     plan_inputs: PlanInputs, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
 ) -> PlanningResult:
     from planner.cli.common.progress import open_stage_bar
-    from planner.cli.common.terminal import LOADING, warm_up
 
     request = plan_inputs.request
     with open_stage_bar(LOADING) as bar, ExitStack() as opened:
@@ -403,14 +359,11 @@ def _simulate_plans(
 
 def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, explain: bool) -> None:
     if json or csv:
-        from planner.cli.common.terminal import print_remarks
-
         print_remarks(ranking.day_sentences)
         from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 
         typer.echo(format_ranking_json(ranking) if json else format_ranking_csv(ranking), nl=False)
         return
-    from planner.cli.common.terminal import print_renderable
     from reports.plan.first_screen import build_first_screen
 
     print_renderable(build_first_screen, ranking, shows_all=show_all, with_next=not explain)
@@ -428,7 +381,6 @@ def _render_plan_outputs(
 
     Prints on standard error that none meets the request, unless the answer on the terminal says so.
     """
-    from planner.cli.common.terminal import print_sentence
     from reports.common.language import use_reader
     from reports.plan.shortfall_wording import list_shortfall_sentences
 

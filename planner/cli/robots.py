@@ -16,6 +16,10 @@ from typing import IO, TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
+from planner.cli.common.terminal import create_progress_callback, limit_linear_algebra_threads, warm_up
+from planner.errors import RequestError
+from planner.pipeline.interrupts import stop_repeating
+
 if TYPE_CHECKING:
     from planner.fleet.simulated_robot import RobotDriver
 
@@ -47,7 +51,6 @@ def fleet(
 
     Example: headland demo fleet --times 5
     """
-    from planner.pipeline.interrupts import stop_repeating
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ending this process ends service and robots too
     try:
@@ -111,7 +114,6 @@ def _wait_for_service(url: str, service: subprocess.Popen[str]) -> None:
 
 def _make_plan_text() -> str:
     """A new plan of the sample field, as text."""
-    from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.pipeline.outputs.saved_plans import write_saved_plan
     from planner.pipeline.planning import plan as simulate_all
     from planner.request.plan_request import PlanRequest
@@ -182,7 +184,6 @@ def _run_headland_command(arguments: tuple[str, ...], **options: Any) -> Iterato
 @contextlib.contextmanager
 def _ignore_end_signals() -> Iterator[None]:
     """Ignore Ctrl-C and SIGTERM while processes are being ended."""
-    from planner.pipeline.interrupts import stop_repeating
 
     previous_handlers = {
         signal_number: signal.signal(signal_number, signal.SIG_IGN) for signal_number in (signal.SIGINT, signal.SIGTERM)
@@ -217,8 +218,6 @@ def robot(
     """
     import asyncio
 
-    from planner.cli.common.terminal import limit_linear_algebra_threads
-    from planner.pipeline.interrupts import stop_repeating
     from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
 
     limit_linear_algebra_threads()
@@ -235,8 +234,6 @@ def _check_url(url: str) -> None:
     """Refuse an address that cannot be one of a service."""
     from urllib.parse import urlsplit
 
-    from planner.errors import RequestError
-
     try:
         parts = urlsplit(url)
         is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
@@ -249,7 +246,6 @@ def _check_url(url: str) -> None:
 def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, seed: int, times: float) -> RobotDriver:
     """The driver of a tractor of a plan; raises HeadlandError for impossible options."""
     from fields.text_files import read_text
-    from planner.errors import RequestError
     from planner.fleet.simulated_robot import RobotDriver
     from planner.pipeline.outputs.saved_plans import read_machines, read_request
     from vehicle.errors import MissionError
@@ -276,8 +272,6 @@ def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, see
 
 
 def _parse_hidden_effects(hide: list[str]) -> dict[str, float]:
-    from planner.errors import RequestError
-
     hidden = {}
     for text in hide:
         name, _, value = text.partition("=")

@@ -12,6 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import AsJson
+from planner.cli.common.outputs import WriteError, check_output_paths, refuse_overwrite, write_before_printing
+from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.errors import RequestError
+from planner.request.option_texts import format_clock
 
 if TYPE_CHECKING:
     from planner.pipeline.outputs.saved_plans import SavedPlanRun, StatedFigures
@@ -43,8 +47,6 @@ def export(
     For a USB stick: headland export plan.json --to isoxml4 --out /media/stick (makes TASKDATA/TASKDATA.XML).
     """
     from fields.text_files import read_text
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import print_remarks, print_renderable
     from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
     from reports.plan.guidance_export import build_export_table, collect_remarks, export_json, write_guidance
     from vehicle.errors import MissionError
@@ -64,10 +66,7 @@ def export(
         check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
         with write_before_printing(results):
             names = [str(path) for path in paths]
-            if json:
-                typer.echo(export_json(guidance, guidance_files, names), nl=False)
-            else:
-                print_renderable(build_export_table, guidance, guidance_files, names)
+            print_answer(json, export_json, build_export_table, guidance, guidance_files, names)
 
 
 def _place_files(
@@ -75,7 +74,6 @@ def _place_files(
 ) -> tuple[Path, list[tuple[Path, bytes]]]:
     """The file or folder to write, and the files with their paths."""
     from fields.formats.guidance import zip_files
-    from planner.errors import RequestError
 
     suffix = guidance_files.format.extension
     if output is not None and output.suffix.lower() == ZIP_SUFFIX and not output.is_dir():
@@ -108,8 +106,6 @@ def _make_folders(target: Path, paths: Sequence[Path]) -> Iterator[None]:
 
     If the body fails, folders made here that are empty are removed again.
     """
-    from planner.cli.common.outputs import WriteError
-    from planner.errors import RequestError
 
     if not target.parent.is_dir():
         raise RequestError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
@@ -141,15 +137,16 @@ def show(
 
     Example: headland show plan.json --tractor 2
     """
-    from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable, warm_up
-    from planner.errors import RequestError
     from planner.pipeline.outputs.saved_plans import simulate_saved_plan
     from reports.plan.leg_list import build_leg_tables, format_leg_lists_json
 
     warm_up()
     with create_progress_callback("Driving the plan again"):
         saved_run = simulate_saved_plan(plan)
-    print_remarks(_describe_contacts(saved_run))
+    print_remarks(  # of a plan that was changed after it was saved
+        f"Tractors {first + 1} and {second + 1} collide after {time:.0f} s; plan the field again."
+        for time, first, second in saved_run.run.contacts
+    )
     count = len(saved_run.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
@@ -157,14 +154,6 @@ def show(
         typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
         return
     print_renderable(build_leg_tables, _format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor)
-
-
-def _describe_contacts(saved_run: SavedPlanRun) -> list[str]:
-    """Collisions of a plan that was changed after it was saved."""
-    return [
-        f"Tractors {first + 1} and {second + 1} collide after {time:.0f} s; plan the field again."
-        for time, first, second in saved_run.run.contacts
-    ]
 
 
 def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
@@ -185,15 +174,13 @@ def _format_title(saved_run: SavedPlanRun) -> str:
     from planner.pipeline.outputs.saved_plans import read_stated_figures
     from reports.common.wording import format_duration, format_tractor_count
 
-    description = ", ".join(
-        filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
-    )
-    title = f"{saved_run.request.field_name}: {description}"
-    undelayed = format_duration(saved_run.run.duration_s)
+    names = filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
     stated = read_stated_figures(saved_run.saved)
     if stated is None:
-        return f"{title}, done in {undelayed}"
-    return f"{title}, {_format_stated_figures(saved_run, stated)}"
+        figures = f"done in {format_duration(saved_run.run.duration_s)}"
+    else:
+        figures = _format_stated_figures(saved_run, stated)
+    return f"{saved_run.request.field_name}: {', '.join(names)}, {figures}"
 
 
 def _format_stated_figures(saved_run: SavedPlanRun, stated: StatedFigures) -> str:
@@ -222,6 +209,4 @@ def _get_strategy(saved_run: SavedPlanRun) -> str | None:
 
 
 def _format_start(saved_run: SavedPlanRun) -> str | None:
-    from planner.request.option_texts import format_clock
-
     return None if saved_run.request.start_s is None else format_clock(saved_run.request.start_s)

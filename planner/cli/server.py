@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from planner.cli.common.outputs import check_output_paths, refuse_overwrite
+from planner.cli.common.terminal import limit_linear_algebra_threads, warm_up
+from planner.pipeline.interrupts import stop_repeating
+
 if TYPE_CHECKING:
     import socket
     from contextlib import AbstractContextManager
@@ -57,8 +61,6 @@ def serve(
 
     Example: headland serve --data farm
     """
-    from planner.cli.common.terminal import limit_linear_algebra_threads
-    from planner.pipeline.interrupts import stop_repeating
     from planner.service.backgrounds.map_background import MapBackground
     from planner.service.store.database import hold_service_lock
 
@@ -107,7 +109,6 @@ def _run_server(settings: ServiceSettings) -> None:
 
     import uvicorn
 
-    from planner.cli.common.terminal import warm_up
     from planner.service.api.apps import create_control_app, run_back_office
     from planner.service.gateway.back_office import BackOffice
     from planner.service.gateway.connection_limits import ConnectionRegistry, compute_connection_limits
@@ -136,9 +137,7 @@ def _run_server(settings: ServiceSettings) -> None:
             gc.collect()
             gc.freeze()
             if sockets and not self.should_exit:
-                sockets[0].listen(
-                    BACKLOG
-                )  # connections that may wait; uvicorn's backlog is how many it accepts at a time
+                sockets[0].listen(BACKLOG)  # those that may wait; uvicorn's backlog is how many it accepts at a time
                 self.announcement = asyncio.create_task(self.announce(sockets[0].getsockname()[1]))
 
         async def announce(self, port: int) -> None:
@@ -216,7 +215,6 @@ def backup(
 
     Example: headland backup farm.zip
     """
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite
     from planner.service.store.backup import back_up
     from planner.service.store.service_store import open_store
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from planner.cli.common.terminal import LOADING, compile_missing, estimate_compile_s, print_sentence
+
 
 def setup() -> None:
     """Compile everything for this machine now, on all cores, so that no command waits for it later.
@@ -9,7 +11,6 @@ def setup() -> None:
     Example: headland setup
     """
     from planner.cli.common.progress import open_stage_bar
-    from planner.cli.common.terminal import LOADING, compile_missing, estimate_compile_s, print_sentence
 
     with open_stage_bar(LOADING) as bar:
         from planner.pipeline.kernels import COMPILING, MORE, PLAN, list_missing_kernels

@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.cli.common.options import AsJson, Html, Png
+from planner.cli.common.outputs import (
+    check_output_paths,
+    create_result_folder,
+    refuse_overwrite,
+    render_requested,
+    write_before_printing,
+    write_results,
+)
+from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
 
 if TYPE_CHECKING:
-    from planner.cli.common.outputs import OutputContent
     from planner.task_logs.log_import import ImportedRuns
 
 
@@ -27,8 +35,6 @@ def compare(
 
     Example: headland compare plan.json runs --html compare.html
     """
-    from planner.cli.common.outputs import check_output_paths, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.task_logs.plan_comparison import compare_plan_with_runs
     from planner.task_logs.runs.run_files import list_run_files
 
@@ -37,6 +43,7 @@ def compare(
     warm_up()
     with create_progress_callback("Driving the plan again"):
         comparison = compare_plan_with_runs(plan, runs)
+    from reports.plan.map_figure import render_png
     from reports.task_logs.plan_comparison import (
         build_comparison_table,
         draw_comparison,
@@ -44,20 +51,11 @@ def compare(
         render_comparison_page,
     )
 
-    results: list[tuple[Path, OutputContent]] = []
-    if html:
-        results.append((html, render_comparison_page(comparison)))
-    if png:
-        from reports.plan.map_figure import render_png
-
-        results.append((png, render_png(draw_comparison(comparison))))
+    results = render_requested(
+        (html, lambda: render_comparison_page(comparison)), (png, lambda: render_png(draw_comparison(comparison)))
+    )
     with write_before_printing(results):
-        if json:
-            typer.echo(format_comparison_json(comparison), nl=False)
-            return
-        from planner.cli.common.terminal import print_renderable
-
-        print_renderable(build_comparison_table, comparison)
+        print_answer(json, format_comparison_json, build_comparison_table, comparison)
 
 
 def learn(
@@ -81,8 +79,6 @@ def learn(
 
     Example: headland learn runs --farm farm.toml
     """
-    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-    from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.farm.inventory import parse_farm
     from planner.task_logs.farm_learning import learn_farm_values
     from planner.task_logs.runs.run_files import list_run_files
@@ -103,7 +99,6 @@ def learn(
         if json:
             typer.echo(format_learned_json(learned_farm.values, learned_farm.notes), nl=False)
             return
-        from planner.cli.common.terminal import print_renderable
         from reports.common.text_tables import format_sentence
 
         print_renderable(build_learned_table, learned_farm.values, learned_farm.notes)
@@ -150,7 +145,6 @@ def import_logs(
 
     Example: headland logs import TASKDATA -o runs
     """
-    from planner.cli.common.terminal import create_progress_callback, print_remarks
     from planner.task_logs.log_import import import_runs
 
     with create_progress_callback("Reading logs") as progress:
@@ -162,7 +156,6 @@ def import_logs(
 
         typer.echo(format_runs_json(imported_runs.runs, imported_runs.notes), nl=False)
         return
-    from planner.cli.common.terminal import print_renderable
     from reports.common.text_tables import format_sentence
     from reports.task_logs.run_tables import build_runs_table
 
@@ -173,8 +166,6 @@ def import_logs(
 
 
 def _write_runs(imported_runs: ImportedRuns, output: Path, force: bool) -> None:
-    from planner.cli.common.outputs import check_output_paths, create_result_folder, refuse_overwrite, write_results
-
     text_by_path = {output / name: text for name, text in imported_runs.files.items()}
     for path in text_by_path:
         refuse_overwrite(path, force)
@@ -195,8 +186,6 @@ def example(
 
     Example: headland logs example plan.json -o TASKDATA
     """
-    from planner.cli.common.outputs import check_output_paths, create_result_folder, refuse_overwrite, write_results
-    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
     from planner.task_logs.example_logs import EXAMPLE_PACE, simulate_task_data
     from reports.common.text_tables import format_sentence
 

@@ -15,7 +15,6 @@ from fields.text_files import quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.pull_check import find_engine_power_kw
 from planner.farm.machines import FarmTractor
-from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
 from planner.request.recent_rain import parse_recent_rain
 from vehicle.energy.load import build_work_load
@@ -80,7 +79,7 @@ def build_field_physics(
     """
     elevation = read_requested_elevation(request, field)
     soil = find_requested_soil(request)
-    rule = find_requested_rule(request)
+    rule = request.find_draft_rule()
     with attach_parameter("tractor"):
         power_kw = find_engine_power_kw(tractor, farm_tractor)
         load = build_work_load(tractor, request.width_m, request.operation, soil, rule=rule, engine_power_kw=power_kw)
@@ -140,7 +139,7 @@ def _compute_mean_gradient(terrain: Terrain) -> tuple[float, float]:
 
 def build_level_physics(request: PlanRequest, tractor: Tractor) -> FieldPhysics:
     """The physics of a request on level ground without a soil: only what it uses."""
-    rule = find_requested_rule(request)
+    rule = request.find_draft_rule()
     load = build_work_load(tractor, request.width_m, request.operation, rule=rule)
     return FieldPhysics(load=load, takes_shaft_power=rule is None)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, split_soil_name
-from planner.request.implement_choice import find_requested_rule
 from planner.risk.costs import get_grid_factor
 from reports.common.language import mark_text
 from vehicle.energy.grip_at_work import compute_grip_at_work
@@ -108,7 +107,7 @@ def _describe_trafficability(context: PlanningContext, soil: Soil) -> tuple[str,
 def _describe_fuel(context: PlanningContext, load: WorkLoad) -> str:
     """How the fuel comes about."""
     request = context.request
-    rule = find_requested_rule(request)
+    rule = request.find_draft_rule()
     draft_kn = load.compute_draft_n(request.speed_mps) / 1000.0
     draft = (
         ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -79,6 +80,9 @@ ROW_OFFSET_M = 3.0  # rows of a formation turning exactly side by side would vio
 MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
 
 
+CreateContext = Callable[..., PlanningContext]
+
+
 def prepare_context(
     request: PlanRequest,
     field: FieldChoice = None,
@@ -140,7 +144,9 @@ def prepare_context(
         physics=physics,
         time_share=time_share,
     )
-    context = _lay_out_field(create, field, radius_m, reach, report_layouts)
+    context = _lay_out_field(
+        create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts
+    )
     check_capacity(supply, context.layout)
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
     battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
@@ -152,10 +158,18 @@ def prepare_context(
 
 
 def _lay_out_field(
-    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, report_layouts: Report | None
+    create: CreateContext,
+    request: PlanRequest,
+    field: Field,
+    tractor: Tractor,
+    implement: Implement,
+    physics: FieldPhysics,
+    radius_m: float,
+    reach: TurnReach,
+    time_share: TimeShare,
+    report_layouts: Report | None,
 ) -> PlanningContext:
-    """The context of the quickest layout."""
-    request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
+    """The context of the quickest layout; `create` makes one of what the layout adds."""
     field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
     check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
@@ -177,12 +191,12 @@ def _lay_out_field(
     layouts = (
         list_layouts(request, field, headland_m, passing_m, rates)
         if request.swaths == STRAIGHT
-        else [lay_contours(request, field, headland_m, passing_m, create.keywords["physics"].terrain, radius_m)]
+        else [lay_contours(request, field, headland_m, passing_m, physics.terrain, radius_m)]
     )
-    weigh = build_slope_weigher(request, create.keywords["physics"], tractor, field.default_ground)
-    with create.keywords["time_share"].save_half() as time_share:
+    weigh = build_slope_weigher(request, physics, tractor, field.default_ground)
+    with time_share.save_half() as layout_share:
         for layout in layouts:
-            if contexts and time_share.is_spent():
+            if contexts and layout_share.is_spent():
                 break
             try:
                 contexts.append(build_context(layout))
@@ -230,7 +244,7 @@ def _build_base_rules(
 
 
 def _complete_context(
-    create: partial[PlanningContext],
+    create: CreateContext,
     request: PlanRequest,
     field: Field,
     layout: Layout,

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 from planner.farm.machines import FarmTractor
-from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
 from reports.common.plan_results import PullFigures
 from vehicle.energy.draft import KMH_PER_MPS, DraftRule
@@ -30,7 +29,7 @@ def compute_pull_figures(
     The power of the engine is that of the farm's tractor or its sheet, else that of a tractor that comes with Headland.
     """
     engine_kw = find_engine_power_kw(tractor, farm_tractor)
-    rule = find_requested_rule(request)
+    rule = request.find_draft_rule()
     if engine_kw is None or rule is None:
         return None
     texture = get_texture(soil)

@@ -7,9 +7,9 @@ import math
 import time
 from collections import deque
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
 
+from planner.fleet.session.frame_timing import format_utc
 from vehicle.missions.plan import Mission
 from vehicle.missions.plan_file import parse_plan
 from vehicle.model.tractor import Implement, Tractor
@@ -80,9 +80,29 @@ class RobotDriver:
                 self._stopped_by_silence = False
                 if frame.get("kind") != "welcome":
                     self.stepper.drive_automatically()
-        handler = getattr(self, f"_take_{frame.get('kind')}", None)
-        if handler is not None:
-            handler(frame)
+        kind = frame.get("kind")
+        if kind == "welcome":
+            self._take_welcome(frame)
+        elif kind == "release":
+            self.update, self.stepper.base_legs = int(frame["update"]), int(frame["base_end"])
+            self._horizon_s = float(frame.get("horizon_s", HORIZON_S))
+            limit = frame["limit_mps"]
+            self.stepper.speed_limit_mps = math.inf if limit is None else float(limit)
+        elif kind == "stop":
+            self.reason = str(frame["reason"])
+            self._ordered_to_drive = self._stopped_by_silence = False
+            self.stepper.halt()
+        elif kind == "resume":
+            self._ordered_to_drive = True
+            if self._late_s > SILENCE_S:
+                self._stopped_by_silence = True  # it resumes when frames arrive in time again
+            else:
+                self.stepper.drive_automatically()
+        elif kind == "command":
+            self._take_command(frame)
+        elif kind == "plan":
+            self._replace_mission_legs(frame["plan"])
+            self.stepper.base_legs = int(frame["base_end"])
 
     def _measure_delay(self, frame: dict[str, Any], now: float) -> None:
         """Measure the delay of heartbeats against the fastest; a drift of the clocks of 1 ms/s is allowed for."""
@@ -114,34 +134,12 @@ class RobotDriver:
         heading = math.radians(90.0 - float(frame["heading_deg"]))
         return float(frame["easting_m"]) - east, float(frame["northing_m"]) - north, heading
 
-    def _take_release(self, frame: dict[str, Any]) -> None:
-        self.update, self.stepper.base_legs = int(frame["update"]), int(frame["base_end"])
-        self._horizon_s = float(frame.get("horizon_s", HORIZON_S))
-        limit = frame["limit_mps"]
-        self.stepper.speed_limit_mps = math.inf if limit is None else float(limit)
-
-    def _take_stop(self, frame: dict[str, Any]) -> None:
-        self.reason = str(frame["reason"])
-        self._ordered_to_drive = self._stopped_by_silence = False
-        self.stepper.halt()
-
-    def _take_resume(self, _frame: dict[str, Any]) -> None:
-        self._ordered_to_drive = True
-        if self._late_s > SILENCE_S:
-            self._stopped_by_silence = True  # it resumes when frames arrive in time again
-        else:
-            self.stepper.drive_automatically()
-
     def _take_command(self, frame: dict[str, Any]) -> None:
         self._ordered_to_drive = self._stopped_by_silence = False
         if self._late_s > SILENCE_S:
             self.stepper.halt()
             return
         self.stepper.drive_remotely(math.radians(frame["steering_command_deg"]), float(frame["speed_command_mps"]))
-
-    def _take_plan(self, frame: dict[str, Any]) -> None:
-        self._replace_mission_legs(frame["plan"])
-        self.stepper.base_legs = int(frame["base_end"])
 
     def _replace_mission_legs(self, plan: dict[str, Any]) -> None:
         """Replace its legs; those driven so far are unchanged."""
@@ -204,11 +202,6 @@ class RobotDriver:
             "done": state.done,
             "errors": [],
         } | ({} if self._heartbeat_s is None else {"heartbeat_s": self._heartbeat_s})
-
-
-def format_utc(clock_s: float) -> str:
-    """Seconds since 1970 as in frames."""
-    return datetime.fromtimestamp(clock_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 MOST_STATES = 6000  # ten minutes at 10 Hz

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -178,37 +178,26 @@ def plan(
     """
     _check_type(request)
     candidates = list_candidates(request)
-    prepare = partial(
-        prepare_context,
-        field=field,
-        tractor=tractor,
-        implement=implement,
-        uncertainty=uncertainty,
-        cost_terms=cost_terms,
-        supply=supply,
-        times=times,
-        yard=yard,
-        time_share=time_share,
-    )
-    if executor is None:
-        how: dict[str, Any] = {"progress": progress, "report_stage": report_stage}
-        how |= {"with_pictures": with_pictures, "simulate_all": simulate_all}
-        with create_executor(len(group_candidates(candidates))) as executor:
-            return plan(request, executor=executor, **how, **prepare.keywords)
-    context = prepare(request, report_layouts=_start_stage(report_stage, LAYING_OUT))
-    check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
-    report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
-    evaluations = CandidateEvaluations(request, pack_context(context), candidates, executor, report, with_pictures)
-    _evaluate_candidates(context, evaluations, simulate_all)
-    result = _build_result(context, evaluations, cost_terms)
+    with ExitStack() as opened:
+        if executor is None:
+            executor = opened.enter_context(create_executor(len(group_candidates(candidates))))
+        context = prepare_context(
+            request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard,
+            report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share,
+        )  # fmt: skip
+        check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
+        report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
+        evaluations = CandidateEvaluations(request, pack_context(context), candidates, executor, report, with_pictures)
+        _evaluate_candidates(context, evaluations, simulate_all)
+        result = _build_result(context, evaluations, cost_terms)
 
-    def plan_part(part_request: PlanRequest) -> PlanRanking:
-        inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
-        return plan(part_request, executor=executor, **inputs).ranking
+        def plan_part(part_request: PlanRequest) -> PlanRanking:
+            inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
+            return plan(part_request, executor=executor, **inputs).ranking
 
-    if time_share is not NO_LIMIT:
-        return result
-    return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+        if time_share is not NO_LIMIT:
+            return result
+        return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
 
 
 def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluations, simulate_all: bool) -> None:

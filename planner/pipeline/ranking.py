@@ -21,7 +21,6 @@ from planner.evaluation.ground_sentences import describe_ground, list_height_rem
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
-from planner.request.implement_choice import find_requested_rule
 from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
@@ -343,7 +342,7 @@ def _export_implement(request: PlanRequest) -> dict[str, Any]:
     """The implement and the depth that a request asks for; nothing where they follow from its operation."""
     if request.draft is None and request.depth_cm is None:
         return {}
-    rule = find_requested_rule(request)
+    rule = request.find_draft_rule()
     assert rule is not None  # a request with either is refused where nothing is pulled
     return {"draft": rule.name, "depth_cm": rule.depth_cm if rule.follows_depth else None}
 
@@ -465,7 +464,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
-        *describe_pull(_compute_pull(context), find_requested_rule(context.request), context.physics.soil),
+        *describe_pull(_compute_pull(context), context.request.find_draft_rule(), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
     )

@@ -2,33 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from vehicle.energy.draft import SOW, TILL, DraftRule, find_draft_rule, get_draft_rule
 
 PULLED_OPERATIONS = (TILL, SOW)  # others take their power from the shaft
-
-
-class ImplementValues(Protocol):
-    """What a request says of its implement."""
-
-    @property
-    def operation(self) -> str: ...
-
-    @property
-    def width_m(self) -> float: ...
-
-    @property
-    def draft(self) -> str | None: ...
-
-    @property
-    def depth_cm(self) -> float | None: ...
-
-
-def find_requested_rule(request: ImplementValues) -> DraftRule | None:
-    """Draft of the implement of a request at its working depth; raises as `choose_rule`."""
-    return choose_rule(request.operation, request.width_m, request.draft, request.depth_cm)
 
 
 def choose_rule(operation: str, width_m: float, draft: str | None, depth_cm: float | None) -> DraftRule | None:

@@ -3,88 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Protocol
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
 FULL_CIRCLE_DEG = 360.0
-SAMPLED_PARAMETERS = ("rain", "objective", "budget")  # they are judged by samples alone
-
-
-class RequestValues(Protocol):
-    """The values of a plan request that are checked together."""
-
-    @property
-    def speed_mps(self) -> float: ...
-
-    @property
-    def min_speed_mps(self) -> float | None: ...
-
-    @property
-    def max_speed_mps(self) -> float | None: ...
-
-    @property
-    def no_headland(self) -> bool: ...
-
-    @property
-    def headland_order(self) -> str | None: ...
-
-    @property
-    def headland_passes(self) -> int | None: ...
-
-    @property
-    def bearing_deg(self) -> float | None: ...
-
-    @property
-    def cell_bearings(self) -> tuple[tuple[int, float], ...]: ...
-
-    @property
-    def guidance_line(self) -> str | None: ...
-
-    @property
-    def swaths(self) -> str: ...
-
-    @property
-    def operation(self) -> str: ...
-
-    @property
-    def width_m(self) -> float: ...
-
-    @property
-    def draft(self) -> str | None: ...
-
-    @property
-    def depth_cm(self) -> float | None: ...
-
-    @property
-    def soil(self) -> str | None: ...
-
-    @property
-    def moisture_pct(self) -> float | None: ...
-
-    @property
-    def rain_mm(self) -> str | None: ...
-
-    @property
-    def et0_mm(self) -> float | None: ...
-
-    @property
-    def gnss(self) -> bool: ...
-
-    @property
-    def gnss_table(self) -> str | None: ...
-
-    @property
-    def start_s(self) -> int | None: ...
-
-    @property
-    def deadline_s(self) -> int | None: ...
-
-    @property
-    def samples(self) -> int | None: ...
 
 
 def check_fleet(tractors: tuple[int, ...], strategies: tuple[str, ...]) -> None:
@@ -121,9 +47,8 @@ def check_places(entrance: tuple[float, float] | None, obstacles: Iterable[str],
         raise RequestError(f"{mark_parameter('ignored')} is empty; give the name or number of an obstacle.")
 
 
-def check_speeds(request: RequestValues) -> None:
+def check_speeds(speed_mps: float, least_mps: float | None, greatest_mps: float | None) -> None:
     """Raise RequestError for a working speed beyond the limits of the implement."""
-    speed_mps, least_mps, greatest_mps = request.speed_mps, request.min_speed_mps, request.max_speed_mps
     if least_mps is not None and speed_mps < least_mps:
         _refuse_speed(speed_mps, "least", "min_speed_mps", least_mps)
     if greatest_mps is not None and speed_mps > greatest_mps:
@@ -138,116 +63,97 @@ def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -
     )
 
 
-def check_headland(request: RequestValues) -> None:
+def check_headland(order: str | None, passes: int | None, headland_m: float | None, is_left: bool) -> None:
     """Raise RequestError for a headland that is left and worked, or given in metres and in passes."""
-    if request.no_headland and request.headland_order is not None:
+    if is_left and order is not None:
         raise RequestError(
             f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
             "work it; leave out one of them."
         )
-    if request.headland_passes is None:
-        return
-    for name, meaning in (("no_headland", "leaves the headland"), ("headland_m", "is its depth")):
-        if getattr(request, name):
-            raise RequestError(
-                f"{mark_parameter(name)} {meaning}, and {mark_parameter('headland_passes')} says in how many passes it "
-                "is worked; leave out one of them."
-            )
+    if passes is not None and (is_left or headland_m):
+        name, meaning = ("no_headland", "leaves the headland") if is_left else ("headland_m", "is its depth")
+        raise RequestError(
+            f"{mark_parameter(name)} {meaning}, and {mark_parameter('headland_passes')} says in how many passes it is "
+            "worked; leave out one of them."
+        )
 
 
-def check_bearings(request: RequestValues) -> None:
+def check_bearings(
+    field_bearing_deg: float | None, cell_bearings: Iterable[tuple[int, float]], guidance_line: str | None
+) -> None:
     """Raise RequestError for bearings beyond a full circle, and for several that exclude each other."""
-    for cell, bearing_deg in request.cell_bearings:
+    for cell, bearing_deg in cell_bearings:
         if not abs(bearing_deg) <= FULL_CIRCLE_DEG:
             raise RequestError(
-                f"The bearing of cell {cell} ({mark_parameter('cell_bearings')}) is {shorten_value(bearing_deg)}; use "
-                f"{-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g} degrees."
+                f"The bearing of cell {cell} ({mark_parameter('cell_bearings')}) is {shorten_value(bearing_deg)}; "
+                f"use {-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g} degrees."
             )
-    if request.guidance_line is not None and (request.cell_bearings or request.bearing_deg is not None):
-        conflicting = "cell_bearings" if request.cell_bearings else "bearing_deg"
+    if guidance_line is not None and (cell_bearings or field_bearing_deg is not None):
+        conflicting = "cell_bearings" if cell_bearings else "bearing_deg"
         raise RequestError(
             f"{mark_parameter('guidance_line')} is a bearing, and so is {mark_parameter(conflicting)}; leave out one "
             "of them."
         )
-    if request.cell_bearings and request.bearing_deg is not None:
+    if cell_bearings and field_bearing_deg is not None:
         raise RequestError(
             f"{mark_parameter('bearing_deg')} is for all cells, {mark_parameter('cell_bearings')} for one; leave out "
             "one of them."
         )
 
 
-def check_swaths(request: RequestValues) -> None:
+def check_swaths(swaths: str, directions: Mapping[str, Any]) -> None:
     """Raise RequestError for tracks along contours with a direction of their own, or without worked headlands."""
-    if request.swaths == "straight":
-        return
-    for name in ("bearing_deg", "cell_bearings", "guidance_line", "no_headland"):
-        if getattr(request, name) not in (None, (), False):
+    for name, value in directions.items():
+        if swaths != "straight" and value not in (None, (), False):
             raise RequestError(
-                f"{mark_parameter('swaths')} {request.swaths} takes its direction from the ground and needs a worked "
-                f"headland; leave out {mark_parameter(name)}.",
+                f"{mark_parameter('swaths')} {swaths} takes its direction from the ground and needs a worked headland; "
+                f"leave out {mark_parameter(name)}.",
                 parameter="swaths",
             )
 
 
-def check_times(request: RequestValues) -> None:
+def check_times(start_s: int | None, deadline_s: int | None) -> None:
     """Raise RequestError for clock times outside of a day, and for a deadline without a start."""
-    for name in ("start_s", "deadline_s"):
-        time_s = getattr(request, name)
+    for name, time_s in (("start_s", start_s), ("deadline_s", deadline_s)):
         if time_s is not None and not 0 <= time_s < DAY_S:
             raise RequestError(f"{mark_parameter(name)} is {time_s:g}; give seconds of the day, from 0 to {DAY_S - 1}.")
-    if request.deadline_s is None:
-        return
-    if request.start_s is None:
+    if deadline_s is not None and start_s is None:
         raise RequestError(
             f"The deadline {mark_parameter('deadline_s')} needs a start; give {mark_parameter('start_s')} as well.",
             parameter="start_s",
         )
-    if request.deadline_s == request.start_s:
+    if deadline_s is not None and deadline_s == start_s:
         raise RequestError(
-            f"The deadline {format_clock(request.deadline_s)} is the start itself; give another "
-            f"{mark_parameter('deadline_s')}."
+            f"The deadline {format_clock(deadline_s)} is the start itself; give another {mark_parameter('deadline_s')}."
         )
 
 
-def check_samples(request: RequestValues) -> None:
-    """Raise RequestError for no samples where something is judged by them."""
-    if request.samples != 0:
-        return
-    for name in SAMPLED_PARAMETERS:
-        if getattr(request, name) is not None:
+def check_samples(samples: int | None, **judged: Any) -> None:
+    """Raise RequestError for no samples where something is `judged` by them alone."""
+    for name, value in judged.items():
+        if samples == 0 and value is not None:
             raise RequestError(
                 f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
                 "or leave out one of them."
             )
 
 
-def check_ground(request: RequestValues) -> None:
+def check_ground(soil: str | None, moisture_pct: float | None, rain_mm: str | None, et0_mm: float | None) -> None:
     """Raise RequestError for moisture or rain of no soil, and for rain that is none; a file is read later."""
-    for name in ("moisture_pct", "rain_mm"):
-        if getattr(request, name) is not None and request.soil is None:
+    for name, value in (("moisture_pct", moisture_pct), ("rain_mm", rain_mm)):
+        if value is not None and soil is None:
             raise RequestError(f"{mark_parameter(name)} is of a soil; name that with {mark_parameter('soil')} as well.")
-    if request.rain_mm is None:
-        if request.et0_mm is not None:
-            raise RequestError(
-                f"{mark_parameter('et0_mm')} is of the days with {mark_parameter('rain_mm')}; give that as well."
-            )
-        return
-    if not is_rain_table(request.rain_mm):
-        parse_recent_rain(request.rain_mm)
+    if rain_mm is None and et0_mm is not None:
+        raise RequestError(
+            f"{mark_parameter('et0_mm')} is of the days with {mark_parameter('rain_mm')}; give that as well."
+        )
+    if rain_mm is not None and not is_rain_table(rain_mm):
+        parse_recent_rain(rain_mm)
 
 
-def check_implement(request: RequestValues) -> None:
-    """Raise HeadlandError for an implement or a working depth that the table of drafts does not have."""
-    if request.draft is None and request.depth_cm is None:
-        return
-    from planner.request.implement_choice import find_requested_rule
-
-    find_requested_rule(request)
-
-
-def check_gnss(request: RequestValues) -> None:
+def check_gnss(gnss: bool, table: str | None) -> None:
     """Raise RequestError for a table of position errors that is not asked for."""
-    if request.gnss_table is not None and not request.gnss:
+    if table is not None and not gnss:
         raise RequestError(
             f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
         )

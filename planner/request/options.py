@@ -106,14 +106,10 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
     annotations = get_type_hints(model, include_extras=True)
     for parameter in fields(model):
         annotation, default = annotations[parameter.name], parameter.default
-        rules, form = (
-            find_annotation_metadata(annotation, OptionHelp),
-            find_annotation_metadata(annotation, OptionTextForm),
-        )
-        limits, flags = (
-            find_annotation_metadata(annotation, NumberLimits),
-            find_annotation_metadata(annotation, FlagOptions),
-        )
+        rules = find_annotation_metadata(annotation, OptionHelp)
+        form = find_annotation_metadata(annotation, OptionTextForm)
+        limits = find_annotation_metadata(annotation, NumberLimits)
+        flags = find_annotation_metadata(annotation, FlagOptions)
         assert rules is not None, f"{parameter.name} has no option"
         for name, (value, help_text) in ({} if flags is None else flags.values).items():
             options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))

@@ -7,26 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
 from fields.raw_document import name_field
 from planner.errors import RequestError, mark_parameter
-from planner.request.option_checks import (
-    FULL_CIRCLE_DEG,
-    check_bearings,
-    check_fleet,
-    check_gnss,
-    check_ground,
-    check_headland,
-    check_implement,
-    check_places,
-    check_samples,
-    check_speeds,
-    check_swaths,
-    check_times,
-)
+from planner.request import option_checks
 from planner.request.option_texts import (
     DAY_S,
     MPS_PER_KMH,
@@ -58,6 +45,9 @@ from planner.request.validation import (
 )
 from strategies.names import STRATEGY_NAMES
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, HEADLAND_ORDERS, TURN_KINDS
+
+if TYPE_CHECKING:
+    from vehicle.energy.draft import DraftRule
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
 DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
@@ -153,7 +143,7 @@ class PlanRequest:
     bearing_deg: Annotated[
         Number | None,
         OptionHelp("Direction of the tracks, degrees clockwise from north. By default the best one.", FIELD),
-        NumberLimits("bearing", "degrees", low=-FULL_CIRCLE_DEG, high=FULL_CIRCLE_DEG),
+        NumberLimits("bearing", "degrees", low=-option_checks.FULL_CIRCLE_DEG, high=option_checks.FULL_CIRCLE_DEG),
     ] = None
     radius_m: Annotated[
         Number | None,
@@ -417,17 +407,19 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         check_option_limits(self)
-        check_speeds(self)
-        check_fleet(self.tractors, self.strategies)
-        check_headland(self)
-        check_bearings(self)
-        check_swaths(self)
-        check_places(self.entrance, self.obstacles, self.ignored)
-        check_times(self)
-        check_samples(self)
-        check_ground(self)
-        check_implement(self)
-        check_gnss(self)
+        option_checks.check_speeds(self.speed_mps, self.min_speed_mps, self.max_speed_mps)
+        option_checks.check_fleet(self.tractors, self.strategies)
+        option_checks.check_headland(self.headland_order, self.headland_passes, self.headland_m, self.no_headland)
+        option_checks.check_bearings(self.bearing_deg, self.cell_bearings, self.guidance_line)
+        excluded = "bearing_deg", "cell_bearings", "guidance_line", "no_headland"
+        option_checks.check_swaths(self.swaths, {name: getattr(self, name) for name in excluded})
+        option_checks.check_places(self.entrance, self.obstacles, self.ignored)
+        option_checks.check_times(self.start_s, self.deadline_s)
+        option_checks.check_samples(self.samples, rain=self.rain, objective=self.objective, budget=self.budget)
+        option_checks.check_ground(self.soil, self.moisture_pct, self.rain_mm, self.et0_mm)
+        if self.draft is not None or self.depth_cm is not None:
+            self.find_draft_rule()
+        option_checks.check_gnss(self.gnss, self.gnss_table)
 
     def __repr__(self) -> str:
         """What differs from the defaults, as Python would write it."""
@@ -462,6 +454,12 @@ class PlanRequest:
     def requested_headland_m(self) -> float | None:
         """Depth of the headland as asked for, in metres or in passes; None where planning decides."""
         return self.headland_m if self.headland_passes is None else self.headland_passes * self.width_m
+
+    def find_draft_rule(self) -> DraftRule | None:
+        """Draft of the implement at its working depth; raises as `planner.request.implement_choice.choose_rule`."""
+        from planner.request.implement_choice import choose_rule
+
+        return choose_rule(self.operation, self.width_m, self.draft, self.depth_cm)
 
     @property
     def headland_orders(self) -> tuple[str, ...]:

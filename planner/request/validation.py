@@ -157,13 +157,11 @@ def format_given_values(request: Any) -> str:
 def check_option_limits(request: Any) -> None:
     """Raise RequestError for a number beyond the limits of its option, or a word that is none of its choices."""
     for name, annotation in _list_annotations(type(request)):  # type: ignore[arg-type]
-        value, option, limits = (
-            getattr(request, name),
-            find_annotation_metadata(annotation, OptionHelp),
-            find_annotation_metadata(annotation, NumberLimits),
-        )
+        value = getattr(request, name)
         if value is None:
             continue
+        option = find_annotation_metadata(annotation, OptionHelp)
+        limits = find_annotation_metadata(annotation, NumberLimits)
         if limits is not None:
             _check_limits(name, value, limits)
         if option is not None and option.choices and value not in option.choices:

@@ -115,7 +115,12 @@ EXPORT_DECIMALS = 6
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:
-    """The ranking as JSON text with a trailing newline.
+    """The ranking of `build_ranking_entry` as JSON text with a trailing newline."""
+    return _format_json(build_ranking_entry(ranking))
+
+
+def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
+    """The ranking as plain values for JSON.
 
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
@@ -133,7 +138,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     best = ranking.best
     shortfalls = [{"kind": one.kind, "sentence": describe_shortfall(ranking, one)} for one in ranking.shortfalls]
     unmet = " ".join(one["sentence"] for one in shortfalls if one["kind"] != "late")
-    return _format_json(
+    entry: dict[str, Any] = make_json_safe(
         {
             "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
             "seed": ranking.seed,
@@ -152,8 +157,10 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "remarks": list(ranking.field_remarks),
             "ground": list(ranking.ground_sentences),
             "summary": write_answer(ranking).list_sentences(),
-        }
+        },
+        EXPORT_DECIMALS,
     )
+    return entry
 
 
 def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:

@@ -81,7 +81,7 @@ def test_a_damaged_file_of_answers_is_refused_before_anything_is_printed(
     assert headland(*asked).status == 0
     damaged = damage(keep.read_text(encoding="utf-8")).encode("utf-8", "surrogateescape")
     keep.write_bytes(damaged)
-    monkeypatch.setattr("planner.cli.common.terminal.warm_up", lambda: pytest.fail("something was computed"))
+    monkeypatch.setattr("planner.cli.plan.warm_up", lambda: pytest.fail("something was computed"))
     outcome = headland(*asked)
     assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
     assert words.format(keep=keep) in outcome.err

@@ -18,7 +18,6 @@ from planner.guide.guide_pages import IMPLEMENTS_TOPIC, read_page
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.outputs.saved_plans import _export_request, read_request
 from planner.pipeline.ranking import export_request
-from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import PlanRequest
 from reports.plan.shortfall_wording import question_pull
 from vehicle.energy.draft import find_draft_rule, load_draft_rules
@@ -46,7 +45,7 @@ depth_cm = 30.0
 @pytest.mark.parametrize("operation", ["till", "sow", "spray", "harvest", "mow"])
 def test_without_a_choice_the_operation_has_its_usual_rule(operation: str) -> None:
     request = PlanRequest(operation=operation, width_m=3.0)
-    assert find_requested_rule(request) == find_draft_rule(operation, 3.0)
+    assert request.find_draft_rule() == find_draft_rule(operation, 3.0)
     assert "draft" not in _export_request(request) and "depth_cm" not in _export_request(request)
 
 
@@ -83,12 +82,12 @@ def test_a_farm_names_rows_and_options_win() -> None:
     farm = parse_farm(FARM, "farm.toml")
     of_farm = complete_request_by_farm(PlanRequest(), farm, implement_name="deep").request
     assert (of_farm.draft, of_farm.depth_cm) == ("plough", 30.0)
-    first = find_requested_rule(complete_request_by_farm(PlanRequest(), farm).request)
+    first = complete_request_by_farm(PlanRequest(), farm).request.find_draft_rule()
     assert first is not None and first.name == "mounted-planter"
     given = complete_request_by_farm(PlanRequest(draft="disk-harrow"), farm, ["draft"], implement_name="deep").request
     assert (given.draft, given.depth_cm) == ("disk-harrow", None), "the depth is that of the farm's plough"
     mown = complete_request_by_farm(PlanRequest(operation="mow"), farm, ["operation"], implement_name="deep").request
-    assert find_requested_rule(mown) is None
+    assert mown.find_draft_rule() is None
     tilling = FARM.replace('name = "deep"', 'name = "deep"\noperation = "till"')
     same = complete_request_by_farm(
         PlanRequest(operation="till"), parse_farm(tilling, "farm.toml"), ["operation"], implement_name="deep"
@@ -117,7 +116,7 @@ def test_the_question_of_an_implement_of_the_table_names_its_own_range() -> None
     assert question_pull(pull).startswith("Not feasible at this speed. The implement of 4 m needs about ")
     assert (
         "22 cm deep in medium soil, is that of ASAE D497, give or take 40 %"
-        in describe_pull(pull, find_requested_rule(request))[0]
+        in describe_pull(pull, request.find_draft_rule())[0]
     )
 
 

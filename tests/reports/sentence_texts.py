@@ -39,7 +39,8 @@ TELLING_MODULES = (
 )  # fmt: skip
 """Modules that make remarks, reasons and other sentences."""
 ALARMING_MODULES = (
-    "planner/fleet/manager/fleet_manager.py", "planner/fleet/manager/operator_orders.py",
+    "planner/fleet/manager/danger_watch.py", "planner/fleet/manager/fleet_manager.py",
+    "planner/fleet/manager/operator_orders.py",
     "planner/fleet/manager/obstacle_reports.py", "planner/fleet/session/fleet_twins.py",
     "planner/fleet/replanning/proposals.py", "planner/service/fleets/twin_routes.py",
     "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/form_texts.py",

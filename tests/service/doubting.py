@@ -53,7 +53,7 @@ class DoubtedFleet:
             self.robot.step(self.now)
             self.robot.stepper.base_legs = len(plan.timed_missions[0].legs)
             self.robot.stepper.drive_automatically()
-            self.live.manager.start_fleet_work("anna", self.now)
+            self.live.manager.operators.start_fleet_work("anna", self.now)
 
     def _clock(self) -> AbstractContextManager[object]:
         return patch("time.time", lambda: self.begin_s + self.now)

@@ -113,7 +113,7 @@ class SimulatedFleet:
 
     def report(self, number: int, speed: float) -> None:
         """One tractor says where it is."""
-        course = self.manager.timed_missions[number]
+        course = self.manager.plan.timed_missions[number]
         end = course.leg_starts_m[-1]
         leg = min(int(self.at_m[number] // LENGTH), len(course.legs) - 1)
         x, y, heading = course.sample_poses(leg, self.at_m[number] - LENGTH * leg, [0.0], len(course.legs))[0]
@@ -152,7 +152,7 @@ class SimulatedFleet:
             for number, state in enumerate(self.manager.states):
                 if number in self.silent:
                     continue
-                end = self.manager.timed_missions[number].leg_starts_m[state.base_end]
+                end = self.manager.plan.timed_missions[number].leg_starts_m[state.base_end]
                 step = 0.0 if self.standing[number] else 0.1 * SPEED * self.pace.get(number, 1.0)
                 step = max(min(step, end - self.at_m[number]), 0.0)
                 self.at_m[number] += step
@@ -162,6 +162,6 @@ class SimulatedFleet:
 def start_fleet(plan: FleetPlan | None = None, rules: FleetRules | None = None, **options: object) -> SimulatedFleet:
     """A fleet at the start of its plan, started."""
     fleet = SimulatedFleet(FleetManager(plan or fleet_plan(), rules or FleetRules()), **options)  # type: ignore[arg-type]
-    fleet.manager.start_fleet_work("anna", fleet.now)
+    fleet.manager.operators.start_fleet_work("anna", fleet.now)
     fleet.obey()
     return fleet

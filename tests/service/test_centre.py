@@ -13,16 +13,7 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import (
-    BROKEN,
-    FENCE,
-    HALTED,
-    OFFLINE,
-    ONLINE,
-    SERVICE_RESTARTED,
-    TOO_NEAR,
-    TractorReport,
-)
+from planner.fleet.model.tractor_state import BROKEN, OFFLINE, ONLINE, Hold, TractorReport
 from tests.examples import count_examples
 from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, start_fleet
 from vehicle.missions.plan import LegGate
@@ -47,7 +38,7 @@ def test_nothing_is_released_before_the_start_and_little_ahead_after_it() -> Non
     fleet.run(2)
     assert [state.base_end for state in fleet.manager.states] == [0, 0]
     assert all(fleet.standing)
-    fleet.manager.start_fleet_work("anna", fleet.now)
+    fleet.manager.operators.start_fleet_work("anna", fleet.now)
     fleet.run(1)
     assert fleet.manager.states[0].base_end == 1  # the next leg begins 19 m ahead, more than the base reaches
 
@@ -117,7 +108,7 @@ def test_the_forecast_is_scaled_by_what_was_driven() -> None:
 def test_who_waits_for_one_that_is_held_has_no_eta_and_others_have() -> None:
     fleet = start_fleet(fleet_plan(3, 3, WAITS))
     fleet.run(2)
-    fleet.manager.pause_tractors("anna", 0, fleet.now)
+    fleet.manager.operators.pause_tractors("anna", 0, fleet.now)
     fleet.run(1)
     assert [math.isfinite(s) for s in fleet.manager.finish_in_s] == [False, False, True]
 
@@ -142,10 +133,10 @@ def test_connection_is_online_then_broken_or_offline() -> None:
 def test_pause_and_resume_of_one_leave_the_others_alone() -> None:
     fleet = start_fleet()
     fleet.run(5)
-    fleet.manager.pause_tractors("anna", 0, fleet.now)
+    fleet.manager.operators.pause_tractors("anna", 0, fleet.now)
     fleet.run(5)
     assert fleet.at_m == [pytest.approx(5.0, abs=0.2), pytest.approx(10.0, abs=0.2)]
-    fleet.manager.resume_tractors("anna", 0, fleet.now)
+    fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
     fleet.run(5)
     assert fleet.at_m[0] == pytest.approx(10.0, abs=0.3)
 
@@ -153,24 +144,24 @@ def test_pause_and_resume_of_one_leave_the_others_alone() -> None:
 def test_stop_all_stops_everybody_also_who_is_paused_and_lasts() -> None:
     fleet = start_fleet()
     fleet.run(3)
-    fleet.manager.pause_tractors("anna", 1, fleet.now)
-    fleet.manager.stop_all("bert", fleet.now)
+    fleet.manager.operators.pause_tractors("anna", 1, fleet.now)
+    fleet.manager.operators.stop_all("bert", fleet.now)
     orders, events = fleet.manager.take_outputs()
-    assert [(o.tractor, o.kind) for o in orders if o.data.get("reason") == HALTED] == [(0, "stop"), (1, "stop")]
+    assert [(o.tractor, o.kind) for o in orders if o.data.get("reason") == Hold.HALTED] == [(0, "stop"), (1, "stop")]
     assert ("bert", "stop_all") in [(e.who, e.what) for e in events]
     fleet.standing = [True, True]
     fleet.run(3)
     assert fleet.at_m[0] == pytest.approx(3.0, abs=0.2)
     fleet.manager.connect_tractor(0, fleet.now)  # one that comes back is told again
     assert [o.kind for o in fleet.manager.take_outputs()[0]] == ["release", "stop"]
-    fleet.manager.resume_tractors("anna", None, fleet.now)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
     fleet.run(2)
     assert fleet.at_m[0] > 4.0 and fleet.at_m[1] > 4.0
 
 
 def remote(fleet: SimulatedFleet, number: int = 0, who: str = "anna") -> None:
     """Somebody drives a tractor, which says so."""
-    fleet.manager.take_lease(who, number, False, fleet.now)
+    fleet.manager.operators.take_lease(who, number, False, fleet.now)
     fleet.obey()
     fleet.silent = {number}
 
@@ -183,19 +174,19 @@ def test_one_operator_at_a_time_and_a_takeover_is_told_to_both() -> None:
     fleet = start_fleet()
     remote(fleet)
     with pytest.raises(ControlLeaseError, match="Tractor 1 is driven by anna"):
-        fleet.manager.take_lease("bert", 0, False, fleet.now)
+        fleet.manager.operators.take_lease("bert", 0, False, fleet.now)
     with pytest.raises(ControlLeaseError, match="not yours"):
-        fleet.manager.send_command("bert", 0, 0.0, 0.5, fleet.now)
-    assert fleet.manager.take_lease("bert", 0, True, fleet.now) == "anna"
+        fleet.manager.operators.send_command("bert", 0, 0.0, 0.5, fleet.now)
+    assert fleet.manager.operators.take_lease("bert", 0, True, fleet.now) == "anna"
     with pytest.raises(ControlLeaseError, match="bert drives it"):
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
 
 
 def test_remote_commands_are_kept_within_speed_and_lock() -> None:
     fleet = start_fleet()
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    fleet.manager.send_command("anna", 0, 3.0, 9.0, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 3.0, 9.0, fleet.now)
     order = fleet.manager.take_outputs()[0][-1]
     assert order.kind == "command"
     assert order.data["speed_mps"] == FleetRules().remote_mps
@@ -206,7 +197,7 @@ def test_dead_man_stops_within_half_a_second() -> None:
     fleet = start_fleet()
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     fleet.obey()
     fleet.run(0.4)
     assert not [o for o in fleet.orders if o.kind == "command" and o.data["speed_mps"] == 0.0]
@@ -218,10 +209,10 @@ def test_an_operator_who_is_gone_leaves_tractors_standing() -> None:
     fleet = start_fleet()
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    assert fleet.manager.disconnect_operator("anna", fleet.now) == [0]
+    assert fleet.manager.operators.disconnect_operator("anna", fleet.now) == [0]
     assert fleet.manager.take_outputs()[0][-1].kind == "stop"
     assert fleet.manager.control_leases.get_holder(0) is None
-    fleet.manager.resume_tractors("bert", 0, fleet.now)
+    fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
     assert not fleet.manager.states[0].holds
 
 
@@ -229,9 +220,9 @@ def test_one_driven_far_off_its_leg_does_not_go_on_by_itself() -> None:
     fleet = start_fleet()
     remote(fleet)
     says(fleet, 0, 4.5, 10.0, math.pi / 2)
-    fleet.manager.return_lease("anna", 0, fleet.now)
+    fleet.manager.operators.return_lease("anna", 0, fleet.now)
     with pytest.raises(FleetManagerError, match=r"4\.5 m off its leg"):
-        fleet.manager.resume_tractors("bert", 0, fleet.now)
+        fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
 
 
 def test_no_remote_command_leads_out_of_the_fence_and_one_leads_back() -> None:
@@ -239,15 +230,15 @@ def test_no_remote_command_leads_out_of_the_fence_and_one_leads_back() -> None:
     remote(fleet)
     says(fleet, 0, 0.0, -6.0, -math.pi / 2, 0.0)  # heading south, a metre inside the fence
     with pytest.raises(FleetManagerError, match="leave the fence"):
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     assert fleet.manager.take_outputs()[0][-1].data["speed_mps"] == 0.0
     says(fleet, 0, 0.0, -8.0, -math.pi / 2, 0.0)  # outside
     fleet.run(0.5)
-    assert FENCE in fleet.manager.states[0].holds
-    fleet.manager.send_command("anna", 0, 0.0, -1.0, fleet.now)
+    assert Hold.FENCE in fleet.manager.states[0].holds
+    fleet.manager.operators.send_command("anna", 0, 0.0, -1.0, fleet.now)
     assert [o for o in fleet.manager.take_outputs()[0] if o.kind == "command"][-1].data["speed_mps"] == -1.0
     with pytest.raises(FleetManagerError, match="leave the fence"):
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
 
 
 @settings(max_examples=count_examples(8))
@@ -270,7 +261,7 @@ def test_two_that_would_meet_stand_before_clearance_is_lost(speed: float, from_m
             )
         fleet.manager.update_fleet(fleet.now)
         fleet.obey()
-    assert all(TOO_NEAR in state.holds for state in fleet.manager.states)
+    assert all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     # Nose to nose: the antenna stands 1.1 m ahead of the rear axle, the rest of the tractor is ahead of it.
     tractor = fleet.manager.plan.tractor
     nose = tractor.length_m - tractor.rear_overhang_m - tractor.antenna_forward_m
@@ -282,23 +273,23 @@ def test_of_two_that_stand_near_one_goes_on_when_its_way_is_clear() -> None:
     fleet = start_fleet(fleet_plan(2, 3, apart_m=20.0))
     fleet.run(2)
     for state in fleet.manager.states:
-        state.holds.add(TOO_NEAR)
+        state.holds.add(Hold.TOO_NEAR)
     fleet.run(2 * FleetRules().release_s + 1)
-    assert not any(TOO_NEAR in state.holds for state in fleet.manager.states)
+    assert not any(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     assert [e.data["tractor"] for e in fleet.events if e.what == "goes on"] == [1, 2]
 
 
 def test_an_obstacle_blocks_the_legs_it_touches_and_the_rest_goes_on() -> None:
     fleet = start_fleet()
     fleet.run(2)
-    block = fleet.manager.report_obstacle(
+    block = fleet.manager.obstacle_reports.add(
         "anna", ((-1.0, 45.0), (1.0, 45.0), (1.0, 47.0), (-1.0, 47.0)), "bale", fleet.now
     )
     fleet.run(62)
     assert fleet.at_m[0] == pytest.approx(2 * LENGTH) and whole(fleet, 1)
     assert fleet.manager.blocked_legs == [{2: "bale"}, {}]
     assert math.isinf(fleet.manager.finish_in_s[0])
-    fleet.manager.clear_obstacle("anna", block.id, fleet.now)
+    fleet.manager.obstacle_reports.clear("anna", block.id, fleet.now)
     fleet.run(22)
     assert whole(fleet, 0)
 
@@ -308,11 +299,11 @@ def test_an_obstacle_on_a_released_leg_stops_who_drives_at_it_but_not_who_has_pa
     fleet.run(10)
     ahead = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
     behind = ((19.0, 1.0), (21.0, 1.0), (21.0, 2.0), (19.0, 2.0))
-    first = fleet.manager.report_obstacle("anna", ahead, "stone", fleet.now)
-    fleet.manager.report_obstacle("anna", behind, "bag", fleet.now)
+    first = fleet.manager.obstacle_reports.add("anna", ahead, "stone", fleet.now)
+    fleet.manager.obstacle_reports.add("anna", behind, "bag", fleet.now)
     fleet.run(5)
     assert fleet.at_m[0] == pytest.approx(10.0, abs=0.3) and fleet.at_m[1] == pytest.approx(15.0, abs=0.3)
-    fleet.manager.clear_obstacle("anna", first.id, fleet.now)
+    fleet.manager.obstacle_reports.clear("anna", first.id, fleet.now)
     fleet.run(5)
     assert fleet.at_m[0] == pytest.approx(15.0, abs=0.4)
 
@@ -320,29 +311,29 @@ def test_an_obstacle_on_a_released_leg_stops_who_drives_at_it_but_not_who_has_pa
 def test_what_is_no_outline_is_refused() -> None:
     fleet = start_fleet()
     with pytest.raises(FleetManagerError, match="not a polygon"):
-        fleet.manager.report_obstacle("anna", ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)), "bow", fleet.now)
+        fleet.manager.obstacle_reports.add("anna", ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)), "bow", fleet.now)
 
 
 def test_alarms_stay_until_they_are_over_and_acknowledged() -> None:
     fleet = start_fleet()
-    fleet.manager.mark_failed("anna", 0, fleet.now)
+    fleet.manager.operators.mark_failed("anna", 0, fleet.now)
     alarm = fleet.manager.alarms.list_alarms()[0]
-    fleet.manager.acknowledge_alarm("bert", alarm.id, fleet.now)
+    fleet.manager.obstacle_reports.acknowledge_alarm("bert", alarm.id, fleet.now)
     assert fleet.manager.alarms.list_alarms()[0].acknowledged == "bert"  # it is still failed
     fleet.manager.alarms.end_alarm("failed", 0)
     assert not fleet.manager.alarms.list_alarms()
     with pytest.raises(FleetManagerError, match="no alarm"):
-        fleet.manager.acknowledge_alarm("bert", alarm.id, fleet.now)
+        fleet.manager.obstacle_reports.acknowledge_alarm("bert", alarm.id, fleet.now)
 
 
 def test_every_order_is_in_the_log_of_who_did_what() -> None:
     fleet = start_fleet()
-    fleet.manager.pause_tractors("anna", None, fleet.now)
+    fleet.manager.operators.pause_tractors("anna", None, fleet.now)
     fleet.run(1.1)
-    fleet.manager.resume_tractors("bert", None, fleet.now)
+    fleet.manager.operators.resume_tractors("bert", None, fleet.now)
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     fleet.obey()
     log = [(event.who, event.what) for event in fleet.events]
     for each in (("anna", "started"), ("anna", "paused"), ("bert", "resumed"), ("anna", "lease"), ("anna", "command")):
@@ -367,8 +358,8 @@ def test_a_fleet_goes_on_from_stored_progress_once_somebody_orders_it() -> None:
         again.connect_tractor(number, first.now)
     stood_m = list(first.at_m)
     first.run(5)
-    assert first.at_m == stood_m and all(state.holds == {SERVICE_RESTARTED} for state in again.states)
-    again.start_fleet_work("anna", first.now)
+    assert first.at_m == stood_m and all(state.holds == {Hold.SERVICE_RESTARTED} for state in again.states)
+    again.operators.start_fleet_work("anna", first.now)
     first.run(40)
     other.run(40)
     assert all(state.done for state in again.states)
@@ -379,11 +370,11 @@ def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
     first = start_fleet()
     first.run(5)
     for who in ("bert", "anna"):
-        block = first.manager.report_obstacle(who, ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)), "bale", first.now)
-    first.manager.clear_obstacle("anna", 1, first.now)
-    first.manager.mark_failed("anna", 0, first.now)
+        block = first.manager.obstacle_reports.add(who, ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)), "bale", first.now)
+    first.manager.obstacle_reports.clear("anna", 1, first.now)
+    first.manager.operators.mark_failed("anna", 0, first.now)
     failed = first.manager.alarms.list_alarms()[-1]
-    first.manager.acknowledge_alarm("bert", failed.id, first.now)
+    first.manager.obstacle_reports.acknowledge_alarm("bert", failed.id, first.now)
     kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))
     again = FleetManager(first.manager.plan, FleetRules())
     restore_progress(again, kept, 3.0, 1e9 + 60.0)
@@ -400,7 +391,7 @@ def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
     assert again.alarms.is_alarm_on("failed", 0)
     assert again.alarms.list_alarms()[-2].since_s == pytest.approx(failed.since_s - first.now + 3.0 - 60.0)
     assert block.id == 2 and list(again.obstacles.items) == [1]
-    again.clear_obstacle("anna", 1, 3.0)
+    again.obstacle_reports.clear("anna", 1, 3.0)
     assert all(alarm.over for alarm in again.alarms.list_alarms() if alarm.code.startswith("obstacle"))
 
 
@@ -446,7 +437,7 @@ def test_the_alarm_of_a_broken_link_says_what_the_tractor_does_now() -> None:
         fleet.manager.disconnect_tractor(0, fleet.now, False)
         return fleet.manager.alarms.list_alarms()[0].sentence
 
-    metres = fleet.manager.timed_missions[0].leg_starts_m[fleet.manager.states[0].base_end] - fleet.at_m[0]
+    metres = fleet.manager.plan.timed_missions[0].leg_starts_m[fleet.manager.states[0].base_end] - fleet.at_m[0]
     assert told() == (
         f"The link to tractor 1 is broken: it drives on for 8.0 s, or {metres:.1f} m to the end of its base, and stops."
     )
@@ -455,7 +446,7 @@ def test_the_alarm_of_a_broken_link_says_what_the_tractor_does_now() -> None:
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.5, 0.5, mode="manual", leg_m=5.0), fleet.now)
     assert told().endswith("its driver drives it by hand.")
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, 0.0, mode="stopped", leg_m=5.0), fleet.now)
-    fleet.manager.stop_all("anna", fleet.now)
+    fleet.manager.operators.stop_all("anna", fleet.now)
     assert told().endswith("it was ordered to stop, and stands.")
 
 

@@ -138,7 +138,7 @@ def test_a_tractor_whose_clock_is_an_hour_off_drives_on_and_that_is_told_once(
     fleet = FleetSession("f", "small", fleet_plan(), FleetRules(), begin_s=begin_s)
     tractor = FleetClient(TRACTOR, "tractor 1", 0)
     fleet.add_client(tractor, time.monotonic())
-    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
 
     def say(sequence: int, **other: object) -> None:
         at = datetime.fromtimestamp(time.time() + 3603.0, UTC).isoformat()
@@ -153,18 +153,18 @@ def test_a_tractor_whose_clock_is_an_hour_off_drives_on_and_that_is_told_once(
     assert len(rows) == 30 and all(-0.5 < row[1] < time.time() - begin_s + 0.5 for row in rows)
     (alarm,) = fleet.manager.alarms.list_alarms()
     assert alarm.sentence.startswith("The clock of tractor 1 is 1:00:03 ahead; its times are corrected to the clock of")
-    fleet.manager.acknowledge_alarm("anna", alarm.id, 0.0)
+    fleet.manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, 0.0)
     for sequence in range(30, 40):
         say(sequence)
     assert [each.acknowledged for each in fleet.manager.alarms.list_alarms()] == ["anna"], "it is told once"
     now = time.monotonic()
-    fleet.manager.take_lease("anna", 0, False, now)
+    fleet.manager.operators.take_lease("anna", 0, False, now)
     if echoes:
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, now)
         return
     assert "Set it before you drive by remote control" in alarm.sentence
     with pytest.raises(FleetManagerError, match="its present place is unknown"):
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, now)
 
 
 def test_who_is_on_a_slow_link_with_a_wrong_clock_is_not_driven_by_remote_control() -> None:

@@ -13,7 +13,7 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.neighbourhood import Neighbourhood
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.model.tractor_state import TOO_NEAR, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from tests.examples import seldom
 from tests.service.fleets import SPEED, SimulatedFleet
 from tests.service.test_neighbours import NORTH, RULES, Ground, alarms, lane
@@ -36,11 +36,11 @@ IN_AND_OUT = ((0.0, 30.0), (0.0, 60.0), (20.0, 60.0))
 def test_one_that_waits_at_its_entrance_is_a_machine_in_the_way_of_another_fleet() -> None:
     ground = Ground(through_entrance(lane(*IN_AND_OUT)), lane(*NORTH))
     waits, drives = ground.fleets
-    drives.manager.start_fleet_work("bert", 0.0)
+    drives.manager.operators.start_fleet_work("bert", 0.0)
     assert ground.run(60) >= RULES.clearance_m
     assert drives.speed == 0.0 and 15.0 < drives.at_m < 30.0
     assert "tractor 1 of fleet 'a' stand" in alarms(drives)[0] and "fleet 'b'" in alarms(waits)[0]
-    waits.manager.start_fleet_work("anna", ground.now)
+    waits.manager.operators.start_fleet_work("anna", ground.now)
     assert ground.run(90) >= RULES.clearance_m
     assert waits.at_m == pytest.approx(50.0), "who drives away from it does so at once"
     assert drives.at_m == pytest.approx(60.0) or drives.speed == 0.0
@@ -49,12 +49,12 @@ def test_one_that_waits_at_its_entrance_is_a_machine_in_the_way_of_another_fleet
 def test_one_that_has_gone_out_stands_where_it_went() -> None:
     ground = Ground(through_entrance(lane((-20.0, 0.0), (-20.0, 30.0), (0.0, 30.0))), lane(*NORTH))
     gone, drives = ground.fleets
-    gone.manager.start_fleet_work("anna", 0.0)
+    gone.manager.operators.start_fleet_work("anna", 0.0)
     ground.run(60)
     assert gone.manager.states[0].done
     gone.manager.disconnect_tractor(0, ground.now, True)
     gone.is_linked = False
-    drives.manager.start_fleet_work("bert", ground.now)
+    drives.manager.operators.start_fleet_work("bert", ground.now)
     assert ground.run(60) >= RULES.clearance_m
     assert drives.speed == 0.0 and "delete fleet 'a' if it is no longer there" in alarms(drives)[-1]
 
@@ -63,12 +63,12 @@ def test_one_steered_by_hand_before_it_comes_in_is_kept_clear_of_where_it_is() -
     ground = Ground(through_entrance(lane((100.0, 0.0), (100.0, 60.0))), lane((60.0, 0.0), (0.0, 0.0)))
     steered, drives = ground.fleets
     steered.is_linked = False  # it says itself where it is
-    drives.manager.start_fleet_work("bert", 0.0)
+    drives.manager.operators.start_fleet_work("bert", 0.0)
     for _ in range(600):
         steered.manager.take_report(0, TractorReport(30.0, 0.0, math.pi, 0.0, mode="manual"), ground.now)
         ground.run(0.1)
     assert drives.speed == 0.0 and 15.0 < drives.at_m < 30.0 - RULES.clearance_m
-    assert TOO_NEAR in drives.manager.states[0].holds
+    assert Hold.TOO_NEAR in drives.manager.states[0].holds
 
 
 @pytest.mark.parametrize("both_at_once", [True, False])
@@ -77,22 +77,22 @@ def test_two_fleets_that_begin_at_one_entrance_go_one_after_the_other(both_at_on
     plans = [through_entrance(lane((0.0, 0.0), (0.0, 20.0), (side, 50.0))) for side in (-turn, turn)]
     ground = Ground(*plans)
     one, other = ground.fleets
-    one.manager.start_fleet_work("anna", 0.0)
+    one.manager.operators.start_fleet_work("anna", 0.0)
     if both_at_once:
-        other.manager.start_fleet_work("bert", 0.0)
+        other.manager.operators.start_fleet_work("bert", 0.0)
     ground.run(10)
     assert one.at_m > 4.0 and other.at_m < 0.5
     assert not alarms(one) + alarms(other), "to drive away from one that stands is no danger"
     if not both_at_once:
-        other.manager.start_fleet_work("bert", ground.now)
+        other.manager.operators.start_fleet_work("bert", ground.now)
     apart = []
     for _ in range(1000):
         ground.run(0.1)
         apart.append(ground.apart_m())
     assert min(apart[next(k for k, metres in enumerate(apart) if metres >= RULES.clearance_m) :]) >= RULES.clearance_m
-    assert one.at_m == pytest.approx(one.manager.timed_missions[0].leg_starts_m[-1])
+    assert one.at_m == pytest.approx(one.manager.plan.timed_missions[0].leg_starts_m[-1])
     if turn:
-        assert other.at_m == pytest.approx(other.manager.timed_missions[0].leg_starts_m[-1])
+        assert other.at_m == pytest.approx(other.manager.plan.timed_missions[0].leg_starts_m[-1])
         assert not alarms(one) + alarms(other)
 
 
@@ -128,7 +128,7 @@ def test_two_queues_at_one_entrance_come_in_one_after_the_other(first_started: s
     for step in range(2000):
         for name, fleet in fleets.items():
             if step == (0 if first_started in (name, "both") else 200):
-                fleet.manager.start_fleet_work("anna", fleet.now)
+                fleet.manager.operators.start_fleet_work("anna", fleet.now)
             fleet.run(0.1)
             begins |= {(name, n): fleet.now for n in (0, 1) if fleet.at_m[n] > 0.0 and (name, n) not in begins}
     order = sorted(begins, key=lambda each: begins[each])
@@ -145,25 +145,25 @@ def test_two_that_begin_to_drive_from_one_entrance_at_once_stand_and_then_go_one
     plans = [through_entrance(lane((0.0, 0.0), (0.0, 20.0), (side, 50.0))) for side in (-20.0, 20.0)]
     ground = Ground(*plans)
     for fleet in ground.fleets:
-        fleet.manager.pause_tractors("anna", None, 0.0)
+        fleet.manager.operators.pause_tractors("anna", None, 0.0)
     ground.start()
     for fleet in ground.fleets:
         fleet.manager.states[0].base_end = 1
-        fleet.manager.resume_tractors("anna", None, 0.0)
+        fleet.manager.operators.resume_tractors("anna", None, 0.0)
     ground.run(2)
-    assert all(TOO_NEAR in fleet.manager.states[0].holds for fleet in ground.fleets)
+    assert all(Hold.TOO_NEAR in fleet.manager.states[0].holds for fleet in ground.fleets)
     ground.run(100)
     for fleet in ground.fleets:
-        assert fleet.at_m == pytest.approx(fleet.manager.timed_missions[0].leg_starts_m[-1])
+        assert fleet.at_m == pytest.approx(fleet.manager.plan.timed_missions[0].leg_starts_m[-1])
         assert all(alarm.over for alarm in fleet.manager.alarms.list_alarms())
 
 
 def test_the_fleet_added_later_drives_away_from_one_that_is_not_started() -> None:
     ground = Ground(*(through_entrance(lane((0.0, 0.0), (0.0, 20.0), (side, 50.0))) for side in (-20.0, 20.0)))
     waits, goes = ground.fleets
-    goes.manager.start_fleet_work("bert", 0.0)
+    goes.manager.operators.start_fleet_work("bert", 0.0)
     ground.run(80)
-    assert waits.at_m == 0.0 and goes.at_m == pytest.approx(goes.manager.timed_missions[0].leg_starts_m[-1])
+    assert waits.at_m == 0.0 and goes.at_m == pytest.approx(goes.manager.plan.timed_missions[0].leg_starts_m[-1])
     assert not alarms(waits) + alarms(goes)
 
 
@@ -171,7 +171,7 @@ def test_nobody_drives_into_one_that_stands_at_its_entrance_out_of_an_overlap() 
     """The machines overlap by what they report, and the way of the second leads on over the first."""
     ground = Ground(through_entrance(lane((0.0, 2.0), (0.0, 60.0))), through_entrance(lane((0.0, 0.0), (0.0, 60.0))))
     other = ground.fleets[1]
-    other.manager.start_fleet_work("bert", 0.0)
+    other.manager.operators.start_fleet_work("bert", 0.0)
     ground.run(40)
-    assert other.at_m < 1.0 and TOO_NEAR in other.manager.states[0].holds
+    assert other.at_m < 1.0 and Hold.TOO_NEAR in other.manager.states[0].holds
     assert "cannot resume by themselves" in alarms(other)[0]

@@ -194,7 +194,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet = await hub.create_session(
             "north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
         )
-        fleet.manager.start_fleet_work("anna", time.monotonic())
+        fleet.manager.operators.start_fleet_work("anna", time.monotonic())
         tractor = FleetClient(TRACTOR, "tractor 1", 0)
         fleet.add_client(tractor, time.monotonic())
         fleet.step(time.monotonic())  # its first leg is released

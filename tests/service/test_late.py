@@ -30,18 +30,21 @@ from tests.service.test_safety import drive, live, waiting
 
 def test_nobody_lets_go_on_what_somebody_else_has_just_stopped() -> None:
     fleet = start_fleet()
-    fleet.manager.stop_all("anna", 10.0)
-    for order in (fleet.manager.start_fleet_work, lambda who, now: fleet.manager.resume_tractors(who, None, now)):
+    fleet.manager.operators.stop_all("anna", 10.0)
+    for order in (
+        fleet.manager.operators.start_fleet_work,
+        lambda who, now: fleet.manager.operators.resume_tractors(who, None, now),
+    ):
         with pytest.raises(FleetManagerError, match="just stopped by anna"):
             order("bert", 10.0 + 0.9 * STOP_SEEN_S)
     assert fleet.manager.state == STOPPED
-    fleet.manager.resume_tractors("bert", None, 10.0 + STOP_SEEN_S)
+    fleet.manager.operators.resume_tractors("bert", None, 10.0 + STOP_SEEN_S)
     assert fleet.manager.state == RUNNING
-    fleet.manager.pause_tractors("anna", 1, 20.0)
-    fleet.manager.resume_tractors("bert", 0, 20.1)  # another tractor
+    fleet.manager.operators.pause_tractors("anna", 1, 20.0)
+    fleet.manager.operators.resume_tractors("bert", 0, 20.1)  # another tractor
     with pytest.raises(FleetManagerError, match="Tractor 2 was just stopped by anna"):
-        fleet.manager.resume_tractors("bert", 1, 20.1)
-    fleet.manager.resume_tractors("anna", 1, 20.1)  # who stopped it knows
+        fleet.manager.operators.resume_tractors("bert", 1, 20.1)
+    fleet.manager.operators.resume_tractors("anna", 1, 20.1)  # who stopped it knows
 
 
 @pytest.mark.parametrize(
@@ -102,11 +105,11 @@ def test_states_that_waited_for_a_link_are_no_sign_of_where_a_tractor_is_now() -
     state = fleet.manager.states[0]
     assert state.last_fix_s == pytest.approx(40.2) and state.get_connection(101.1, 1.0) == "broken"
     assert fleet.manager.alarms.is_alarm_on("late", 0)
-    fleet.manager.take_lease("anna", 0, False, 100.3)
+    fleet.manager.operators.take_lease("anna", 0, False, 100.3)
     with pytest.raises(FleetManagerError, match="its present place is unknown"):
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, 100.4)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, 100.4)
     fleet.manager.take_report(0, replace(report, mode="remote"), 100.5)
-    fleet.manager.send_command("anna", 0, 0.0, 0.5, 100.5)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, 100.5)
     assert not fleet.manager.alarms.is_alarm_on("late", 0) and state.get_connection(101.1, 1.0) == "online"
 
 
@@ -220,11 +223,11 @@ def rest(manager: FleetManager, without: tuple[int, ...]) -> RemainingWork:
 def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> None:
     fleet = start_fleet(fleet_plan(3))
     fleet.run(5)
-    fleet.manager.mark_failed("anna", 1, fleet.now)
+    fleet.manager.operators.mark_failed("anna", 1, fleet.now)
     asked = rest(fleet.manager, (1,))
     fleet.run(3)
     check_proposal_still_fits(asked, fleet.manager)
-    fleet.manager.mark_failed("anna", 2, fleet.now)
+    fleet.manager.operators.mark_failed("anna", 2, fleet.now)
     with pytest.raises(FleetManagerError, match="Tractor 3 has failed since"):
         check_proposal_still_fits(asked, fleet.manager)
     asked = rest(fleet.manager, (1, 2))
@@ -234,7 +237,7 @@ def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> 
     with pytest.raises(FleetManagerError, match=r"Tractor 2 has moved 6\.0 m"):
         check_proposal_still_fits(asked, fleet.manager)
     asked = rest(fleet.manager, (1, 2))
-    fleet.manager.adopt_plan("anna", replace(fleet.manager.plan), fleet.now)
+    fleet.manager.operators.adopt_plan("anna", replace(fleet.manager.plan), fleet.now)
     with pytest.raises(FleetManagerError, match="Another plan was accepted"):
         check_proposal_still_fits(asked, fleet.manager)
 
@@ -242,7 +245,7 @@ def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> 
 def test_one_whose_tracks_were_given_away_drives_no_more_though_it_had_not_failed() -> None:
     fleet = start_fleet(fleet_plan(2))
     fleet.run(5)
-    fleet.manager.adopt_plan("anna", replace(fleet.manager.plan), fleet.now, (1,))
+    fleet.manager.operators.adopt_plan("anna", replace(fleet.manager.plan), fleet.now, (1,))
     fleet.run(10)
     assert fleet.manager.states[1].failed and fleet.standing == [False, True]
 
@@ -253,12 +256,12 @@ def test_an_alarm_that_comes_and_goes_unseen_is_one_and_an_obstacle_seen_again_i
         fleet.manager.disconnect_tractor(0, fleet.now, False)
         fleet.manager.connect_tractor(0, fleet.now)
     assert [alarm.code for alarm in fleet.manager.alarms.list_alarms()] == ["broken"]
-    fleet.manager.acknowledge_alarm("anna", 1, fleet.now)
+    fleet.manager.obstacle_reports.acknowledge_alarm("anna", 1, fleet.now)
     fleet.manager.disconnect_tractor(0, fleet.now, False)
     assert [alarm.acknowledged for alarm in fleet.manager.alarms.list_alarms()] == [None]
     for k in range(200):
         x = 0.002 * k
-        fleet.manager.report_obstacle("tractor 1", ((x, 50.0), (x + 1, 50.0), (x + 1, 51.0)), "stone", fleet.now)
+        fleet.manager.obstacle_reports.add("tractor 1", ((x, 50.0), (x + 1, 50.0), (x + 1, 51.0)), "stone", fleet.now)
     assert len(fleet.manager.obstacles.items) == 1
-    fleet.manager.report_obstacle("tractor 2", ((0.0, 50.0), (1.0, 50.0), (1.0, 51.0)), "stone", fleet.now)
+    fleet.manager.obstacle_reports.add("tractor 2", ((0.0, 50.0), (1.0, 50.0), (1.0, 51.0)), "stone", fleet.now)
     assert len(fleet.manager.obstacles.items) == 2

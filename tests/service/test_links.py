@@ -461,7 +461,7 @@ def test_stop_all_of_a_fleet_reaches_the_tractors_of_its_neighbour(service: Serv
         with service.client.websocket_connect(address) as tractor, service.link("control") as operator:
             hello(tractor, "tractor", 1, token)
             hello(operator, "control", None, service.tokens["operator"])
-            other.manager.start_fleet_work("bert", time.monotonic())
+            other.manager.operators.start_fleet_work("bert", time.monotonic())
             assert until(tractor, "resume")
             operator.send_json({"kind": "stop_all"})
             assert until(tractor, "stop")["reason"] == "stopped by stop-all"

@@ -14,7 +14,7 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import REMOTE_CONTROL, SERVICE_RESTARTED, TOO_NEAR, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from tests.examples import seldom
 from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
 
@@ -46,13 +46,13 @@ def test_two_that_overlap_or_are_at_the_limit_are_stopped_once_and_stand(apart_m
     fleet.run(60)
     manager = fleet.manager
     if noise_m == 0.0 and apart_m == 2.4:  # 0.36 m by the plan, 0.35 m are enough for two that drive by it
-        assert not told(fleet)[TOO_NEAR] and fleet.at_m == [pytest.approx(60.0)] * 2
+        assert not told(fleet)[Hold.TOO_NEAR] and fleet.at_m == [pytest.approx(60.0)] * 2
         return
-    assert told(fleet)[TOO_NEAR] == 2 and not told(fleet)["goes on"]
+    assert told(fleet)[Hold.TOO_NEAR] == 2 and not told(fleet)["goes on"]
     assert max(fleet.at_m) < 10.0
     (alarm,) = manager.alarms.list_alarms()
     assert "cannot resume by themselves" in alarm.sentence and not alarm.over
-    manager.acknowledge_alarm("anna", alarm.id, fleet.now)
+    manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, fleet.now)
     fleet.run(30)
     assert [each.acknowledged for each in manager.alarms.list_alarms()] == ["anna"], "what was seen is not told anew"
 
@@ -64,11 +64,11 @@ def behind(gap_m: float) -> SimulatedFleet:
     fleet.at_m = [20.0 - 0.1, 5.0]  # leg 0 each
     for number in (0, 1):
         fleet.report(number, 0.0)
-        manager.states[number].holds.add(TOO_NEAR)
+        manager.states[number].holds.add(Hold.TOO_NEAR)
     now_m = next(iter(pairs(fleet, far_m=50.0)))
     fleet.at_m[1] += now_m - gap_m
     fleet.report(1, 0.0)
-    manager._send_stop_or_resume()
+    manager.send_stop_or_resume()
     fleet.obey()
     return fleet
 
@@ -77,7 +77,7 @@ def pairs(fleet: SimulatedFleet, far_m: float = 0.0) -> list[float]:
     """Metres between two that are close, or nearer than `far_m`."""
     guard = fleet.manager.guard
     before, guard.release_clearances_m = guard.release_clearances_m, (max(guard.release_clearances_m[0], far_m),) * 2
-    found = guard.find_close_pairs(fleet.manager.states, fleet.manager.timed_missions)
+    found = guard.find_close_pairs(fleet.manager.states)
     guard.release_clearances_m = before
     return list(found.values())
 
@@ -93,13 +93,13 @@ def test_who_is_nearer_than_it_may_be_parts_and_the_other_follows_when_there_is_
     assert [event.data["tractor"] for event in fleet.events if event.what == "goes on"] == [1]
     fleet.run(25)
     goes = [event.data["tractor"] for event in fleet.events if event.what == "goes on"]
-    assert goes == [1, 2] and not told(fleet)[TOO_NEAR] and min(fleet.at_m) > 25.0
+    assert goes == [1, 2] and not told(fleet)[Hold.TOO_NEAR] and min(fleet.at_m) > 25.0
 
 
 def test_who_touches_another_does_not_go_on_by_itself() -> None:
     fleet = behind(0.02)
     fleet.run(20)
-    assert not told(fleet)["goes on"] and all(TOO_NEAR in state.holds for state in fleet.manager.states)
+    assert not told(fleet)["goes on"] and all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     assert "cannot resume by themselves" in fleet.manager.alarms.list_alarms()[-1].sentence
 
 
@@ -110,9 +110,9 @@ def beside(gap_m: float) -> SimulatedFleet:
     fleet.silent = {1}
     width_m = max(EG105.width_m, 2.0)
     for state in fleet.manager.states:
-        state.holds.add(TOO_NEAR)
+        state.holds.add(Hold.TOO_NEAR)
     fleet.manager.take_report(1, TractorReport(width_m + gap_m + 0.04, 12.0, NORTH, 0.0, mode="manual"), fleet.now)
-    fleet.manager._send_stop_or_resume()
+    fleet.manager.send_stop_or_resume()
     fleet.obey()
     return fleet
 
@@ -121,7 +121,7 @@ def beside(gap_m: float) -> SimulatedFleet:
 def test_what_lets_go_on_is_farther_than_what_stops(gap_m: float, goes: bool) -> None:
     fleet = beside(gap_m)
     fleet.run(RULES.release_s + 1.0)
-    assert (TOO_NEAR not in fleet.manager.states[0].holds) == goes
+    assert (Hold.TOO_NEAR not in fleet.manager.states[0].holds) == goes
     fleet.run(1)
     assert (fleet.at_m[0] > 5.5) == goes
 
@@ -153,12 +153,12 @@ def test_who_stands_clear_of_one_it_would_drive_into_is_told_of_as_long_as_it_st
         fleet.run(0.1)
     (alarm,) = [each for each in fleet.manager.alarms.list_alarms() if each.code == "near 2"]
     assert (
-        fleet.manager.states[0].holds == {TOO_NEAR}
+        fleet.manager.states[0].holds == {Hold.TOO_NEAR}
         and not alarm.over
         and "cannot resume by themselves" in alarm.sentence
     )
     assert (
-        fleet.manager.guard.measure_distance_m(0, 1, fleet.manager.states) > fleet.manager.guard.release_clearances_m[0]
+        fleet.manager.guard.measure_distance_m(*fleet.manager.states[:2]) > fleet.manager.guard.release_clearances_m[0]
     )
     for _ in range(60):
         fleet.manager.take_report(1, TractorReport(30.0, 14.0, 0.0, 0.0, mode="manual"), fleet.now)
@@ -172,12 +172,12 @@ def test_an_operator_leads_one_out_of_an_overlap_and_not_deeper_into_it() -> Non
     fleet.silent = {0}
     fleet.manager.take_report(0, TractorReport(18.5, 5.0, NORTH, 0.0, mode="stopped", leg_m=5.0), fleet.now)
     fleet.run(0.5)
-    fleet.manager.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
     fleet.manager.take_report(0, TractorReport(17.5, 5.0, 0.0, 0.0, mode="remote", leg_m=5.0), fleet.now)
     with pytest.raises(FleetManagerError, match="too near another tractor"):
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
-    fleet.manager.send_command("anna", 0, 0.0, -0.5, fleet.now)
-    assert REMOTE_CONTROL in fleet.manager.states[0].holds
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, -0.5, fleet.now)
+    assert Hold.REMOTE_CONTROL in fleet.manager.states[0].holds
 
 
 def restarted(fleet: SimulatedFleet) -> None:
@@ -187,7 +187,7 @@ def restarted(fleet: SimulatedFleet) -> None:
     restore_progress(fleet.manager, kept, fleet.now, 1e9 + fleet.now)
     for number in range(fleet.manager.plan.tractor_count):
         fleet.manager.connect_tractor(number, fleet.now)
-    fleet.manager.resume_tractors("anna", None, fleet.now)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
 
 
 def test_two_that_touch_stand_after_a_restart_too() -> None:
@@ -197,7 +197,7 @@ def test_two_that_touch_stand_after_a_restart_too() -> None:
     for _ in range(3):
         restarted(fleet)
         fleet.run(20)
-    assert fleet.at_m == stood_m and all(TOO_NEAR in state.holds for state in fleet.manager.states)
+    assert fleet.at_m == stood_m and all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     assert "cannot resume by themselves" in fleet.manager.alarms.list_alarms()[0].sentence
 
 
@@ -221,9 +221,9 @@ def test_who_is_found_too_near_before_its_link_is_back_is_told_to_stand_with_the
     kept = json.loads(json.dumps(capture_progress(manager, fleet.now, 1e9)))
     again = FleetManager(manager.plan, manager.rules)
     restore_progress(again, kept, fleet.now, 1e9)
-    assert all(SERVICE_RESTARTED in state.holds for state in again.states)
+    assert all(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
     for state in again.states:  # by what the first tick sees
-        state.holds.add(TOO_NEAR)
+        state.holds.add(Hold.TOO_NEAR)
     again.update_fleet(fleet.now)
     again.take_outputs()
     again.connect_tractor(0, fleet.now)
@@ -233,13 +233,13 @@ def test_who_is_found_too_near_before_its_link_is_back_is_told_to_stand_with_the
 def test_who_was_let_part_is_stopped_again_once_it_was_apart() -> None:
     """Also from one beside which it stood without an alarm: that they came apart is seen all the same."""
     fleet = start_fleet(fleet_plan(3, 3, apart_m=20.0))
-    fleet.manager.separation.start_parting(0, {(0, 2): 0.1})
+    fleet.manager.dangers.separation.start_parting(0, {(0, 2): 0.1})
     fleet.run(2)
     fleet.silent = {2}
     for step in range(30):  # a driver comes by, 0.2 m beside the way of the first
         fleet.manager.take_report(2, TractorReport(2.25, 14.0 - 0.1 * step, -NORTH, 1.0, 1.0, mode="manual"), fleet.now)
         fleet.run(0.1)
-    assert TOO_NEAR in fleet.manager.states[0].holds and told(fleet)["alarm"]
+    assert Hold.TOO_NEAR in fleet.manager.states[0].holds and told(fleet)["alarm"]
 
 
 def test_who_is_driven_by_hand_keeps_nobody_else_standing() -> None:
@@ -250,7 +250,7 @@ def test_who_is_driven_by_hand_keeps_nobody_else_standing() -> None:
         x = 0.1 * step
         fleet.manager.take_report(0, TractorReport(x, 20.0, 0.0, 1.0, 1.0, mode="manual", leg_m=20.0), fleet.now)
         fleet.run(0.1)
-    assert fleet.manager.states[0].report is not None and TOO_NEAR not in fleet.manager.states[1].holds
+    assert fleet.manager.states[0].report is not None and Hold.TOO_NEAR not in fleet.manager.states[1].holds
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -263,5 +263,5 @@ def test_a_link_that_breaks_while_its_tractor_brakes_is_told_of_within_a_fleet_t
     if closed:
         fleet.manager.disconnect_tractor(0, fleet.now, False)
     fleet.run(25)
-    assert all(TOO_NEAR in state.holds for state in fleet.manager.states) and not told(fleet)["goes on"]
+    assert all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states) and not told(fleet)["goes on"]
     assert any("cannot resume by themselves" in alarm.sentence for alarm in fleet.manager.alarms.list_alarms())

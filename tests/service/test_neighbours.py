@@ -25,7 +25,7 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.model.tractor_state import HALTED, TOO_NEAR, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.safety.motion_prediction import compute_centre_poses
 from planner.fleet.session.fleet_session import FleetSession
 from tests.service.fleets import SPEED, fleet_plan
@@ -74,7 +74,7 @@ class Rolling:
     @property
     def report(self) -> TractorReport:
         """What it says."""
-        course = self.manager.timed_missions[0]
+        course = self.manager.plan.timed_missions[0]
         leg = min(int(np.searchsorted(course.leg_starts_m[1:], self.at_m, side="right")), len(course.legs) - 1)
         leg_m = self.at_m - course.leg_starts_m[leg]
         x, y, heading = course.sample_poses(leg, leg_m, [0.0], len(course.legs))[0]
@@ -101,7 +101,7 @@ class Rolling:
             if order.kind in ("stop", "resume"):
                 self.stands = order.kind == "stop"
         change = -BRAKES_MPS2 if self.stands else 1.0
-        end_m = self.manager.timed_missions[0].leg_starts_m[self.manager.states[0].base_end]
+        end_m = self.manager.plan.timed_missions[0].leg_starts_m[self.manager.states[0].base_end]
         self.speed = min(max(self.speed + 0.1 * change, 0.0), SPEED)
         step_m = min(0.1 * self.speed, end_m - self.at_m)
         self.speed, self.at_m = 10.0 * step_m, self.at_m + step_m
@@ -124,7 +124,7 @@ class Ground:
 
     def start(self) -> None:
         for fleet in self.fleets:
-            fleet.manager.start_fleet_work("anna", self.now)
+            fleet.manager.operators.start_fleet_work("anna", self.now)
 
     def run(self, seconds: float) -> float:
         """Time passes; how near the first two come (m)."""
@@ -171,7 +171,7 @@ def test_two_fleets_that_are_driven_at_each_other_stop_apart_and_both_are_told()
     foreseen_s = RULES.reaction_s + SPEED / BRAKES_MPS2 + 0.5
     assert RULES.clearance_m <= least_m <= RULES.clearance_m + 2.0 * (foreseen_s + 0.2) * SPEED
     for fleet, its, theirs in ((one, "a", "b"), (other, "b", "a")):
-        assert TOO_NEAR in fleet.manager.states[0].holds
+        assert Hold.TOO_NEAR in fleet.manager.states[0].holds
         (told,) = alarms(fleet)
         assert told.startswith(f"Tractor 1 and tractor 1 of fleet {theirs!r} stand ") and "cannot resume" in told
         (frame,) = fleet.manager.alarms.describe_alarms()
@@ -200,7 +200,7 @@ def test_of_two_that_cross_that_of_the_fleet_added_first_goes_first_and_the_othe
     assert ground.run(80) >= RULES.clearance_m
     assert [fleet.at_m for fleet in ground.fleets] == [pytest.approx(70.0)] * 2
     for fleet in ground.fleets:
-        assert fleet.events.count(TOO_NEAR) == 1 and fleet.events.count("goes on") == 1
+        assert fleet.events.count(Hold.TOO_NEAR) == 1 and fleet.events.count("goes on") == 1
         assert not fleet.manager.states[0].holds and all(alarm.over for alarm in fleet.manager.alarms.list_alarms())
 
 
@@ -237,7 +237,7 @@ def test_two_of_different_systems_stop_apart_too() -> None:
     ground = Ground(lane(*NORTH, crs="EPSG:32632", origin=origin), plan)
     ground.start()
     assert RULES.clearance_m <= ground.run(60) < 6.0
-    assert all(TOO_NEAR in fleet.manager.states[0].holds for fleet in ground.fleets)
+    assert all(Hold.TOO_NEAR in fleet.manager.states[0].holds for fleet in ground.fleets)
 
 
 def test_a_conversion_over_kilometres_is_that_of_pyproj_to_a_millimetre() -> None:
@@ -270,7 +270,7 @@ def test_one_whose_link_is_broken_is_kept_clear_of() -> None:
     one, other = ground.fleets
     other.is_linked = False
     other.manager.disconnect_tractor(0, 0.0, False)
-    one.manager.start_fleet_work("anna", 0.0)
+    one.manager.operators.start_fleet_work("anna", 0.0)
     assert ground.run(60) >= RULES.clearance_m
     assert one.speed == 0.0 and 15.0 < one.at_m < 30.0
     assert "or delete fleet 'b' if it is no longer there" in alarms(one)[-1]
@@ -282,16 +282,16 @@ def test_one_whose_link_is_broken_is_kept_clear_of() -> None:
 def test_one_that_is_driven_by_remote_control_keeps_clear_of_another_fleet() -> None:
     ground = Ground(lane(*NORTH), lane((6.0, 0.0), (6.0, 60.0)))
     manager = ground.fleets[0].manager
-    manager.take_lease("anna", 0, False, 0.0)
+    manager.operators.take_lease("anna", 0, False, 0.0)
     manager.take_report(0, TractorReport(0.0, 0.0, 0.0, 0.0, mode="remote"), 0.0)  # heading east, at the other one
     noses_m = RULES.clearance_m + 1.0
-    manager.send_command("anna", 0, 0.0, 0.5, 0.0)
+    manager.operators.send_command("anna", 0, 0.0, 0.5, 0.0)
     manager.take_report(0, TractorReport(6.0 - noses_m - 1.5, 0.0, 0.0, 0.0, mode="remote"), 0.1)
     with pytest.raises(FleetManagerError, match="too near tractor 1 of fleet 'b'"):
-        manager.send_command("anna", 0, 0.0, 1.0, 0.1)
-    manager.send_command("anna", 0, 0.0, -1.0, 0.1)
+        manager.operators.send_command("anna", 0, 0.0, 1.0, 0.1)
+    manager.operators.send_command("anna", 0, 0.0, -1.0, 0.1)
     ground.hood.remove("b", 0.1)
-    manager.send_command("anna", 0, 0.0, 1.0, 0.1)
+    manager.operators.send_command("anna", 0, 0.0, 1.0, 0.1)
 
 
 def test_fleets_that_live_faster_are_foreseen_as_fast_as_they_live() -> None:
@@ -300,7 +300,7 @@ def test_fleets_that_live_faster_are_foreseen_as_fast_as_they_live() -> None:
     one, other = (fleet.manager for fleet in ground.fleets)
     other.rules = other.guard.rules = FleetRules(times=3.0)
     other.guard.__init__(other.plan, other.rules)  # type: ignore[misc]
-    other.start_fleet_work("anna", 0.0)
+    other.operators.start_fleet_work("anna", 0.0)
     other.update_fleet(0.0)
     other.states[0].base_end = 1
     other.take_report(0, TractorReport(0.0, 100.0, -math.pi / 2, 1.0, 1.0, leg=0, leg_m=50.0), 0.1)
@@ -316,7 +316,7 @@ def test_stop_all_reaches_the_neighbours_and_each_is_let_go_on_by_its_own_operat
     one, other, far = (fleet.manager for fleet in ground.fleets)
     ground.start()
     ground.run(5)
-    one.stop_all("anna", ground.now)
+    one.operators.stop_all("anna", ground.now)
     assert (one.state, other.state, far.state) == (STOPPED, STOPPED, RUNNING)
     orders, events = other.take_outputs()
     assert [order.kind for order in orders] == ["stop"]
@@ -327,12 +327,14 @@ def test_stop_all_reaches_the_neighbours_and_each_is_let_go_on_by_its_own_operat
     assert [alarm.code for alarm in one.alarms.list_alarms()] == [alarm.code for alarm in other.alarms.list_alarms()]
     assert "anna stopped fleet 'a' near by" in alarms(ground.fleets[1])[0]
     with pytest.raises(FleetManagerError, match="just stopped by anna of fleet 'a'"):
-        other.resume_tractors("bert", None, ground.now)
-    one.resume_tractors("anna", None, ground.now + 2.0)
+        other.operators.resume_tractors("bert", None, ground.now)
+    one.operators.resume_tractors("anna", None, ground.now + 2.0)
     assert (
-        HALTED in other.states[0].holds and one.alarms.list_alarms()[0].over and not other.alarms.list_alarms()[0].over
+        Hold.HALTED in other.states[0].holds
+        and one.alarms.list_alarms()[0].over
+        and not other.alarms.list_alarms()[0].over
     )
-    other.resume_tractors("bert", None, ground.now + 2.0)
+    other.operators.resume_tractors("bert", None, ground.now + 2.0)
     assert other.state == RUNNING and other.alarms.list_alarms()[0].over
 
 
@@ -346,9 +348,9 @@ def test_a_stop_of_one_fleet_is_sent_to_the_tractors_of_the_other_at_once() -> N
         fleet.add_client(clients[-1], 0.0)
         hood.add(name, name, fleet.manager, fleet.send_pending_outputs, 0.0)
         fleets.append(fleet)
-    fleets[0].manager.stop_all("anna", 1.0)
+    fleets[0].manager.operators.stop_all("anna", 1.0)
     waiting: list[Any] = [json.loads(text) for text, _ in clients[1].outbox._waiting]
-    assert waiting[1]["kind"] == "stop" and waiting[1]["reason"] == HALTED  # before all but the welcome
+    assert waiting[1]["kind"] == "stop" and waiting[1]["reason"] == Hold.HALTED  # before all but the welcome
 
 
 def test_alarms_of_two_fleets_are_over_after_a_restart_once_they_are_apart() -> None:
@@ -359,21 +361,21 @@ def test_alarms_of_two_fleets_are_over_after_a_restart_once_they_are_apart() -> 
     kept = json.loads(json.dumps(capture_progress(one.manager, ground.now, 1e9)))
     again = FleetManager(one.manager.plan, RULES)
     restore_progress(again, kept, ground.now, 1e9)
-    assert again.find_neighbour_pairs() == [(0, ("b", 0))]
+    assert again.dangers.find_alarmed_pairs() == [(0, ("b", 0))]
     ground.hood.remove("b", ground.now)
     ground.hood.add("a", "a", again, lambda: None, ground.now)
     one.manager = again
     again.connect_tractor(0, ground.now)
-    again.start_fleet_work("anna", ground.now)
+    again.operators.start_fleet_work("anna", ground.now)
     ground.run(10)
-    assert not again.find_neighbour_pairs() and one.speed > 0.5
+    assert not again.dangers.find_alarmed_pairs() and one.speed > 0.5
 
 
 def test_machines_of_two_fleets_have_their_own_sizes() -> None:
     wide = replace(lane((0.0, 30.0), (0.0, 90.0)), tractor=load_tractor("eg105"), implement=Implement(width_m=8.0))
     beside = [Ground(lane((4.0, 0.0), (4.0, 60.0)), plan) for plan in (lane((0.0, 30.0), (0.0, 90.0)), wide)]
     for ground in beside:
-        ground.fleets[0].manager.start_fleet_work("anna", 0.0)
+        ground.fleets[0].manager.operators.start_fleet_work("anna", 0.0)
         ground.run(65)
     assert beside[0].fleets[0].at_m == pytest.approx(60.0)
     assert beside[1].fleets[0].at_m < 30.0
@@ -384,14 +386,14 @@ def test_a_link_that_breaks_while_its_tractor_brakes_is_waited_for_and_told_of(s
     ground = Ground(lane(*NORTH), lane(*SOUTH))
     ground.start()
     one, other = ground.fleets
-    while not (TOO_NEAR in one.manager.states[0].holds and 0.1 < one.speed < 0.6 * SPEED):
+    while not (Hold.TOO_NEAR in one.manager.states[0].holds and 0.1 < one.speed < 0.6 * SPEED):
         ground.run(0.1)
     one.is_linked = False  # it says no more, and its link is closed, or is found to be silent
     if not silent:
         one.manager.disconnect_tractor(0, ground.now, False)
     ground.run(30)
     assert one.manager.states[0].report is not None and one.manager.states[0].report.speed_mps > 0.1
-    assert other.speed == 0.0 and TOO_NEAR in other.manager.states[0].holds
+    assert other.speed == 0.0 and Hold.TOO_NEAR in other.manager.states[0].holds
     (told,) = alarms(other)
     assert "cannot resume by themselves" in told and "delete fleet 'a' if it is no longer there" in told
 
@@ -410,5 +412,5 @@ def test_places_that_convert_one_way_only_leave_neither_fleet_half_a_neighbour(m
     assert not ground.hood.list_neighbours("a") and not ground.hood.list_neighbours("b")
     for fleet, its in zip(ground.fleets, "ba", strict=True):
         assert f"to fleet '{its}' cannot be known" in alarms(fleet)[0]
-    ground.fleets[1].manager.stop_all("anna", 1.0)
+    ground.fleets[1].manager.operators.stop_all("anna", 1.0)
     assert ground.fleets[0].manager.state != STOPPED

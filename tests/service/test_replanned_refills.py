@@ -74,7 +74,7 @@ Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
     manager, runs = at(plan, request.param), []
-    manager.mark_failed("anna", 1, 1.0)
+    manager.operators.mark_failed("anna", 1, 1.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             replan, "find_service_conflict", lambda run, supply: runs.append(run) or find_service_conflict(run, supply)
@@ -103,16 +103,16 @@ def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
 
 def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(made: Made) -> None:
     manager, proposal, _ = made
-    most = max(load for course in manager.timed_missions for load in loads_m2(course.legs))
+    most = max(load for course in manager.plan.timed_missions for load in loads_m2(course.legs))
     assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.reassigned_m > 50.0
     for number in (0, 2):
         new, kept = proposal.plan.timed_missions[number].legs, proposal.unchanged_legs[number]
         assert max(loads_m2(new)) <= most + WIDTH_M  # what is worked twice where a begun track is taken up
-        before = manager.timed_missions[number].legs
+        before = manager.plan.timed_missions[number].legs
         assert [leg.stand_s for leg in new[:kept]] == [leg.stand_s for leg in before[:kept]]
         assert {leg.stand_s for leg in new} <= {0.0, STAND_S}
     assert sum(len(list(loads_m2(proposal.plan.timed_missions[number].legs))) for number in (0, 2)) >= sum(
-        len(list(loads_m2(manager.timed_missions[number].legs))) for number in (0, 2)
+        len(list(loads_m2(manager.plan.timed_missions[number].legs))) for number in (0, 2)
     )
 
 
@@ -125,7 +125,7 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
     for each in legs:  # who goes to the place stands there
         ends = [k for k, leg in enumerate(each[:-1]) if leg.task.kind == REFILL and each[k + 1].task.kind != REFILL]
         assert all(each[k + 1].stand_s == STAND_S for k in ends)
-    manager.adopt_plan("anna", proposal.plan, 101.0, (1,))
+    manager.operators.adopt_plan("anna", proposal.plan, 101.0, (1,))
     manager.update_fleet(102.0)
     assert manager.version == 2
 
@@ -184,7 +184,7 @@ def test_a_rest_with_long_stands_is_waited_for(monkeypatch: pytest.MonkeyPatch, 
 
     monkeypatch.setattr(IncrementalSimulator, "simulate", simulate)
     manager = at(replace(plan, timed_missions=tuple(longer(course) for course in plan.timed_missions)), 0.45)
-    manager.mark_failed("anna", 1, 1.0)
+    manager.operators.mark_failed("anna", 1, 1.0)
     with pytest.raises(FleetManagerError):
         replan_remaining_work(extract_remaining_work(manager, [], 100.0))
     assert least and min(least) > 0.0
@@ -203,11 +203,11 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
     )
     bare = replace(plan, timed_missions=none)
     told = _describe_unknown_load(bare, _infer_carried_supply(bare))
-    assert told is not None and "check the tanks" in told
-    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) is None
+    assert len(told) == 1 and "check the tanks" in told[0]
+    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) == []
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
-    assert _describe_unknown_load(dry, None) is None
+    assert _describe_unknown_load(dry, None) == []
 
 
 def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:

@@ -19,7 +19,7 @@ from planner.fleet.manager.remaining_work import check_proposal_still_fits, extr
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import SERVICE_RESTARTED, WAITS_FOR_PLAN, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.replanning.replan import ReplanProposal, replan_remaining_work
 from planner.fleet.session.frame_content import build_report
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
@@ -66,7 +66,7 @@ def forced_wait(plan_without_entrance: FleetPlan) -> ForcedWait:
     for percent in sorted(range(5, 95, 3), key=lambda percent: abs(percent - 41)):
         for failed in range(plan_without_entrance.tractor_count):
             manager = at(plan_without_entrance, 0.01 * percent)
-            manager.mark_failed("anna", failed, 1.0)
+            manager.operators.mark_failed("anna", failed, 1.0)
             try:
                 replan_remaining_work(extract_remaining_work(manager, [], 100.0))
             except FleetManagerError as refusal:
@@ -80,7 +80,7 @@ def forced_wait(plan_without_entrance: FleetPlan) -> ForcedWait:
 def waits_where_it_stands(plan: FleetPlan, case: ForcedWait) -> bool:
     """Whether the new plan has the tractor wait on its leg once everybody stands."""
     manager = at(plan, case.share)
-    manager.mark_failed("anna", case.failed, 1.0)
+    manager.operators.mark_failed("anna", case.failed, 1.0)
     stand(manager)
     made = replan_remaining_work(extract_remaining_work(manager, [], 100.0)).plan
     return len(made.timed_missions[case.waiting].legs[manager.states[case.waiting].leg].gates) == 1
@@ -109,7 +109,7 @@ def plan_three(
 def at(plan: FleetPlan, share: float) -> FleetManager:
     """A fleet each of whose tractors has driven so much of its plan."""
     manager = FleetManager(plan, FleetRules())
-    manager.start_fleet_work("anna", 0.0)
+    manager.operators.start_fleet_work("anna", 0.0)
     for number, course in enumerate(plan.timed_missions):
         manager.connect_tractor(number, 0.0)
         at_m = share * course.leg_starts_m[-1]
@@ -126,7 +126,7 @@ def at(plan: FleetPlan, share: float) -> FleetManager:
 @pytest.fixture(scope="module")
 def half(plan: FleetPlan) -> tuple[FleetManager, ReplanProposal]:
     manager = at(plan, 0.4)
-    manager.mark_failed("anna", 1, 1.0)
+    manager.operators.mark_failed("anna", 1, 1.0)
     return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0))
 
 
@@ -154,7 +154,7 @@ def test_what_one_has_left_is_worked_by_the_others(half: tuple[FleetManager, Rep
 @pytest.mark.parametrize("number, share", [(0, 0.55), (1, 0.15), (2, 0.15)])
 def test_hardly_anything_that_can_be_reached_stays_open(plan: FleetPlan, number: int, share: float) -> None:
     manager = at(plan, share)
-    manager.mark_failed("anna", number, 1.0)
+    manager.operators.mark_failed("anna", number, 1.0)
     proposal = replan_remaining_work(extract_remaining_work(manager, [], 100.0))
     state, course = manager.states[number], plan.timed_missions[number]
     own_m = course.worked_m[-1] - course.compute_worked_m(state.leg, state.leg_m)
@@ -173,25 +173,27 @@ def test_before_the_start_those_that_are_left_come_in_one_after_another(plan: Fl
 
 def test_the_rest_takes_longer_without_one_and_less_than_alone(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
-    planned = max(course.leg_starts_s[-1] for course in manager.timed_missions)
+    planned = max(course.leg_starts_s[-1] for course in manager.plan.timed_missions)
     assert 0.6 * planned < proposal.eta_s < 2.0 * planned
 
 
 def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
     before = [(state.leg, state.base_end) for state in manager.states]
-    legs = [len(course.legs) for course in manager.timed_missions]
-    manager.acknowledge_alarm("bert", manager.alarms.list_alarms()[0].id, 100.5)
-    manager.adopt_plan("anna", proposal.plan, 101.0, (1,))
+    legs = [len(course.legs) for course in manager.plan.timed_missions]
+    manager.obstacle_reports.acknowledge_alarm("bert", manager.alarms.list_alarms()[0].id, 100.5)
+    manager.operators.adopt_plan("anna", proposal.plan, 101.0, (1,))
     assert [(state.leg, state.base_end) for state in manager.states] == before
-    assert len(manager.timed_missions[0].legs) > legs[0] or len(manager.timed_missions[2].legs) > legs[2]
+    assert len(manager.plan.timed_missions[0].legs) > legs[0] or len(manager.plan.timed_missions[2].legs) > legs[2]
     orders, events = manager.take_outputs()
     assert {order.tractor for order in orders if order.kind == "plan"} == {0, 1, 2}
     assert "accept" in [event.what for event in events]
     (alarm,) = [each for each in manager.alarms.list_alarms() if each.code == "failed"]
     assert alarm.sentence == "Tractor 2 has failed; its tracks were given to others." and alarm.acknowledged == "bert"
     manager.update_fleet(102.0)
-    assert not any(gate.tractor == 1 for n in (0, 2) for leg in manager.timed_missions[n].legs for gate in leg.gates)
+    assert not any(
+        gate.tractor == 1 for n in (0, 2) for leg in manager.plan.timed_missions[n].legs for gate in leg.gates
+    )
     again = FleetManager(manager.plan, FleetRules())
     restore_progress(again, json.loads(json.dumps(capture_progress(manager, 102.0, 0.0))), 0.0, 0.0)
     assert [state.leg for state in again.states] == [state.leg for state in manager.states]
@@ -221,7 +223,7 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
     ]
     for number in range(plan.tractor_count):
         manager.connect_tractor(number, now)
-    manager.start_fleet_work("anna", now)
+    manager.operators.start_fleet_work("anna", now)
     while manager.state != "done" and now < 1.2 * max(plan.finish_s):
         now += 0.1
         orders, events = manager.take_outputs()
@@ -243,7 +245,7 @@ def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
 ) -> None:
     failed, waiting = forced_wait.failed, forced_wait.waiting
     manager = at(plan_without_entrance, forced_wait.share)
-    manager.mark_failed("anna", failed, 1.0)
+    manager.operators.mark_failed("anna", failed, 1.0)
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
@@ -253,20 +255,20 @@ def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
     gates = [gate for course in made.timed_missions for leg in course.legs for gate in leg.gates]
     assert not any(gate.tractor == failed for gate in gates)
     check_proposal_still_fits(rest, manager, made)
-    manager.adopt_plan("anna", made, 101.0, rest.excluded)
-    manager.resume_tractors("anna", None, 103.0)
+    manager.operators.adopt_plan("anna", made, 101.0, rest.excluded)
+    manager.operators.resume_tractors("anna", None, 103.0)
     manager.take_outputs()
     manager.update_fleet(103.2)
-    assert state.holds == {WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[awaited].holds
+    assert state.holds == {Hold.WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[awaited].holds
     assert manager.find_awaited_legs(waiting) == [(gate.tractor, gate.leg)]
     assert all(0.0 < manager.finish_in_s[number] < math.inf for number in (waiting, awaited))
     kept = FleetManager(manager.plan, FleetRules())
     restore_progress(kept, json.loads(json.dumps(capture_progress(manager, 103.2, 0.0))), 0.0, 0.0)
     kept.update_fleet(0.2)
-    assert kept.states[waiting].holds == {WAITS_FOR_PLAN, SERVICE_RESTARTED}
-    kept.resume_tractors("anna", None, 1.0)
+    assert kept.states[waiting].holds == {Hold.WAITS_FOR_PLAN, Hold.SERVICE_RESTARTED}
+    kept.operators.resume_tractors("anna", None, 1.0)
     kept.update_fleet(1.2)
-    assert kept.states[waiting].holds == {WAITS_FOR_PLAN}, "a restart does not let it go"
+    assert kept.states[waiting].holds == {Hold.WAITS_FOR_PLAN}, "a restart does not let it go"
     manager.states[awaited].leg, manager.states[awaited].leg_m = gate.leg, gate.after_m + 0.1
     manager.update_fleet(103.4)
     assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(waiting) == []
@@ -277,14 +279,14 @@ def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_g
     plan_without_entrance: FleetPlan, forced_wait: ForcedWait
 ) -> None:
     manager, waiting = at(plan_without_entrance, forced_wait.share), forced_wait.waiting
-    manager.mark_failed("anna", forced_wait.failed, 1.0)
+    manager.operators.mark_failed("anna", forced_wait.failed, 1.0)
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
     moving, name = replace(manager.states[waiting].report, speed_mps=1.0), f"Tractor {waiting + 1}"  # type: ignore[type-var]
     manager.states[waiting].report = moving
     with pytest.raises(FleetManagerError, match=f"{name} already drives where the new plan makes it wait"):
-        manager.adopt_plan("anna", made, 101.0, rest.excluded)
+        manager.operators.adopt_plan("anna", made, 101.0, rest.excluded)
     manager.states[waiting].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
     with pytest.raises(FleetManagerError, match=rf"{name} was to wait where it stood and has moved 3\.0 m"):
         check_proposal_still_fits(rest, manager, made)
@@ -292,7 +294,7 @@ def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_g
 
 def stand(manager: FleetManager) -> None:
     """Everybody is paused, and stands."""
-    manager.pause_tractors("anna", None, 2.0)
+    manager.operators.pause_tractors("anna", None, 2.0)
     for state in manager.states:
         assert state.report is not None
         state.report = replace(state.report, speed_mps=0.0, mode="stopped")

@@ -20,7 +20,7 @@ from planner.fleet.manager.progress_snapshot import capture_progress, restore_pr
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import SERVICE_RESTARTED, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session import fleet_session as lives
 from planner.fleet.session import state_recorder
 from planner.fleet.session.clients import TRACTOR, FleetClient
@@ -37,11 +37,11 @@ from vehicle.model.tractor_writer import format_tractor_toml
 
 RING = ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0))
 ORDERS: dict[str, Callable[[FleetSession], object]] = {
-    "stop-all": lambda fleet: fleet.manager.stop_all("anna", 0.0),
-    "pause": lambda fleet: fleet.manager.pause_tractors("anna", 0, 0.0),
-    "lease": lambda fleet: fleet.manager.take_lease("anna", 0, False, 0.0),
-    "failure": lambda fleet: fleet.manager.mark_failed("anna", 0, 0.0),
-    "obstacle": lambda fleet: fleet.manager.report_obstacle("tractor 1", RING, "stone", 0.0),
+    "stop-all": lambda fleet: fleet.manager.operators.stop_all("anna", 0.0),
+    "pause": lambda fleet: fleet.manager.operators.pause_tractors("anna", 0, 0.0),
+    "lease": lambda fleet: fleet.manager.operators.take_lease("anna", 0, False, 0.0),
+    "failure": lambda fleet: fleet.manager.operators.mark_failed("anna", 0, 0.0),
+    "obstacle": lambda fleet: fleet.manager.obstacle_reports.add("tractor 1", RING, "stone", 0.0),
 }
 
 
@@ -58,7 +58,7 @@ def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
         hub = FleetSessions(store)
         hub.add(fleet)
         keeping = asyncio.create_task(hub._save_periodically())
-        fleet.manager.start_fleet_work("anna", 0.0)
+        fleet.manager.operators.start_fleet_work("anna", 0.0)
         fleet.send_pending_outputs()
         await asyncio.sleep(0.3)
         ORDERS[order](fleet)
@@ -187,17 +187,17 @@ def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> Non
     assert not again.take_outputs()[0]
     again.connect_tractor(0, 100.0)
     told = [(order.kind, order.data.get("reason")) for order in again.take_outputs()[0] if order.tractor == 0]
-    assert told[-1] == ("stop", SERVICE_RESTARTED), "one that drives stops as soon as it is linked"
+    assert told[-1] == ("stop", Hold.SERVICE_RESTARTED), "one that drives stops as soon as it is linked"
     for tenth in range(30):
         again.take_report(0, replace(report, mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
         again.update_fleet(100.2 + 0.1 * tenth)
     assert "resume" not in [order.kind for order in again.take_outputs()[0]]
     (alarm,) = (each for each in again.alarms.list_alarms() if not each.over and each.tractor is None)
     assert alarm.code == "restarted" and "resume all" in alarm.sentence
-    again.resume_tractors("anna", 0, 110.0)
+    again.operators.resume_tractors("anna", 0, 110.0)
     assert again.states[1].holds and again.alarms.is_alarm_on("restarted", None)
     assert [order.kind for order in again.take_outputs()[0]] == ["resume"]
-    again.resume_tractors("anna", 1, 110.0)
+    again.operators.resume_tractors("anna", 1, 110.0)
     assert not again.alarms.is_alarm_on("restarted", None)
 
 
@@ -209,14 +209,14 @@ def test_what_an_operator_orders_after_a_restart_is_carried_out(order: str) -> N
     restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
     again.connect_tractor(0, 100.0)
     if order == "lease":
-        again.take_lease("anna", 0, False, 100.0)
+        again.operators.take_lease("anna", 0, False, 100.0)
         again.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 100.1)
-        again.send_command("anna", 0, 0.0, 0.5, 100.1)
+        again.operators.send_command("anna", 0, 0.0, 0.5, 100.1)
         assert again.take_outputs()[0][-1].data["speed_mps"] == 0.5 and again.alarms.is_alarm_on("restarted", None)
     elif order == "start":
-        again.start_fleet_work("anna", 100.0)
+        again.operators.start_fleet_work("anna", 100.0)
     else:
-        again.resume_tractors("anna", None, 100.0)
+        again.operators.resume_tractors("anna", None, 100.0)
     assert order == "lease" or not any(state.holds or state.standing_ordered for state in again.states)
 
 
@@ -224,12 +224,12 @@ def test_what_an_operator_orders_after_a_restart_is_carried_out(order: str) -> N
 def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held: bool) -> None:
     first = SimulatedFleet(FleetManager(fleet_plan(), FleetRules()))
     if began:
-        first.manager.start_fleet_work("anna", 0.0)
-        first.manager.stop_all("anna", 1.0)
+        first.manager.operators.start_fleet_work("anna", 0.0)
+        first.manager.operators.stop_all("anna", 1.0)
     again = FleetManager(first.manager.plan, FleetRules())
     restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
     assert (
-        any(SERVICE_RESTARTED in state.holds for state in again.states)
+        any(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
         == again.alarms.is_alarm_on("restarted", None)
         == held
     )
@@ -305,7 +305,7 @@ def test_a_database_that_is_gone_holds_up_nothing_and_is_told_once(monkeypatch: 
         for sequence in range(80):
             fleet.recorder.add(0, [sequence])
             await asyncio.sleep(0.01)
-        fleet.manager.stop_all("anna", time.monotonic())
+        fleet.manager.operators.stop_all("anna", time.monotonic())
         fleet.send_pending_outputs()
         assert "stop" in [kind for _, kind in tractor.outbox._waiting]
         (alarm,) = (each for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded")

@@ -81,7 +81,9 @@ def test_it_stops_on_its_released_legs_once_it_has_not_heard_the_centre_for_its_
     driver.times = times
     release(driver, 3, 0.0)
     if horizon_s is not None:
-        driver._take_release({"update": 4, "base_end": 3, "limit_mps": None, "horizon_s": horizon_s})
+        driver.handle_frame(
+            {"kind": "release", "update": 4, "base_end": 3, "limit_mps": None, "horizon_s": horizon_s}, 0.0
+        )
     state = let(driver, 0.0, 5.0)  # heard last at 4.9 s
     speed, begun_m = float(str(state["speed_mps"])), way_m(state)
     assert speed == pytest.approx(1.0, abs=0.1)

@@ -14,13 +14,14 @@ from typing import Any, get_args
 import pytest
 
 import planner.fleet
+from planner.fleet.manager.danger_watch import NEAR_FLEET, UNKNOWN_GROUND
 from planner.fleet.manager.fleet_manager import UNRECORDED
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
-from planner.fleet.manager.operator_orders import NEAR_FLEET, NEIGHBOUR_STOPPED, RESTARTED, UNKNOWN_GROUND
+from planner.fleet.manager.operator_orders import NEIGHBOUR_STOPPED, RESTARTED
 from planner.fleet.model.alarms import CRITICAL, WARNING, AlarmRegister
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import ASTRAY, REMOTE_CONTROL, TractorOrder, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorOrder, TractorReport
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.inbound_frames import CommandFrame, TakeLeaseFrame
@@ -44,7 +45,7 @@ def remote(x: float = 0.0, y: float = 10.0, heading: float = math.pi / 2) -> Sim
     """A fleet whose first tractor is driven by an operator, and stands there."""
     fleet = start_fleet()
     fleet.run(1)
-    fleet.manager.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
     fleet.obey()
     fleet.silent = {0}
     fleet.manager.take_report(0, TractorReport(x, y, heading, 0.0, mode="remote"), fleet.now)
@@ -59,12 +60,12 @@ def waiting(client: FleetClient) -> list[dict[str, Any]]:
 def test_nothing_older_that_sets_a_tractor_in_motion_arrives_after_a_stop() -> None:
     fleet, tractor, _ = live()
     waiting(tractor)
-    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
     fleet.send_pending_outputs()
     fleet._send_order(TractorOrder(0, "command", {"steering_rad": 0.0, "speed_mps": 1.0}), False)
-    fleet.manager.stop_all("anna", 0.0)
+    fleet.manager.operators.stop_all("anna", 0.0)
     fleet.send_pending_outputs()
-    fleet.manager.resume_tractors("anna", None, 0.0)
+    fleet.manager.operators.resume_tractors("anna", None, 0.0)
     fleet.send_pending_outputs()
     assert [frame["kind"] for frame in waiting(tractor)] == ["stop", "resume"]
 
@@ -72,9 +73,9 @@ def test_nothing_older_that_sets_a_tractor_in_motion_arrives_after_a_stop() -> N
 def test_a_lease_taken_over_or_again_stops_what_the_last_command_set_in_motion() -> None:
     for who in ("bert", "anna"):
         fleet = remote()
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
         fleet.manager.take_outputs()
-        fleet.manager.take_lease(who, 0, True, fleet.now)
+        fleet.manager.operators.take_lease(who, 0, True, fleet.now)
         assert [(order.tractor, order.kind) for order in fleet.manager.take_outputs()[0]] == [(0, "stop")]
 
 
@@ -82,7 +83,7 @@ def driving_on(mode: str, speed: float, command: float, seconds: float) -> tuple
     """When a tractor is told to stand that was stopped and reports this; the sentences of critical alarms."""
     fleet = start_fleet()
     fleet.run(5)
-    fleet.manager.stop_all("anna", fleet.now)
+    fleet.manager.operators.stop_all("anna", fleet.now)
     fleet.obey()
     fleet.silent, told, begin = {0}, [], fleet.now
     for _ in range(round(10 * seconds)):
@@ -117,7 +118,7 @@ class Stopped:
         self.fleet.run(5)
         self.fleet.silent = {0}
         self.say(1.0, "automatic", 1.0)
-        self.fleet.manager.stop_all("anna", self.fleet.now)
+        self.fleet.manager.operators.stop_all("anna", self.fleet.now)
         self.begun_s = self.fleet.now
 
     def say(self, speed: float, mode: str, command: float, delay_s: float = 0.0) -> None:
@@ -187,7 +188,7 @@ def test_an_operator_drives_without_being_told_to_stand() -> None:
     fleet = remote()
     for _ in range(20):
         fleet.now += 0.1
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
         fleet.manager.take_report(
             0, TractorReport(0.0, 10.0, math.pi / 2, 0.5, 0.5, mode="remote", leg_m=10.0), fleet.now
         )
@@ -197,9 +198,9 @@ def test_an_operator_drives_without_being_told_to_stand() -> None:
 
 def test_a_tractor_whose_frames_were_dropped_is_told_what_counts_once_more() -> None:
     fleet, tractor, _ = live()
-    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
     fleet.send_pending_outputs()
-    fleet.manager.stop_all("anna", 0.0)
+    fleet.manager.operators.stop_all("anna", 0.0)
     fleet.send_pending_outputs()
     for _ in range(600):
         tractor.send({"kind": "heartbeat"})
@@ -214,37 +215,37 @@ BALE = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
 @pytest.mark.parametrize("order", ["pause_tractors", "mark_failed", "obstacle"])
 def test_pause_failure_and_obstacle_stop_one_that_is_driven_by_hand_at_once(order: str) -> None:
     fleet = remote()
-    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     fleet.manager.take_outputs()
     if order == "obstacle":
-        fleet.manager.report_obstacle("bert", BALE, "bale", fleet.now)
+        fleet.manager.obstacle_reports.add("bert", BALE, "bale", fleet.now)
     else:
-        getattr(fleet.manager, order)("bert", 0, fleet.now)
+        getattr(fleet.manager.operators, order)("bert", 0, fleet.now)
     assert (0, "stop") in [(each.tractor, each.kind) for each in fleet.manager.take_outputs()[0]]
     assert fleet.manager.states[0].remote_command[1] == 0.0
 
 
 def test_who_is_paused_is_not_driven_until_the_lease_is_taken_anew() -> None:
     fleet = remote()
-    fleet.manager.pause_tractors("bert", 0, fleet.now)
+    fleet.manager.operators.pause_tractors("bert", 0, fleet.now)
     with pytest.raises(FleetManagerError, match="paused"):
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.manager.take_lease("anna", 0, False, fleet.now)
-    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
 
 
 def test_no_remote_command_leads_to_an_obstacle_and_one_leads_away() -> None:
     fleet = remote(10.0, 10.0)  # off its leg
-    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     nose = 10.0 + EG105.length_m - EG105.rear_overhang_m - EG105.antenna_forward_m
     fleet.manager.take_outputs()
-    fleet.manager.report_obstacle("bert", tuple((x + 10.0, y + nose - 12.0) for x, y in BALE), "bale", fleet.now)
+    fleet.manager.obstacle_reports.add("bert", tuple((x + 10.0, y + nose - 12.0) for x, y in BALE), "bale", fleet.now)
     assert "stop" not in [order.kind for order in fleet.manager.take_outputs()[0]]  # it stands within 2 m
-    fleet.manager.report_obstacle("bert", tuple((x + 10.0, y + nose - 13.0) for x, y in BALE), "stone", fleet.now)
+    fleet.manager.obstacle_reports.add("bert", tuple((x + 10.0, y + nose - 13.0) for x, y in BALE), "stone", fleet.now)
     assert "stop" in [order.kind for order in fleet.manager.take_outputs()[0]]
     with pytest.raises(FleetManagerError, match="near an obstacle"):
-        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.manager.send_command("anna", 0, 0.0, -1.0, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, -1.0, fleet.now)
 
 
 @pytest.mark.parametrize(("leg", "leg_m"), [(9, 0.0), (9, 1e6), (2, 5.0), (1, 1e6), (0, 3.0)])
@@ -257,7 +258,7 @@ def test_a_place_where_a_tractor_cannot_be_is_no_progress_and_it_stands(leg: int
     said = TractorReport(0.0, 25.0, math.pi / 2, 1.0, 1.0, leg=leg, leg_m=leg_m, done=leg == 9)
     fleet.manager.take_report(0, said, fleet.now)
     assert (before.leg, before.leg_m, before.done) == (*known, False)
-    assert ASTRAY in before.holds
+    assert Hold.ASTRAY in before.holds
     assert [(order.tractor, order.kind) for order in fleet.manager.take_outputs()[0]] == [(0, "stop")]
     assert [alarm.level for alarm in fleet.manager.alarms.list_alarms()] == [CRITICAL]
     fleet.run(1)  # it says where it is again
@@ -277,7 +278,7 @@ def test_who_follows_one_that_is_lost_stands(lost: str) -> None:
             report = TractorReport(20.0 * number, 15.0 - 15.0 * number, math.pi / 2, 1.0, 1.0)
             fleet.manager.take_report(number, report, fleet.now)
         if step == 10 and lost == "failed":
-            fleet.manager.mark_failed("anna", 0, fleet.now)
+            fleet.manager.operators.mark_failed("anna", 0, fleet.now)
         if step == 10 and lost == "gone":
             fleet.manager.disconnect_tractor(0, fleet.now, is_orderly=True)
         if step == 10 and lost == "unheard":
@@ -317,20 +318,17 @@ def test_one_that_was_driven_by_hand_goes_on_only_when_it_heads_along_its_leg(
     gear: int, heading: int, goes: bool
 ) -> None:
     fleet = remote(heading=math.radians(heading))
-    course = fleet.manager.timed_missions[0]
-    legs = tuple(replace(leg, gear=gear) for leg in course.legs)  # they lead north
-    plan = fleet.manager.plan
-    fleet.manager.plan = replace(
-        plan, timed_missions=(replace(course, mission=Mission(legs)), *plan.timed_missions[1:])
-    )
-    fleet.manager.return_lease("anna", 0, fleet.now)
+    state = fleet.manager.states[0]
+    legs = tuple(replace(leg, gear=gear) for leg in state.mission.legs)  # they lead north
+    state.mission = replace(state.mission, mission=Mission(legs))
+    fleet.manager.operators.return_lease("anna", 0, fleet.now)
     if not goes:
         with pytest.raises(FleetManagerError, match="degrees away from its leg"):
-            fleet.manager.resume_tractors("bert", 0, fleet.now)
-        fleet.manager.resume_tractors("bert", None, fleet.now)
+            fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
+        fleet.manager.operators.resume_tractors("bert", None, fleet.now)
     else:
-        fleet.manager.resume_tractors("bert", 0, fleet.now)
-    assert (REMOTE_CONTROL not in fleet.manager.states[0].holds) == goes
+        fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
+    assert (Hold.REMOTE_CONTROL not in fleet.manager.states[0].holds) == goes
 
 
 def drive(sequence: int, age_s: float = 0.0, speed: float = 1.0) -> CommandFrame:
@@ -372,7 +370,7 @@ def test_alarms_are_told_by_kind_with_the_other_tractor_or_obstacle() -> None:
 def test_every_kind_of_alarm_is_in_the_document_of_frames() -> None:
     root = Path(planner.fleet.__file__).parent
     source = "\n".join(path.read_text("utf-8") for path in root.rglob("*.py"))
-    raised = set(re.findall(r'(?:_raise_alarm|alarms\.raise_alarm)\(\s*f?"([a-z ]+?) ?[{"]', source))
+    raised = set(re.findall(r'\braise_alarm\(\s*f?"([a-z ]+?) ?[{"]', source))
     by_name = {"near", UNREADABLE_CODE, FINDING, "fence", RESTARTED, NEIGHBOUR_STOPPED, NEAR_FLEET, UNKNOWN_GROUND}
     by_name.add(UNRECORDED)
     assert raised | by_name == set(get_args(AlarmCode)) and len(raised) > 8

@@ -12,7 +12,7 @@ from planner.fleet.manager.fleet_state import DONE, MOST_OBSTACLES, MOST_PER_REP
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.tractor_state import FAILED, OBSTACLE, REASSIGNED, REMOTE_CONTROL, UNREADABLE, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session.inbound_frames import StateFrame
 from planner.fleet.session.state_recorder import MOST_SEQUENCES_AHEAD, StateRecorder
 from tests.service.fleets import SimulatedFleet, start_fleet
@@ -39,51 +39,51 @@ def led(fleet: SimulatedFleet, x: float, y: float, heading: float = NORTH, leg: 
 def test_a_tractor_that_has_failed_is_taken_back_and_goes_on_when_it_is_told_to() -> None:
     fleet = start_fleet()
     fleet.run(4)
-    fleet.manager.mark_failed("anna", 0, fleet.now)
+    fleet.manager.operators.mark_failed("anna", 0, fleet.now)
     fleet.run(4)
     manager, state = fleet.manager, fleet.manager.states[0]
     before = fleet.at_m[0]
-    assert state.holds == {FAILED} and any(a.code == "failed" and not a.over for a in manager.alarms.list_alarms())
-    manager.mark_repaired("bert", 0, fleet.now)
+    assert state.holds == {Hold.FAILED} and any(a.code == "failed" and not a.over for a in manager.alarms.list_alarms())
+    manager.operators.mark_repaired("bert", 0, fleet.now)
     fleet.run(3)
-    assert state.holds == {REMOTE_CONTROL} and not state.failed and fleet.at_m[0] == before, (
+    assert state.holds == {Hold.REMOTE_CONTROL} and not state.failed and fleet.at_m[0] == before, (
         "it stands until it is resumed"
     )
     assert not any(a.code == "failed" and not a.over for a in manager.alarms.list_alarms())
     assert ("bert", "recover") in [(event.who, event.what) for event in fleet.events]
-    manager.resume_tractors("bert", 0, fleet.now)
+    manager.operators.resume_tractors("bert", 0, fleet.now)
     fleet.run(60)
     assert state.done and manager.state == DONE
     with pytest.raises(FleetManagerError, match="has not failed"):
-        manager.mark_repaired("bert", 0, fleet.now)
+        manager.operators.mark_repaired("bert", 0, fleet.now)
 
 
 def test_one_that_was_towed_away_goes_on_only_from_its_leg() -> None:
     fleet = start_fleet()
     fleet.run(4)
-    fleet.manager.mark_failed("anna", 0, fleet.now)
+    fleet.manager.operators.mark_failed("anna", 0, fleet.now)
     led(fleet, 8.0, 5.0, leg_m=4.0)
-    fleet.manager.mark_repaired("anna", 0, fleet.now)
+    fleet.manager.operators.mark_repaired("anna", 0, fleet.now)
     with pytest.raises(FleetManagerError, match=r"8\.0 m off its leg"):
-        fleet.manager.resume_tractors("anna", 0, fleet.now)
+        fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
 
 
 def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone() -> None:
     fleet = start_fleet()
     fleet.run(4)
     manager, state = fleet.manager, fleet.manager.states[0]
-    manager.adopt_plan("anna", manager.plan, fleet.now, (0,))
-    manager.mark_repaired("anna", 0, fleet.now)
-    assert state.holds == {REASSIGNED, REMOTE_CONTROL}
+    manager.operators.adopt_plan("anna", manager.plan, fleet.now, (0,))
+    manager.operators.mark_repaired("anna", 0, fleet.now)
+    assert state.holds == {Hold.REASSIGNED, Hold.REMOTE_CONTROL}
     with pytest.raises(FleetManagerError, match="were given to others"):
-        manager.resume_tractors("anna", 0, fleet.now)
+        manager.operators.resume_tractors("anna", 0, fleet.now)
     at_m, released = fleet.at_m[0], state.base_end
-    manager.resume_tractors("anna", None, fleet.now)
+    manager.operators.resume_tractors("anna", None, fleet.now)
     fleet.run(60)
-    assert fleet.at_m[0] == at_m and state.base_end == released and REASSIGNED in state.holds
+    assert fleet.at_m[0] == at_m and state.base_end == released and Hold.REASSIGNED in state.holds
     assert manager.state == DONE, "the others are done, and it has nothing to do"
-    manager.take_lease("anna", 0, False, fleet.now)
-    manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    manager.operators.take_lease("anna", 0, False, fleet.now)
+    manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert state.remote_command == (0.0, 0.5)
 
 
@@ -91,19 +91,19 @@ def test_who_was_led_past_an_obstacle_does_not_stand_for_it() -> None:
     fleet = start_fleet()
     fleet.run(5)
     manager, state = fleet.manager, fleet.manager.states[0]
-    manager.report_obstacle("anna", ring(0.0, 10.0), "stone", fleet.now)
+    manager.obstacle_reports.add("anna", ring(0.0, 10.0), "stone", fleet.now)
     fleet.run(1)
     at_m = fleet.at_m[0]
-    assert state.holds == {OBSTACLE}
-    manager.take_lease("anna", 0, False, fleet.now)
-    manager.return_lease("anna", 0, fleet.now)
+    assert state.holds == {Hold.OBSTACLE}
+    manager.operators.take_lease("anna", 0, False, fleet.now)
+    manager.operators.return_lease("anna", 0, fleet.now)
     led(fleet, 0.0, 7.0, leg_m=at_m)
-    assert OBSTACLE in state.holds, "it stands before it still"
+    assert Hold.OBSTACLE in state.holds, "it stands before it still"
     led(fleet, 5.0, 14.0, leg_m=at_m)
-    assert OBSTACLE in state.holds, "beside its leg nobody knows where it goes on"
+    assert Hold.OBSTACLE in state.holds, "beside its leg nobody knows where it goes on"
     led(fleet, 0.5, 14.0, leg_m=at_m)
-    assert state.holds == {REMOTE_CONTROL}
-    manager.resume_tractors("anna", 0, fleet.now)
+    assert state.holds == {Hold.REMOTE_CONTROL}
+    manager.operators.resume_tractors("anna", 0, fleet.now)
     fleet.obey()
     assert not fleet.standing[0]
 
@@ -111,34 +111,34 @@ def test_who_was_led_past_an_obstacle_does_not_stand_for_it() -> None:
 def test_one_that_tells_of_very_many_obstacles_leaves_room_for_those_of_others() -> None:
     fleet = start_fleet()
     for number in range(MOST_PER_REPORTER):
-        fleet.manager.report_obstacle("tractor 1", ring(500.0 + 3.0 * number, 500.0), "stone", fleet.now, 0)
+        fleet.manager.obstacle_reports.add("tractor 1", ring(500.0 + 3.0 * number, 500.0), "stone", fleet.now, 0)
     with pytest.raises(FleetManagerError, match="Tractor 1 has reported 20 obstacles"):
-        fleet.manager.report_obstacle("tractor 1", ring(400.0, 500.0), "one more", fleet.now, 0)
+        fleet.manager.obstacle_reports.add("tractor 1", ring(400.0, 500.0), "one more", fleet.now, 0)
     fleet.obey()
     assert fleet.standing == [True, False]
-    assert fleet.manager.report_obstacle("tractor 2", ring(20.0, 30.0), "deer", fleet.now, 1).name == "deer"
+    assert fleet.manager.obstacle_reports.add("tractor 2", ring(20.0, 30.0), "deer", fleet.now, 1).name == "deer"
 
 
 def test_a_tractor_that_sees_what_cannot_be_kept_stands() -> None:
     fleet = start_fleet()
     for number in range(MOST_OBSTACLES):
         who = f"anna {number % 10}"
-        fleet.manager.report_obstacle(who, ring(500.0 + 3.0 * number, 500.0), "stone", fleet.now)
+        fleet.manager.obstacle_reports.add(who, ring(500.0 + 3.0 * number, 500.0), "stone", fleet.now)
     fleet.run(1)
     with pytest.raises(FleetManagerError, match="100 obstacles already"):
-        fleet.manager.report_obstacle("anna", ring(400.0, 500.0), "one more", fleet.now)
+        fleet.manager.obstacle_reports.add("anna", ring(400.0, 500.0), "one more", fleet.now)
     fleet.obey()
     assert fleet.standing == [False, False], "what an operator draws is theirs to see to"
     with pytest.raises(FleetManagerError, match="100 obstacles already"):
-        fleet.manager.report_obstacle("tractor 1", ring(0.0, 10.0), "deer", fleet.now, 0)
+        fleet.manager.obstacle_reports.add("tractor 1", ring(0.0, 10.0), "deer", fleet.now, 0)
     fleet.obey()
-    assert fleet.standing == [True, False] and fleet.manager.states[0].holds == {UNREADABLE}
+    assert fleet.standing == [True, False] and fleet.manager.states[0].holds == {Hold.UNREADABLE}
     assert "sees an obstacle that could not be read" in fleet.manager.alarms.list_alarms()[-1].sentence
     fleet.run(1)
-    fleet.manager.resume_tractors("anna", None, fleet.now)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
     fleet.obey()
     assert fleet.standing == [True, False], "who lets all go on has not looked"
-    fleet.manager.resume_tractors("anna", 0, fleet.now)
+    fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
     fleet.obey()
     assert fleet.standing == [False, False]
     assert all(a.over for a in fleet.manager.alarms.list_alarms() if a.code == UNREADABLE_CODE)
@@ -150,7 +150,7 @@ def test_no_plan_is_made_or_accepted_of_who_was_led_off_its_leg() -> None:
     manager = fleet.manager
     manager.plan = replace(manager.plan, field=object())  # type: ignore[arg-type]
     rest = extract_remaining_work(manager, [1], fleet.now)
-    manager.take_lease("anna", 0, False, fleet.now)
+    manager.operators.take_lease("anna", 0, False, fleet.now)
     led(fleet, 6.0, 5.0, leg_m=4.0)
     with pytest.raises(FleetManagerError, match=r"Tractor 1 stands 6\.0 m off its leg"):
         check_proposal_still_fits(rest, manager)

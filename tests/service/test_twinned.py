@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import REMOTE_CONTROL
+from planner.fleet.model.tractor_state import Hold
 from planner.fleet.safety.motion_prediction import Array
 from planner.fleet.session.frame_content import build_tick_fleet
 from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet
@@ -38,7 +38,7 @@ class FixedTwins:
 def watched(apart_m: float = 20.0) -> tuple[SimulatedFleet, FixedTwins]:
     twins = FixedTwins()
     fleet = SimulatedFleet(FleetManager(fleet_plan(apart_m=apart_m), FleetRules(), twins))
-    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
     fleet.obey()
     return fleet, twins
 
@@ -72,13 +72,13 @@ def test_who_drives_by_hand_is_foreseen_by_the_twin(towards: bool, stopped: bool
     fleet.run(5.0)
     one = manager.states[0]
     assert one.report is not None
-    one.holds.add(REMOTE_CONTROL)
+    one.holds.add(Hold.REMOTE_CONTROL)
     one.report = replace(one.report, mode="remote", speed_mps=1.0)  # straight ahead, and the twin knows better
     x, y = one.report.x_m, one.report.y_m
     steps = np.linspace(0.0, 1.0, 11)
     aside = 6.0 * steps if towards else 0.0 * steps
     twins.paths[0] = np.column_stack([x + aside, y + 5.0 * steps, np.full(11, 0.5 * math.pi)])
-    dangers = manager.guard.find_dangers(manager.states, manager.timed_missions)
+    dangers = manager.guard.find_dangers(manager.states)
     assert bool([each for each in dangers if (each.first, each.second) == (0, 1)]) is stopped
 
 

@@ -13,7 +13,7 @@ import pytest
 from planner.fleet.manager.obstacle_reports import CLEARED_RADIUS_M, LOOK_DELAY_S, SETTLED_S, UNREADABLE_CODE
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
-from planner.fleet.model.tractor_state import UNREADABLE, TractorReport
+from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.inbound_frames import LARGEST_FRAME, AcknowledgeFrame, is_about_obstacle
@@ -46,7 +46,7 @@ def started() -> tuple[FleetSession, FleetClient, FleetClient, FleetClient]:
     fleet, first, operator = live()
     second = FleetClient(TRACTOR, "tractor 2", 1)
     fleet.add_client(second, 0.0)
-    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
     fleet.send_pending_outputs()
     for client in (first, second, operator):
         waiting(client)
@@ -60,7 +60,7 @@ def test_who_tells_of_an_obstacle_that_cannot_be_read_stands_and_nobody_else(wha
     told = waiting(first)
     refused = next(frame for frame in told if frame["kind"] == "refused")
     assert [frame["kind"] for frame in told if frame["kind"] == "stop"] and not waiting(second)
-    assert [state.holds for state in fleet.manager.states] == [{UNREADABLE}, set()]
+    assert [state.holds for state in fleet.manager.states] == [{Hold.UNREADABLE}, set()]
     (alarm,) = fleet.manager.alarms.list_alarms()
     assert (alarm.level, alarm.tractor) == ("critical", 0) and refused["sentence"] in alarm.sentence
     assert not fleet.manager.obstacles.items
@@ -88,7 +88,7 @@ def test_ten_thousand_hold_one_tractor_once_and_its_states_are_taken_on() -> Non
             _handle_frame(fleet, second, json.dumps(state(taken, easting_m=1020.0)))
             taken += 1
     assert fleet.recorder.received[:2] == [taken - 1] * 2
-    assert not fleet.manager.obstacles.items and [s.holds for s in fleet.manager.states] == [{UNREADABLE}, set()]
+    assert not fleet.manager.obstacles.items and [s.holds for s in fleet.manager.states] == [{Hold.UNREADABLE}, set()]
     assert len(fleet.manager.alarms.list_alarms()) == 1
     assert sum(event.what == UNREADABLE_CODE for _, event in fleet.events) == 1
 
@@ -97,33 +97,33 @@ def facing() -> SimulatedFleet:
     """The first of two tractors has told of what cannot be read, and stands 5 m along its leg."""
     fleet = start_fleet(fleet_plan(2, 3))
     fleet.run(5)
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(4)
     assert fleet.at_m == [pytest.approx(5.0, abs=0.2), pytest.approx(9.0, abs=0.2)]
     return fleet
 
 
 def held(fleet: SimulatedFleet) -> bool:
-    return UNREADABLE in fleet.manager.states[0].holds
+    return Hold.UNREADABLE in fleet.manager.states[0].holds
 
 
 def acknowledge(fleet: SimulatedFleet) -> None:
     alarm = next(each for each in fleet.manager.alarms.list_alarms() if each.code == UNREADABLE_CODE)
-    fleet.manager.acknowledge_alarm("anna", alarm.id, fleet.now)
+    fleet.manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, fleet.now)
 
 
 def test_an_operator_who_has_looked_lets_it_pass_that_place_and_no_farther() -> None:
     fleet = facing()
     fleet.manager.alarms.raise_alarm("other", 0, "warning", "Something else.", fleet.now)
     other = fleet.manager.alarms.list_alarms()[-1]
-    fleet.manager.acknowledge_alarm("anna", other.id, fleet.now)
+    fleet.manager.obstacle_reports.acknowledge_alarm("anna", other.id, fleet.now)
     assert held(fleet), "the alarm of something else says nothing of what it sees"
     acknowledge(fleet)
     assert [alarm.code for alarm in fleet.manager.alarms.list_alarms()] == ["other"]
     begun_m = fleet.at_m[0]
     while not held(fleet):
         fleet.run(0.5)
-        fleet.manager.report_unreadable_obstacle(0, "It has 301 corners.", fleet.now)
+        fleet.manager.obstacle_reports.add_unreadable(0, "It has 301 corners.", fleet.now)
         assert fleet.at_m[0] < begun_m + CLEARED_RADIUS_M + 2.0
     assert fleet.at_m[0] > begun_m + CLEARED_RADIUS_M
     assert ("anna", "looked") in [(event.who, event.what) for event in fleet.events]
@@ -132,26 +132,26 @@ def test_an_operator_who_has_looked_lets_it_pass_that_place_and_no_farther() -> 
 def test_one_that_can_be_read_lets_it_go_on_once_no_other_has_come_for_a_while() -> None:
     fleet = facing()
     for _ in range(10):  # by turns
-        fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+        fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
         fleet.run(0.5)
-        fleet.manager.report_obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
+        fleet.manager.obstacle_reports.add("tractor 1", AWAY, "stone", fleet.now, 0)
         assert held(fleet)
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(5)
     assert held(fleet), "silence of it is no sign that nothing is there"
-    fleet.manager.report_obstacle("tractor 2", AWAY, "stone", fleet.now, 1)
+    fleet.manager.obstacle_reports.add("tractor 2", AWAY, "stone", fleet.now, 1)
     fleet.run(1)
     assert held(fleet), "what another sees is not what it sees"
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(0.5)
-    fleet.manager.report_obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
+    fleet.manager.obstacle_reports.add("tractor 1", AWAY, "stone", fleet.now, 0)
     fleet.run(SETTLED_S)
     assert not held(fleet) and not fleet.standing[0]
 
 
 def test_one_that_is_read_and_stands_before_it_holds_it_instead() -> None:
     fleet = facing()
-    fleet.manager.report_obstacle("tractor 1", ((-1.0, 12.0), (1.0, 12.0), (1.0, 13.0)), "stone", fleet.now, 0)
+    fleet.manager.obstacle_reports.add("tractor 1", ((-1.0, 12.0), (1.0, 12.0), (1.0, 13.0)), "stone", fleet.now, 0)
     fleet.run(SETTLED_S + 1.0)
     assert not held(fleet) and fleet.standing[0] and fleet.manager.states[0].holds == {"obstacle on its way"}
 
@@ -159,19 +159,19 @@ def test_one_that_is_read_and_stands_before_it_holds_it_instead() -> None:
 def test_remote_control_stands_too_until_somebody_has_looked() -> None:
     fleet = start_fleet()
     fleet.run(5)
-    fleet.manager.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
     fleet.silent = {0}
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
-    fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.now += LOOK_DELAY_S
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
     assert fleet.manager.states[0].remote_command[1] == 0.0
     with pytest.raises(Exception, match="an obstacle that cannot be read") as refused:
-        fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert not isinstance(refused.value, ControlLeaseError)
     acknowledge(fleet)
-    fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
 
 
 def test_it_is_held_after_a_restart_too_and_can_be_let_go() -> None:
@@ -180,7 +180,7 @@ def test_it_is_held_after_a_restart_too_and_can_be_let_go() -> None:
     again = start_fleet(fleet.manager.plan)
     restore_progress(again.manager, kept, again.now, 1e9)
     assert held(again)
-    again.manager.report_obstacle("tractor 1", AWAY, "stone", again.now, 0)
+    again.manager.obstacle_reports.add("tractor 1", AWAY, "stone", again.now, 0)
     assert held(again), "what could not be read may have been told of just before"
     again.now += SETTLED_S
     acknowledge(again)
@@ -190,18 +190,18 @@ def test_it_is_held_after_a_restart_too_and_can_be_let_go() -> None:
 def test_nobody_can_have_looked_at_what_was_told_of_just_now() -> None:
     """An alarm that was over is on again when somebody acknowledges it, or lets the tractor go on."""
     fleet = facing()
-    fleet.manager.report_obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
+    fleet.manager.obstacle_reports.add("tractor 1", AWAY, "stone", fleet.now, 0)
     fleet.run(0.5)
     assert not held(fleet)
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(0.5)
     fleet.manager.states[0].holds.add("paused")
-    for order in (lambda: acknowledge(fleet), lambda: fleet.manager.resume_tractors("anna", 0, fleet.now)):
+    for order in (lambda: acknowledge(fleet), lambda: fleet.manager.operators.resume_tractors("anna", 0, fleet.now)):
         with pytest.raises(FleetManagerError, match="just reported an obstacle"):
             order()
-    assert fleet.manager.states[0].holds == {UNREADABLE, "paused"}
+    assert fleet.manager.states[0].holds == {Hold.UNREADABLE, "paused"}
     assert all(each.acknowledged is None for each in fleet.manager.alarms.list_alarms() if each.code == UNREADABLE_CODE)
-    fleet.manager.report_unreadable_obstacle(0, "It has 300 corners.", fleet.now)
+    fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(LOOK_DELAY_S)
     acknowledge(fleet)
     assert not held(fleet)
@@ -217,7 +217,7 @@ def test_an_acknowledgement_that_was_held_up_lets_nobody_go_on() -> None:
     fleet.carry_out(operator, AcknowledgeFrame(kind="acknowledge", alarm=other, time=old), 10.0)
     with pytest.raises(FleetManagerError, match=r"2\.5 s old and was ignored"):
         fleet.carry_out(operator, AcknowledgeFrame(kind="acknowledge", alarm=unread, time=old), 10.0)
-    assert fleet.manager.states[0].holds == {UNREADABLE}
+    assert fleet.manager.states[0].holds == {Hold.UNREADABLE}
     fleet.carry_out(operator, AcknowledgeFrame(kind="acknowledge", alarm=unread, time=datetime.now(UTC)), 10.0)
     assert not fleet.manager.states[0].holds
 

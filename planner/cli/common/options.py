@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
 from typer.models import ArgumentInfo
 
-from planner.request.options import RequestOption, list_given_parameters, list_options
+from planner.errors import RequestError
+from planner.request.options import RequestOption, convert_options_to_parameters, list_given_parameters, list_options
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
@@ -44,6 +45,8 @@ FieldsArgument = Annotated[
         show_default="iwamizawa",
     ),
 ]
+NO_PLAN_STATUS = 3
+"""Exit status where no plan meets the request."""
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
@@ -78,12 +81,16 @@ def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any
 
 
 def inject_request_options(
-    *, only: Collection[str] | None = None, panels: bool = True, changes: Mapping[str, Mapping[str, Any]] | None = None
+    *,
+    only: Collection[str] | None = None,
+    without: Collection[str] = (),
+    panels: bool = True,
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of a plan request and its farm in place of its `**options`; a decorator.
 
-    They stand between the arguments of the command and its own options: all of them, or `only` some by name. `changes`
-    are of what the command takes in another way, by name.
+    They stand between the arguments of the command and its own options: all of them but the field and those `without`,
+    or `only` some by name. `changes` are of what the command takes in another way, by name.
     """
 
     def extend(command: Callable[..., None]) -> Callable[..., None]:
@@ -95,7 +102,8 @@ def inject_request_options(
         ]
         taken = [
             build_parameter(option, panel=panels, **(changes or {}).get(option.name, {}))
-            for option in _list_command_options(only)
+            for option in (*list_options(PlanRequest), *list_options(FarmChoice))
+            if option.name not in ("field", *without) and (only is None or option.name in only)
         ]
         first = [parameter for parameter in own if _is_argument(parameter.annotation)]
         last = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own if parameter not in first]
@@ -110,45 +118,45 @@ def inject_request_options(
     return extend
 
 
-def _list_command_options(only: Collection[str] | None) -> Iterator[RequestOption]:
-    """Options of a request but for the field, which is an argument."""
-    for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
-        if option.name != "field" and (only is None or option.name in only):
-            yield option
-
-
 def _is_argument(annotation: Any) -> bool:
     return annotation is typer.Context or any(
         isinstance(part, ArgumentInfo) for part in getattr(annotation, "__metadata__", ())
     )
 
 
-def build_plan_inputs(
-    request: PlanRequest, farm: str | None, implement: str | None, context: typer.Context
-) -> PlanInputs:
-    """The request completed by a farm file; options that were given win. Raises HeadlandError."""
-    from planner.errors import RequestError
-    from planner.farm.inventory import load_farm
-    from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+class GivenOptions:
+    """The options of a plan as a command was given them, and the farm that they name."""
 
-    if farm is not None:
-        return complete_request_by_farm(
-            request, load_farm(farm), _list_given_parameters(context), implement_name=implement
-        )
-    if implement is not None:
-        raise RequestError(
-            f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
-        )
-    return build_inputs_without_farm(request)
+    def __init__(self, context: typer.Context, values: Mapping[str, Any]) -> None:
+        self.context, self.values = context, values
+        self.choice = FarmChoice(**convert_options_to_parameters(FarmChoice, values))
 
+    def build_request(self, **others: Any) -> PlanRequest:
+        """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
 
-def find_shift_start(farm: str | None) -> int | None:
-    """When the shift of a farm file begins, in seconds of the day; a deadline counts from it. None without one."""
-    if farm is None:
-        return None
-    from planner.farm.inventory import load_farm
+        Raises HeadlandError.
+        """
+        values, farm = {**self.values, **others}, self.choice.farm
+        if farm is None or values.get("deadline") is None:
+            return PlanRequest.from_options(values)
+        from planner.farm.inventory import load_farm
 
-    return load_farm(farm).times.shift_span_s[0]
+        return PlanRequest.from_options(values, shift_s=load_farm(farm).times.shift_span_s[0])
+
+    def build_inputs(self, request: PlanRequest) -> PlanInputs:
+        """The request completed by the farm; options that were given win. Raises HeadlandError."""
+        from planner.farm.inventory import load_farm
+        from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+
+        farm, implement = self.choice.farm, self.choice.implement
+        if farm is not None:
+            given = _list_given_parameters(self.context)
+            return complete_request_by_farm(request, load_farm(farm), given, implement_name=implement)
+        if implement is not None:
+            raise RequestError(
+                f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
+            )
+        return build_inputs_without_farm(request)
 
 
 def _list_given_parameters(context: typer.Context) -> frozenset[str]:

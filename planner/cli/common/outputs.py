@@ -7,15 +7,13 @@ import secrets
 import stat
 import sys
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
-from fields.documents.sources import list_field_files
 from fields.text_files import explain_error, quote_path
 from planner.errors import HeadlandError, RequestError
-from vehicle.model.tractor import list_tractor_names
 
 Output = tuple[Path | None, str]
 """A file to write or None, and its required ending ("" for any)."""
@@ -33,7 +31,10 @@ def list_input_files(
     farm: str | None = None, rain: str | None = None, elevation: str | None = None, soil: str | None = None,
     rain_mm: str | None = None, mapping: str | None = None,
 ) -> dict[str | Path, str]:  # fmt: skip
-    """The files that a command reads and what they are, for `check_outputs`."""
+    """The files that a command reads and what they are, for `check_output_paths`."""
+    from fields.documents.sources import list_field_files
+    from vehicle.model.tractor import list_tractor_names
+
     files: dict[str | Path, str] = {}
     if logs:
         from vehicle.identification.logs.reader import find_log_files
@@ -42,12 +43,12 @@ def list_input_files(
     for text in (rain, rain_mm):
         if text is not None and text.strip().lower().endswith(".csv"):
             files[text.strip()] = "the file of rain"
-    if gnss_table is not None:
-        files[gnss_table] = "the table of GNSS errors"
-    if mapping is not None:
-        files[mapping] = "the mapping of columns"
-    if elevation is not None:
-        files[elevation] = "the file of heights"
+    named = {
+        "the table of GNSS errors": gnss_table,
+        "the mapping of columns": mapping,
+        "the file of heights": elevation,
+    }
+    files |= {path: description for description, path in named.items() if path is not None}
     if soil is not None:
         from planner.evaluation.field_physics import split_soil_name
 
@@ -168,6 +169,11 @@ def create_result_folder(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 os.rmdir(folder)
         raise
+
+
+def render_requested(*results: tuple[Path | None, Callable[[], OutputContent]]) -> list[tuple[Path, OutputContent]]:
+    """The results that a path was given for, made now."""
+    return [(path, render()) for path, render in results if path]
 
 
 def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:

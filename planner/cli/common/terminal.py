@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from fields.errors import make_one_line
 from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
@@ -104,6 +106,16 @@ def print_renderable(renderable: object, *arguments: Any, **options: Any) -> Non
     width = max(min(Console().width or DEFAULT_COLUMNS, MAX_COLUMNS), MIN_COLUMNS)
     with use_reader():
         Console(width=width).print(renderable(*arguments, **options) if callable(renderable) else renderable)
+
+
+def print_answer(
+    as_json: bool, format_json: Callable[..., str], build_renderable: Callable[..., object], *results: Any
+) -> None:
+    """Print results as JSON for programs, or for people by what `build_renderable` makes of them."""
+    if as_json:
+        typer.echo(format_json(*results), nl=False)
+    else:
+        print_renderable(build_renderable, *results)
 
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
-from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import TractorState
 from planner.fleet.safety.base_release import is_passed
 from vehicle.missions.plan import LegGate
@@ -75,10 +74,7 @@ def estimate_pace(state: TractorState) -> float:
 
 
 def forecast_finish_s(
-    timed_missions: Sequence[TimedMission],
-    states: Sequence[TractorState],
-    halted: Sequence[bool],
-    places: Sequence[LegPlace | None] | None = None,
+    states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None] | None = None
 ) -> list[float]:
     """Seconds from now until each tractor is done (n,); infinite if it never will be.
 
@@ -86,7 +82,7 @@ def forecast_finish_s(
     by the twins; without one a tractor is where it reported last.
     """
     known_places = places or [None] * len(states)
-    rows = [_TractorForecast(*each) for each in zip(timed_missions, states, halted, known_places, strict=True)]
+    rows = [_TractorForecast(*each) for each in zip(states, halted, known_places, strict=True)]
     has_progress = True
     while has_progress:
         has_progress = sum(row.advance(rows, states) for row in rows) > 0
@@ -94,14 +90,11 @@ def forecast_finish_s(
 
 
 class _TractorForecast:
-    """The timed legs of one tractor: `starts_s` and `ends_s` from its present leg on."""
+    """The timed legs of one tractor: when they end (`ends_s`), from its present leg on."""
 
-    def __init__(
-        self, timed_mission: TimedMission, state: TractorState, is_halted: bool, place: LegPlace | None
-    ) -> None:
-        self.timed_mission, self.state, self.pace = timed_mission, state, estimate_pace(state)
+    def __init__(self, state: TractorState, is_halted: bool, place: LegPlace | None) -> None:
+        self.mission, self.state, self.pace = state.mission, state, estimate_pace(state)
         self.leg, self.leg_m = (state.leg, state.leg_m) if place is None else place
-        self.starts_s: list[float] = []
         self.ends_s: list[float] = []
         self.free_s = math.inf if is_halted and not state.done else 0.0
 
@@ -113,28 +106,27 @@ class _TractorForecast:
     def finish_s(self) -> float:
         if self.state.done:
             return 0.0
-        if self.next_leg < len(self.timed_mission.legs):
+        if self.next_leg < len(self.mission.legs):
             return math.inf
         return self.ends_s[-1] if self.ends_s else self.free_s
 
     def advance(self, rows: Sequence[_TractorForecast], states: Sequence[TractorState]) -> bool:
         """Time as many legs as possible; whether there were any."""
         timed_count = len(self.ends_s)
-        while not self.state.done and self.next_leg < len(self.timed_mission.legs):
+        while not self.state.done and self.next_leg < len(self.mission.legs):
             start_s = self._find_start_s(rows, states)
             if start_s is None:
                 break
             leg = self.next_leg
             share = 1.0
             if not self.ends_s:
-                share = 1.0 - min(self.leg_m / max(self.timed_mission.lengths_m[leg], 1e-6), 1.0)
-            self.starts_s.append(start_s)
-            self.ends_s.append(start_s + share * self.timed_mission.leg_seconds[leg] * self.pace)
+                share = 1.0 - min(self.leg_m / max(self.mission.lengths_m[leg], 1e-6), 1.0)
+            self.ends_s.append(start_s + share * self.mission.leg_seconds[leg] * self.pace)
         return len(self.ends_s) > timed_count
 
     def _find_start_s(self, rows: Sequence[_TractorForecast], states: Sequence[TractorState]) -> float | None:
         start_s = self.ends_s[-1] if self.ends_s else self.free_s
-        for gate in self.timed_mission.legs[self.next_leg].gates:
+        for gate in self.mission.legs[self.next_leg].gates:
             if is_passed(gate, states) or (self.ends_s and self.next_leg < self.state.base_end):
                 continue  # on base legs only the present one may still wait
             opens_s = rows[gate.tractor].find_gate_passing_s(gate)
@@ -150,5 +142,5 @@ class _TractorForecast:
             return 0.0
         if index >= len(self.ends_s):
             return None
-        share = min(gate.after_m / max(self.timed_mission.lengths_m[gate.leg], 1e-6), 1.0)
-        return self.ends_s[index] - (1.0 - share) * self.timed_mission.leg_seconds[gate.leg] * self.pace
+        share = min(gate.after_m / max(self.mission.lengths_m[gate.leg], 1e-6), 1.0)
+        return self.ends_s[index] - (1.0 - share) * self.mission.leg_seconds[gate.leg] * self.pace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,18 +15,10 @@ from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.model.tractor_state import (
-    OBSTACLE,
-    REMOTE_CONTROL,
-    WAITS_FOR_PLAN,
-    FleetEvent,
-    TractorOrder,
-    TractorState,
-)
+from planner.fleet.model.tractor_state import MOVING_MPS, FleetEvent, Hold, TractorOrder, TractorState
 from planner.fleet.safety.base_release import find_awaited_legs, find_gates_closed_on_base
-from planner.fleet.safety.motion_prediction import NeighbourFleets, NoNeighbours, NoTwins, TwinPredictions
-from planner.fleet.safety.safety_guard import MOVING_MPS, SafetyGuard
-from planner.fleet.safety.separation import STUCK_AFTER_S, SeparationMonitor
+from planner.fleet.safety.motion_prediction import NeighbourFleets, TwinPredictions
+from planner.fleet.safety.safety_guard import SafetyGuard
 
 
 class ControlLeases:
@@ -136,30 +129,25 @@ class ObstacleMap:
         self.version += 1
         return self.items.pop(number)
 
-    def find_blocked_legs(self, timed_mission: TimedMission) -> dict[int, str]:
+    def find_blocked_legs(self, mission: TimedMission) -> dict[int, str]:
         """Legs that an obstacle blocks, with its name."""
         if not self.items:
             return {}
-        lines = np.array([shapely.LineString(leg.points) for leg in timed_mission.legs])
         names: dict[int, str] = {}
         for block in self.items.values():
-            for leg in np.flatnonzero(shapely.dwithin(lines, block.shape, self.reach_m)).tolist():
+            for leg in np.flatnonzero(shapely.dwithin(mission.lines, block.shape, self.reach_m)).tolist():
                 names.setdefault(leg, block.name)
         return names
 
-    def find_obstacle_on_base(self, timed_mission: TimedMission, leg: int, leg_m: float, base_end: int) -> str | None:
-        """The name of an obstacle on the rest of the base; None if there is none."""
-        if not self.items or leg >= base_end:
-            return None
-        end_m = timed_mission.leg_starts_m[min(base_end, len(timed_mission.legs))]
-        remaining_m = end_m - timed_mission.leg_starts_m[leg] - leg_m
-        distances_m = np.append(np.arange(0.0, max(remaining_m, 0.0), 0.5), max(remaining_m, 0.0))
-        points = timed_mission.sample_poses(leg, leg_m, distances_m.tolist(), base_end)[:, :2]
+    def is_on_base(self, state: TractorState, leg_m: float) -> bool:
+        """Whether an obstacle lies on the rest of the base of a tractor that is `leg_m` along its leg."""
+        if not self.items or state.leg >= state.base_end:
+            return False
+        remaining_m = max(state.base_end_m - state.mission.leg_starts_m[state.leg] - leg_m, 0.0)
+        distances_m = np.append(np.arange(0.0, remaining_m, 0.5), remaining_m)
+        points = state.mission.sample_poses(state.leg, leg_m, distances_m.tolist(), state.base_end)[:, :2]
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        for block in self.items.values():
-            if shapely.dwithin(line, block.shape, self.reach_m):
-                return block.name
-        return None
+        return any(shapely.dwithin(line, block.shape, self.reach_m) for block in self.items.values())
 
 
 COVERAGE_STEP_M = 1.0
@@ -194,33 +182,31 @@ READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 FLEET_MANAGER = "centre"
 
 
+def join_fleet_names(names: Sequence[str]) -> str:
+    """Names of fleets for a sentence: fleet 'a', fleet 'b' and fleet 'c'."""
+    *first, last = [f"fleet {name!r}" for name in names]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 class FleetState:
     """State of a fleet, with pending orders and events."""
 
     def __init__(self, plan: FleetPlan, rules: FleetRules, twins: TwinPredictions | None = None) -> None:
-        self.plan, self.rules, self.twins = plan, rules, twins or NoTwins()
+        self.plan, self.rules, self.twins = plan, rules, twins or TwinPredictions()
         self.version = 1
         self.state = READY
         self.started_s: float | None = None
-        self.states = [TractorState() for _ in plan.timed_missions]
+        self.states = [TractorState(mission) for mission in plan.timed_missions]
         self.control_leases, self.alarms = ControlLeases(), AlarmRegister()
         reach_m = 0.5 * max(plan.tractor.width_m, plan.implement.contact_width_m) + rules.obstacle_margin_m
         self.obstacles = ObstacleMap(reach_m)
         self.blocked_legs: list[dict[int, str]] = [{} for _ in plan.timed_missions]
         self.coverage_map = CoverageMap(plan.tractor_count)
         self.guard = SafetyGuard(plan, rules, self.twins)
-        self.neighbours: NeighbourFleets = NoNeighbours()
-        self.separation = SeparationMonitor(rules.release_s / rules.times, STUCK_AFTER_S / rules.times)
-        self.finish_in_s = [math.inf] * plan.tractor_count
+        self.neighbours = NeighbourFleets()
+        self.finish_in_s, self.forecast_at_s = [math.inf] * plan.tractor_count, -math.inf
         self._orders: list[TractorOrder] = []
         self._events: list[FleetEvent] = []
-        self._last_stops = [("", -math.inf)] * plan.tractor_count  # who last stopped each, and when
-        self._watched_at_s = self._forecast_at_s = -math.inf
-
-    @property
-    def timed_missions(self) -> tuple[TimedMission, ...]:
-        """The legs of every tractor."""
-        return self.plan.timed_missions
 
     def take_outputs(self) -> tuple[list[TractorOrder], list[FleetEvent]]:
         """Orders and events since the last call."""
@@ -230,10 +216,12 @@ class FleetState:
 
     def log_event(self, who: str, what: str, **data: Any) -> None:
         """Add an event to the log."""
-        self._events.append(FleetEvent(who, what, data))
+        self._events.append(FleetEvent(who, str(what), data))
 
-    def _issue_order(self, number: int, kind: str, **data: Any) -> None:
-        self._orders.append(TractorOrder(number, kind, data))
+    def raise_alarm(self, code: str, number: int | None, level: str, sentence: str, now: float) -> None:
+        """Raise an alarm of a tractor, or of the fleet, and log it where an operator must see it again."""
+        if self.alarms.raise_alarm(code, number, level, sentence, now):
+            self.log_event(FLEET_MANAGER, "alarm", tractor=None if number is None else number + 1, sentence=sentence)
 
     def check_tractor_number(self, number: int) -> None:
         """Raise FleetManagerError if the fleet has no such tractor."""
@@ -244,114 +232,104 @@ class FleetState:
                 parameter="tractor",
             )
 
-    def _hold_tractors_at_gates(self) -> None:
+    def issue_order(self, number: int, kind: str, **data: Any) -> None:
+        """Add an order to a tractor."""
+        self._orders.append(TractorOrder(number, kind, data))
+
+    def send_base(self, number: int) -> None:
+        """Send a tractor which legs it may drive, and how fast."""
+        state = self.states[number]
+        self.issue_order(
+            number, "release", update=state.update, base_end=state.base_end, horizon_end=len(state.mission.legs),
+            limit_mps=state.limit_mps, horizon_s=self.rules.horizon_s,
+        )  # fmt: skip
+
+    def hold_tractor(self, number: int, hold: Hold, *, is_logged: bool = False) -> None:
+        """Hold a tractor and stop it, whoever drives it, unless it has this hold already."""
+        if hold not in self.states[number].holds:
+            self.states[number].holds.add(hold)
+            if is_logged:
+                self.log_event(FLEET_MANAGER, hold, tractor=number + 1)
+            self.stop_tractor(number, hold)
+
+    def hold_tractors_at_gates(self) -> None:
         """Hold tractors that a replanned plan makes wait where they stand, until their gates open."""
         for number, state in enumerate(self.states):
-            if (
-                state.done
-                or state.has_no_more_legs
-                or not find_gates_closed_on_base(self.timed_missions[number], state, self.states)
-            ):
-                state.holds.discard(WAITS_FOR_PLAN)
-            elif WAITS_FOR_PLAN not in state.holds:
-                state.holds.add(WAITS_FOR_PLAN)
-                self._stop_tractor(number, WAITS_FOR_PLAN)
+            if state.done or state.has_no_more_legs or not find_gates_closed_on_base(state, self.states):
+                state.holds.discard(Hold.WAITS_FOR_PLAN)
+            else:
+                self.hold_tractor(number, Hold.WAITS_FOR_PLAN)
 
-    def _send_stop_or_resume(self) -> None:
+    def stop_tractor(self, number: int, reason: str) -> None:
+        """Stop a tractor, whoever drives it."""
+        state = self.states[number]
+        state.remote_command = (state.remote_command[0], 0.0)
+        state.standing_ordered = True
+        self.issue_order(number, "stop", reason=reason)
+
+    def send_stop_or_resume(self) -> None:
         """Send stop or resume to every tractor for which that has changed."""
         for number, state in enumerate(self.states):
             must_stand = bool(state.holds) or self.state in (READY, STOPPED)
             if must_stand != state.standing_ordered:
                 state.standing_ordered = must_stand
-                self._issue_order(number, "stop" if must_stand else "resume", **self._describe_stop_reason(number))
+                self.repeat_stop_or_resume(number)
 
-    def _describe_stop_reason(self, number: int) -> dict[str, Any]:
-        """The reason of an order to stop; empty for an order to resume."""
+    def repeat_stop_or_resume(self, number: int) -> None:
+        """Send a tractor what it was ordered last, to stop or to resume."""
         state = self.states[number]
-        if not state.standing_ordered:
-            return {}
-        return {"reason": sorted(state.holds)[0] if state.holds else "not started"}
+        if state.standing_ordered:
+            self.issue_order(number, "stop", reason=sorted(state.holds)[0] if state.holds else "not started")
+        else:
+            self.issue_order(number, "resume")
 
-    def _stop_tractor(self, number: int, reason: str) -> None:
-        """Stop a tractor, whoever drives it."""
-        state = self.states[number]
-        state.remote_command = (state.remote_command[0], 0.0)
-        state.standing_ordered = True
-        self._issue_order(number, "stop", reason=reason)
-
-    def _raise_alarm(self, code: str, number: int | None, level: str, sentence: str, now: float) -> None:
-        if self.alarms.raise_alarm(code, number, level, sentence, now):
-            self.log_event(FLEET_MANAGER, "alarm", tractor=None if number is None else number + 1, sentence=sentence)
-
-    def _send_base(self, number: int) -> None:
-        state = self.states[number]
-        self._issue_order(
-            number,
-            "release",
-            update=state.update,
-            base_end=state.base_end,
-            horizon_end=len(self.timed_missions[number].legs),
-            limit_mps=state.limit_mps,
-            horizon_s=self.rules.horizon_s,
-        )
-
-    def _update_blocked_legs(self) -> None:
-        for number, (state, timed_mission) in enumerate(zip(self.states, self.timed_missions, strict=True)):
-            legs = self.obstacles.find_blocked_legs(timed_mission)
-            self.blocked_legs[number] = {leg: name for leg, name in legs.items() if leg >= state.base_end}
-            if self._is_base_obstructed(number):
-                if OBSTACLE not in state.holds:
-                    state.holds.add(OBSTACLE)
-                    self._stop_tractor(number, OBSTACLE)
-            else:
-                state.holds.discard(OBSTACLE)
-            steering, speed = state.remote_command
-            if self._find_remote_command_harm(number, speed, steering):
-                self._stop_tractor(number, OBSTACLE)
-        self._send_stop_or_resume()
-
-    def _is_base_obstructed(self, number: int) -> bool:
-        """Whether an obstacle lies on the base of a tractor, from where it would resume."""
-        state, timed_mission = self.states[number], self.timed_missions[number]
-        if state.done:
-            return False
-        place_m = state.leg_m
-        if REMOTE_CONTROL in state.holds and state.report is not None:  # led past it, it resumes from where it stands
-            place = state.report.x_m, state.report.y_m
-            place_m = max(place_m, timed_mission.find_nearest_leg_position_m(state.leg, place, self.rules.rejoin_m))
-        return self.obstacles.find_obstacle_on_base(timed_mission, state.leg, place_m, state.base_end) is not None
-
-    def _clear_passed_obstacles(self) -> None:
-        """End the obstacle holds of tractors that were led past the obstacle."""
+    def update_blocked_legs(self) -> None:
+        """Find the legs that obstacles block, and stop tractors that drive at one; to be called when these change."""
         for number, state in enumerate(self.states):
-            if OBSTACLE in state.holds and not self._is_base_obstructed(number):
-                state.holds.discard(OBSTACLE)
+            legs = self.obstacles.find_blocked_legs(state.mission)
+            self.blocked_legs[number] = {leg: name for leg, name in legs.items() if leg >= state.base_end}
+            if self._is_base_obstructed(state):
+                self.hold_tractor(number, Hold.OBSTACLE)
+            else:
+                state.holds.discard(Hold.OBSTACLE)
+            steering, speed = state.remote_command
+            if self.find_remote_command_harm(number, speed, steering):
+                self.stop_tractor(number, Hold.OBSTACLE)
+        self.send_stop_or_resume()
 
-    def _find_remote_command_harm(self, number: int, speed_mps: float, steering_rad: float) -> str | None:
+    def _is_base_obstructed(self, state: TractorState) -> bool:
+        """Whether an obstacle lies on the base of a tractor, from where it would resume."""
+        place_m, report = state.leg_m, state.report
+        if Hold.REMOTE_CONTROL in state.holds and report is not None:  # led past it, it resumes from where it stands
+            place = report.x_m, report.y_m
+            place_m = max(place_m, state.mission.find_nearest_leg_position_m(state.leg, place, self.rules.rejoin_m))
+        return not state.done and self.obstacles.is_on_base(state, place_m)
+
+    def clear_passed_obstacles(self) -> None:
+        """End the obstacle holds of tractors that were led past the obstacle."""
+        for state in self.states:
+            if Hold.OBSTACLE in state.holds and not self._is_base_obstructed(state):
+                state.holds.discard(Hold.OBSTACLE)
+
+    def find_remote_command_harm(self, number: int, speed_mps: float, steering_rad: float) -> str | None:
         """Why a remote command would do harm; None if it does not."""
         if abs(speed_mps) < MOVING_MPS:
             return None
         shapes = [block.shape for block in self.obstacles.items.values()]
-        return self.guard.find_command_harm(
-            number,
-            speed_mps,
-            steering_rad,
-            self.states,
-            self.timed_missions,
-            shapes,
-            self.neighbours.find_nearby_tractors(),
-        )
+        neighbours = self.neighbours.find_nearby_tractors()
+        return self.guard.find_command_harm(number, speed_mps, steering_rad, self.states, shapes, neighbours)
+
+    def is_report_current(self, number: int) -> bool:
+        """Whether the last report of a tractor shows what it does now."""
+        return self.states[number].is_linked and not self.alarms.is_alarm_on("broken", number)
 
     def find_awaited_legs(self, number: int) -> list[tuple[int, int]]:
         """The (tractor, leg) that a tractor waits for now."""
-        return find_awaited_legs(number, self.timed_missions, self.states, self.rules)
+        return find_awaited_legs(self.states[number], self.states, self.rules)
 
     def compute_total_worked_m(self) -> float:
         """Metres worked so far by all tractors."""
-        return sum(
-            timed_mission.worked_m[-1] if state.done else timed_mission.compute_worked_m(state.leg, state.leg_m)
-            for timed_mission, state in zip(self.timed_missions, self.states, strict=True)
-        )
+        return sum(state.worked_m for state in self.states)
 
     def estimate_delay_s(self, number: int, now: float) -> float | None:
         """How much later than planned a tractor will be done, in seconds of real time; None if unknown."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,13 @@ from pyproj.exceptions import ProjError
 
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.tractor_state import BY_HAND, TOO_NEAR
-from planner.fleet.safety.motion_prediction import NeighbourTractor, compute_centre_poses, compute_stopping_time_s
+from planner.fleet.model.tractor_state import BY_HAND, Hold
+from planner.fleet.safety.motion_prediction import (
+    NeighbourFleets,
+    NeighbourTractor,
+    compute_centre_poses,
+    compute_stopping_time_s,
+)
 from vehicle.missions.plan_file import SavedPlan
 
 AnyArray = npt.NDArray[Any]
@@ -41,9 +45,9 @@ class IncomparablePlacesError(ValueError):
 
 def build_plan_extent(plan: FleetPlan) -> shapely.Geometry:
     """The field of a plan, if known, and the lines that its tractors drive; metres of the plan."""
-    lines = [shapely.LineString(leg.points) for timed_mission in plan.timed_missions for leg in timed_mission.legs]
+    lines = shapely.MultiLineString([line for mission in plan.timed_missions for line in mission.lines])
     field = [shapely.Polygon(plan.rings[0])] if plan.rings else []
-    return shapely.GeometryCollection([*field, shapely.MultiLineString(lines)])
+    return shapely.GeometryCollection([*field, lines])
 
 
 class GroundConversion:
@@ -119,22 +123,73 @@ LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class NeighbourhoodMember:
-    """A live fleet; `send` flushes its orders and events, `rank` counts fleets in the order they were added."""
+class NeighbourhoodMember(NeighbourFleets):
+    """A live fleet, and the fleets near it.
 
-    id: str
-    name: str
-    manager: FleetManager
-    send: Callable[[], None]
-    rank: int
+    `send` flushes its orders and events, `rank` counts fleets in the order they were added.
+    By id, `neighbours` are the fleets near it, with the conversion of their places to its metres, and `unknown` those
+    at an unknown distance.
+    """
+
+    def __init__(self, id: str, name: str, manager: FleetManager, send: Callable[[], None], rank: int) -> None:
+        self.id, self.name, self.manager, self.send, self.rank = id, name, manager, send, rank
+        self.neighbours: dict[str, tuple[NeighbourhoodMember, GroundConversion]] = {}
+        self.unknown: dict[str, NeighbourhoodMember] = {}
 
     @property
     def fastest_mps(self) -> float:
         """The highest speed of its tractors."""
         reports = [state.report for state in self.manager.states if state.report is not None]
-        legs = max(timed_mission.fastest_mps for timed_mission in self.manager.timed_missions)
+        legs = max(state.mission.fastest_mps for state in self.manager.states)
         return max([legs, self.manager.rules.remote_mps, *(report.speed_mps for report in reports)])
+
+    def list_neighbours(self) -> list[NeighbourhoodMember]:
+        """The fleets near it, in the order they were added."""
+        return sorted((neighbour for neighbour, _ in self.neighbours.values()), key=lambda each: each.rank)
+
+    def update_neighbour_names(self, now: float) -> None:
+        """Tell its fleet manager who is near, and who is at an unknown distance."""
+        unknown_names = [self.unknown[id].name for id in sorted(self.unknown)]
+        self.manager.dangers.set_neighbours([one.name for one in self.list_neighbours()], unknown_names, now)
+
+    def find_nearby_tractors(self) -> list[NeighbourTractor]:
+        """Tractors of neighbours that could come near its own within the predicted time."""
+        own_positions = _list_positions(self)
+        if not len(own_positions):
+            return []
+        return [one for fleet in self.list_neighbours() for one in self._find_tractors_near(fleet, own_positions)]
+
+    def _find_tractors_near(self, neighbour: NeighbourhoodMember, own_positions: Array) -> list[NeighbourTractor]:
+        """Tractors of one neighbour that could come near `own_positions` (n, 2)."""
+        manager, (_, conversion) = neighbour.manager, self.neighbours[neighbour.id]
+        pace = manager.rules.times / self.manager.rules.times
+        reported_numbers = np.array(
+            [n for n, state in enumerate(manager.states) if state.report is not None], dtype=np.int64
+        )
+        if not len(reported_numbers):
+            return []
+        places = conversion.convert_places(_list_positions(neighbour, reported_numbers))
+        closing_m = self.manager.rules.ahead_s * (self.fastest_mps + pace * neighbour.fastest_mps)
+        reach_m = closing_m + LOOKOUT_M + 2.0 * (self.manager.guard.reach_m + manager.guard.reach_m)
+        is_near = (np.hypot(*(places[:, None] - own_positions[None]).transpose(2, 0, 1)) <= reach_m).any(axis=1)
+        numbers = reported_numbers[is_near].tolist()
+        if not numbers:
+            return []
+        paths = manager.guard.predict_paths(manager.states, numbers, pace)
+        poses = conversion.convert_poses(compute_centre_poses(paths, manager.guard.tractor))
+        return [_build_neighbour(number, neighbour, self, poses[k], pace) for k, number in enumerate(numbers)]
+
+    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
+        """Stop all neighbours at once; returns their names."""
+        for neighbour in self.list_neighbours():
+            neighbour.manager.operators.stop_with_neighbour(who, self.name, now)
+            neighbour.send()
+        return [neighbour.name for neighbour in self.list_neighbours()]
+
+    def restart_waiting_times(self) -> None:
+        """A tractor resumes: standing ones of the neighbours start their waiting time again."""
+        for neighbour in self.list_neighbours():
+            neighbour.manager.dangers.separation.restart_waiting_times()
 
 
 class Neighbourhood:
@@ -142,113 +197,45 @@ class Neighbourhood:
 
     def __init__(self) -> None:
         self._members: dict[str, NeighbourhoodMember] = {}
-        self._conversions: dict[str, dict[str, GroundConversion]] = {}
-        self._unknown: dict[str, set[str]] = {}
         self._ranks = itertools.count()
 
     def add(self, id: str, name: str, manager: FleetManager, send: Callable[[], None], now: float) -> None:
         """Add a fleet, and make it and those near it neighbours."""
         self.remove(id, now)
         member = NeighbourhoodMember(id, name, manager, send, next(self._ranks))
-        self._conversions[id], self._unknown[id] = {}, set()
         for neighbour in self._members.values():
-            self._connect_if_adjacent(member, neighbour)
-        self._members[id] = member
-        manager.neighbours = NeighbourView(self, member)
-        for fleet_id in (id, *self._conversions[id], *self._unknown[id]):
-            self._update_neighbour_names(fleet_id, now)
+            _connect_if_adjacent(member, neighbour)
+        self._members[id] = manager.neighbours = member
+        for affected in (member, *member.list_neighbours(), *member.unknown.values()):
+            affected.update_neighbour_names(now)
 
     def remove(self, id: str, now: float) -> None:
         """Remove a fleet."""
-        if self._members.pop(id, None) is None:
+        member = self._members.pop(id, None)
+        if member is None:
             return
-        neighbour_ids = [*self._conversions.pop(id), *self._unknown.pop(id)]
-        for neighbour_id in neighbour_ids:
-            self._conversions[neighbour_id].pop(id, None)
-            self._unknown[neighbour_id].discard(id)
-            self._update_neighbour_names(neighbour_id, now)
-
-    def _connect_if_adjacent(self, member: NeighbourhoodMember, neighbour: NeighbourhoodMember) -> None:
-        first, second = member.manager.plan, neighbour.manager.plan
-        try:
-            if are_grounds_near(first, second, NEAR_M):
-                inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
-                outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
-                self._conversions[member.id][neighbour.id], self._conversions[neighbour.id][member.id] = (
-                    inward,
-                    outward,
-                )  # both of them or none
-        except IncomparablePlacesError:
-            self._unknown[member.id].add(neighbour.id)
-            self._unknown[neighbour.id].add(member.id)
-
-    def _update_neighbour_names(self, id: str, now: float) -> None:
-        unknown_names = [self._members[neighbour_id].name for neighbour_id in sorted(self._unknown[id])]
-        self._members[id].manager.set_neighbours(
-            [neighbour.name for neighbour in self.list_neighbours(id)], unknown_names, now
-        )
+        others = [*member.list_neighbours(), *member.unknown.values()]
+        member.neighbours, member.unknown = {}, {}
+        for other in others:
+            other.neighbours.pop(id, None)
+            other.unknown.pop(id, None)
+            other.update_neighbour_names(now)
 
     def list_neighbours(self, id: str) -> list[NeighbourhoodMember]:
         """The neighbours of a fleet, in the order they were added."""
-        return sorted(
-            (self._members[neighbour_id] for neighbour_id in self._conversions.get(id, ())), key=lambda each: each.rank
-        )
-
-    def find_near_tractors(self, member: NeighbourhoodMember) -> list[NeighbourTractor]:
-        """Tractors of neighbours that could come near a fleet's own within the predicted time."""
-        own_positions = _list_positions(member)
-        if not len(own_positions):
-            return []
-        return [
-            tractor
-            for neighbour in self.list_neighbours(member.id)
-            for tractor in self._find_near_tractors_of(neighbour, member, own_positions)
-        ]
-
-    def _find_near_tractors_of(
-        self, neighbour: NeighbourhoodMember, member: NeighbourhoodMember, own_positions: Array
-    ) -> list[NeighbourTractor]:
-        """Tractors of one neighbour that could come near `own_positions` (n, 2)."""
-        manager, conversion = neighbour.manager, self._conversions[member.id][neighbour.id]
-        pace = manager.rules.times / member.manager.rules.times
-        reported_numbers = np.array(
-            [n for n, state in enumerate(manager.states) if state.report is not None], dtype=np.int64
-        )
-        if not len(reported_numbers):
-            return []
-        places = conversion.convert_places(_list_positions(neighbour, reported_numbers))
-        reach_m = _compute_watch_distance_m(member, neighbour, pace)
-        is_near = (np.hypot(*(places[:, None] - own_positions[None]).transpose(2, 0, 1)) <= reach_m).any(axis=1)
-        numbers = reported_numbers[is_near].tolist()
-        if not numbers:
-            return []
-        paths = manager.guard.predict_paths_of(numbers, manager.states, manager.timed_missions, pace)
-        poses = conversion.convert_poses(compute_centre_poses(paths, manager.guard.tractor))
-        return [_build_neighbour(number, neighbour, member, poses[k], pace) for k, number in enumerate(numbers)]
+        return self._members[id].list_neighbours() if id in self._members else []
 
 
-class NeighbourView:
-    """The neighbourhood as one fleet sees it."""
-
-    def __init__(self, neighbourhood: Neighbourhood, member: NeighbourhoodMember) -> None:
-        self._neighbourhood, self._member = neighbourhood, member
-
-    def find_nearby_tractors(self) -> list[NeighbourTractor]:
-        """The tractors of its neighbours that could come near."""
-        return self._neighbourhood.find_near_tractors(self._member)
-
-    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
-        """Stop all neighbours at once; returns their names."""
-        neighbours = self._neighbourhood.list_neighbours(self._member.id)
-        for neighbour in neighbours:
-            neighbour.manager.stop_with_neighbour(who, self._member.name, now)
-            neighbour.send()
-        return [neighbour.name for neighbour in neighbours]
-
-    def restart_waiting_times(self) -> None:
-        """A tractor resumes: standing ones of the neighbours start their waiting time again."""
-        for neighbour in self._neighbourhood.list_neighbours(self._member.id):
-            neighbour.manager.separation.restart_waiting_times()
+def _connect_if_adjacent(member: NeighbourhoodMember, neighbour: NeighbourhoodMember) -> None:
+    first, second = member.manager.plan, neighbour.manager.plan
+    try:
+        if are_grounds_near(first, second, NEAR_M):
+            inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
+            outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
+            member.neighbours[neighbour.id] = neighbour, inward  # both of them or none
+            neighbour.neighbours[member.id] = member, outward
+    except IncomparablePlacesError:
+        member.unknown[neighbour.id], neighbour.unknown[member.id] = neighbour, member
 
 
 def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] | None = None) -> Array:
@@ -256,12 +243,6 @@ def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] 
     states = member.manager.states if numbers is None else [member.manager.states[number] for number in numbers]
     reports = [state.report for state in states if state.report is not None]
     return np.array([[report.x_m, report.y_m] for report in reports]).reshape(-1, 2)
-
-
-def _compute_watch_distance_m(member: NeighbourhoodMember, neighbour: NeighbourhoodMember, pace: float) -> float:
-    """Metres between two tractors of these fleets that could come near in the time foreseen."""
-    closing_m = member.manager.rules.ahead_s * (member.fastest_mps + pace * neighbour.fastest_mps)
-    return closing_m + LOOKOUT_M + 2.0 * (member.manager.guard.reach_m + neighbour.manager.guard.reach_m)
 
 
 def _build_neighbour(
@@ -279,9 +260,9 @@ def _build_neighbour(
         boxes=manager.guard.boxes,
         speed_mps=speed_mps,
         braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
-        is_waiting=TOO_NEAR in state.holds and state.mode not in BY_HAND,
-        is_free=manager.separation.is_free(number),
+        is_waiting=Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND,
+        is_free=manager.dangers.separation.is_free(number),
         has_priority=neighbour.rank < member.rank,
-        is_linked=state.is_linked and not manager.alarms.is_alarm_on("broken", number),
-        is_queueing=manager.guard.is_queueing(state, manager.timed_missions[number]),
+        is_linked=manager.is_report_current(number),
+        is_queueing=manager.guard.is_queueing(state),
     )

@@ -20,7 +20,7 @@ import math
 from planner.fleet.manager.fleet_state import FleetObstacle, FleetState, Ring
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.tractor_state import UNREADABLE
+from planner.fleet.model.tractor_state import Hold
 
 LOOK_DELAY_S = 1.0  # after a report, in which nobody can have looked
 CLEARED_RADIUS_M = 15.0  # around the place that an operator has looked at
@@ -28,55 +28,55 @@ SETTLED_S = 2.0  # without an unreadable frame, after which a readable one repla
 UNREADABLE_CODE = "unread obstacle"
 
 
-class FleetWithObstacles(FleetState):
-    """A fleet with obstacle reports."""
+class ObstacleReports:
+    """Takes the obstacles that tractors report and operators draw, for a fleet."""
 
-    def report_obstacle(
-        self, who: str, ring: Ring, name: str, now: float, reporting_tractor: int | None = None
-    ) -> FleetObstacle:
+    def __init__(self, fleet: FleetState) -> None:
+        self.fleet = fleet
+
+    def add(self, who: str, ring: Ring, name: str, now: float, reporting_tractor: int | None = None) -> FleetObstacle:
         """Add an obstacle of a tractor (`reporting_tractor`) or an operator: it blocks legs and stops who drives at it.
 
         A repeated report adds nothing. Raises FleetManagerError for one that cannot be added; the reporting tractor is
         then held as for an unreadable one.
         """
-        block = self.obstacles.find_containing_obstacle(ring, who)
+        fleet = self.fleet
+        block = fleet.obstacles.find_containing_obstacle(ring, who)
         if block is None:
             try:
-                block = self.obstacles.add(ring, name, who)
+                block = fleet.obstacles.add(ring, name, who)
             except FleetManagerError as refusal:
                 if reporting_tractor is not None:
-                    self.report_unreadable_obstacle(reporting_tractor, str(refusal), now)
+                    self.add_unreadable(reporting_tractor, str(refusal), now)
                 raise
-            self._update_blocked_legs()
-            blocked_count = sum(len(blocked) for blocked in self.blocked_legs)
-            self._raise_alarm(
-                f"obstacle {block.id}", None, WARNING, f"Obstacle {name!r} blocks {blocked_count} legs.", now
-            )
-            self.log_event(who, "obstacle", obstacle=block.id, name=name, legs=blocked_count)
+            fleet.update_blocked_legs()
+            blocked_count = sum(len(blocked) for blocked in fleet.blocked_legs)
+            sentence = f"Obstacle {name!r} blocks {blocked_count} legs."
+            fleet.raise_alarm(f"obstacle {block.id}", None, WARNING, sentence, now)
+            fleet.log_event(who, "obstacle", obstacle=block.id, name=name, legs=blocked_count)
         if reporting_tractor is not None:
-            self.states[reporting_tractor].readable_s = now
+            fleet.states[reporting_tractor].readable_s = now
             self.release_tractors_reporting_readably(now)
         return block
 
-    def report_unreadable_obstacle(self, number: int, refusal_text: str, now: float) -> None:
+    def add_unreadable(self, number: int, refusal_text: str, now: float) -> None:
         """A tractor reports an obstacle that is unreadable because of `refusal_text`; it stops, see above."""
-        state = self.states[number]
+        state = self.fleet.states[number]
         state.unreadable_s = now
-        if UNREADABLE in state.holds or self._is_at_inspected_place(number):
+        if Hold.UNREADABLE in state.holds or self._is_at_inspected_place(number):
             return
-        state.holds.add(UNREADABLE)
         state.faced_since_s = now
-        self.log_event(f"tractor {number + 1}", UNREADABLE_CODE, tractor=number + 1, sentence=refusal_text)
+        self.fleet.log_event(f"tractor {number + 1}", UNREADABLE_CODE, tractor=number + 1, sentence=refusal_text)
         alarm_text = (
             f"Tractor {number + 1} stopped: it sees an obstacle that could not be read. {refusal_text} Look what is "
             "there before you resume it."
         )
-        self._raise_alarm(UNREADABLE_CODE, number, CRITICAL, alarm_text, now)
-        self._stop_tractor(number, UNREADABLE)
+        self.fleet.raise_alarm(UNREADABLE_CODE, number, CRITICAL, alarm_text, now)
+        self.fleet.hold_tractor(number, Hold.UNREADABLE)
 
     def _is_at_inspected_place(self, number: int) -> bool:
         """Whether a tractor is still at the place that an operator has looked at."""
-        state = self.states[number]
+        state = self.fleet.states[number]
         if state.cleared_at is None or state.report is None:
             return False
         if math.dist(state.cleared_at, (state.report.x_m, state.report.y_m)) > CLEARED_RADIUS_M:
@@ -85,31 +85,28 @@ class FleetWithObstacles(FleetState):
 
     def release_tractors_reporting_readably(self, now: float) -> None:
         """Release tractors that report a readable obstacle, and no unreadable one for SETTLED_S."""
-        for number, state in enumerate(self.states):
-            if (
-                UNREADABLE in state.holds
-                and state.readable_s > state.unreadable_s
-                and now - state.unreadable_s >= SETTLED_S
-            ):
-                self._end_unreadable_obstacle_hold(number)
+        for number, state in enumerate(self.fleet.states):
+            is_readable = state.readable_s > state.unreadable_s and now - state.unreadable_s >= SETTLED_S
+            if Hold.UNREADABLE in state.holds and is_readable:
+                self._end_hold(number)
 
-    def confirm_obstacle_inspection(self, who: str, number: int, now: float) -> None:
+    def confirm_inspection(self, who: str, number: int, now: float) -> None:
         """An operator has looked at the unreadable obstacle of a tractor, which is held no longer.
 
         Raises FleetManagerError as check_inspection_possible.
         """
-        state = self.states[number]
-        if UNREADABLE not in state.holds:
+        state = self.fleet.states[number]
+        if Hold.UNREADABLE not in state.holds:
             return
         self.check_inspection_possible(number, now)
         state.cleared_at = None if state.report is None else (state.report.x_m, state.report.y_m)
-        self.log_event(who, "looked", tractor=number + 1)
-        self._end_unreadable_obstacle_hold(number)
+        self.fleet.log_event(who, "looked", tractor=number + 1)
+        self._end_hold(number)
 
     def check_inspection_possible(self, number: int, now: float) -> None:
         """Raise FleetManagerError if an unreadable report is too new for anybody to have looked."""
-        state = self.states[number]
-        if UNREADABLE in state.holds and now - state.faced_since_s < LOOK_DELAY_S:
+        state = self.fleet.states[number]
+        if Hold.UNREADABLE in state.holds and now - state.faced_since_s < LOOK_DELAY_S:
             raise FleetManagerError(
                 f"Tractor {number + 1} has just reported an obstacle that could not be read; look what "
                 "is there, then resume it.",
@@ -118,25 +115,22 @@ class FleetWithObstacles(FleetState):
 
     def find_tractor_held_by_alarm(self, alarm: int) -> int | None:
         """The tractor that resumes once this alarm is acknowledged; None for all other alarms."""
-        facing = (
-            alarm_item.tractor
-            for alarm_item in self.alarms.list_alarms()
-            if alarm_item.id == alarm and alarm_item.code == UNREADABLE_CODE
-        )
-        number = next(facing, None)
-        return number if number is not None and UNREADABLE in self.states[number].holds else None
+        for item in self.fleet.alarms.list_alarms():
+            if item.id == alarm and item.code == UNREADABLE_CODE and item.tractor is not None:
+                return item.tractor if Hold.UNREADABLE in self.fleet.states[item.tractor].holds else None
+        return None
 
-    def _end_unreadable_obstacle_hold(self, number: int) -> None:
-        self.states[number].holds.discard(UNREADABLE)
-        self.alarms.end_alarm(UNREADABLE_CODE, number)
-        self._send_stop_or_resume()
+    def _end_hold(self, number: int) -> None:
+        self.fleet.states[number].holds.discard(Hold.UNREADABLE)
+        self.fleet.alarms.end_alarm(UNREADABLE_CODE, number)
+        self.fleet.send_stop_or_resume()
 
-    def clear_obstacle(self, who: str, number: int, now: float) -> None:
+    def clear(self, who: str, number: int, now: float) -> None:
         """An obstacle is gone."""
-        self.obstacles.remove_obstacle(number)
-        self.alarms.end_alarm(f"obstacle {number}", None)
-        self.log_event(who, "cleared", obstacle=number)
-        self._update_blocked_legs()
+        self.fleet.obstacles.remove_obstacle(number)
+        self.fleet.alarms.end_alarm(f"obstacle {number}", None)
+        self.fleet.log_event(who, "cleared", obstacle=number)
+        self.fleet.update_blocked_legs()
 
     def acknowledge_alarm(self, who: str, alarm: int, now: float) -> None:
         """Acknowledge an alarm; for an unreadable obstacle that resumes the tractor.
@@ -145,6 +139,6 @@ class FleetWithObstacles(FleetState):
         """
         number = self.find_tractor_held_by_alarm(alarm)
         if number is not None:
-            self.confirm_obstacle_inspection(who, number, now)
-        self.alarms.acknowledge(alarm, who)
-        self.log_event(who, "acknowledge", alarm=alarm)
+            self.confirm_inspection(who, number, now)
+        self.fleet.alarms.acknowledge(alarm, who)
+        self.fleet.log_event(who, "acknowledge", alarm=alarm)

@@ -9,7 +9,7 @@ from typing import Any
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED
 from planner.fleet.model.alarms import FleetAlarm
-from planner.fleet.model.tractor_state import OBSTACLE, UNREADABLE, WAITS_FOR_PLAN, TractorReport, TractorState
+from planner.fleet.model.tractor_state import Hold, TractorReport, TractorState
 
 LASTING_FIELDS = {
     "leg": "leg",
@@ -23,7 +23,7 @@ LASTING_FIELDS = {
 }
 """Attributes of a tractor's state that a restart keeps, by their stored keys."""
 OBSOLETE_CODE = "stood"  # an alarm code of earlier versions, which nothing ends any more
-TRANSIENT_HOLDS = frozenset({OBSTACLE, WAITS_FOR_PLAN})
+TRANSIENT_HOLDS = frozenset({Hold.OBSTACLE, Hold.WAITS_FOR_PLAN})
 """Holds that are not saved because they are found again; TOO_NEAR is saved, as standing tractors raise none."""
 
 
@@ -65,10 +65,11 @@ def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, c
     manager.started_s = None if started_clock_s is None else now - (clock_s - started_clock_s)
     for state, values in zip(manager.states, saved.get("tractors", ()), strict=False):
         _restore_tractor(state, values, now - clock_s)
-        state.unreadable_s = now if UNREADABLE in state.holds else -math.inf
+        state.unreadable_s = now if Hold.UNREADABLE in state.holds else -math.inf
     codes = {}
     for block in saved.get("obstacles", ()):
-        obstacle = manager.report_obstacle(block["who"], tuple((x, y) for x, y in block["ring"]), block["name"], now)
+        ring = tuple((x, y) for x, y in block["ring"])
+        obstacle = manager.obstacle_reports.add(block["who"], ring, block["name"], now)
         codes[f"obstacle {block.get('id')}"] = f"obstacle {obstacle.id}"
     if "alarms" in saved:
         manager.alarms.restore(
@@ -77,7 +78,7 @@ def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, c
             if values["code"] != OBSOLETE_CODE
         )
     if manager.state in (RUNNING, STOPPED):
-        manager.hold_after_restart(now)
+        manager.operators.hold_after_restart(now)
 
 
 def _restore_alarm(values: dict[str, Any], codes: dict[str, str], offset_s: float) -> FleetAlarm:

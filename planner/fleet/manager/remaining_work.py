@@ -12,9 +12,8 @@ import shapely
 from planner.fleet.manager.fleet_state import FleetState
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.tractor_state import MANUAL, REMOTE, REMOTE_CONTROL, TractorState
+from planner.fleet.model.tractor_state import MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
-from planner.fleet.safety.safety_guard import MOVING_MPS
 
 STAND_TOLERANCE_M = 1.0  # of a tractor that stands
 SHORTEST_LEG_M = 0.05
@@ -36,69 +35,79 @@ class RemainingWork:
         state = self.states[number]
         return state.leg > 0 or state.leg_m > SHORTEST_LEG_M
 
-    def is_standing(self, number: int) -> bool:
-        """Whether a tractor stands by order, and so can wait where it is."""
-        return is_standing(self.states[number])
+    def stays(self, number: int, leg_count: int) -> bool:
+        """Whether a tractor drives no more: it is excluded, or at the end of its `leg_count` legs."""
+        state = self.states[number]
+        return number in self.excluded or (state.done and state.leg >= leg_count - 1)
+
+    def is_on_road(self, number: int) -> bool:
+        """Whether a tractor stands on the road: it has not entered yet, or has left."""
+        mission = self.plan.plan.missions[number]
+        return (mission.enters and not self.has_tractor_driven(number)) or (mission.leaves and self.states[number].done)
+
+    def get_pose(self, number: int) -> tuple[float, float, float]:
+        """The reported pose of a tractor, or the one by its progress: x, y (m), heading (rad)."""
+        state = self.states[number]
+        if state.report is not None:
+            return state.report.x_m, state.report.y_m, state.report.heading_rad
+        leg, leg_count = min(state.leg, len(state.mission.legs) - 1), len(state.mission.legs)
+        x, y, heading = state.mission.sample_poses(leg, state.leg_m, [0.0], leg_count)[0]
+        return float(x), float(y), float(heading)
 
 
-def is_standing(state: TractorState) -> bool:
-    """Whether a tractor stands by order."""
-    return state.standing_ordered and state.report is not None and state.report.speed_mps < MOVING_MPS
-
-
-def extract_remaining_work(manager: FleetState, without: Sequence[int], now: float) -> RemainingWork:
+def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float) -> RemainingWork:
     """The remaining work of a fleet without these tractors and the failed ones. Raises FleetManagerError."""
-    excluded = tuple(sorted({*without, *(n for n, state in enumerate(manager.states) if state.has_no_more_legs)}))
-    if not excluded and not manager.obstacles.items:
+    excluded = tuple(sorted({*without, *(n for n, state in enumerate(fleet.states) if state.has_no_more_legs)}))
+    if not excluded and not fleet.obstacles.items:
         raise FleetManagerError(
             "No tractor has failed and there is no obstacle; name the tractors to plan without.", parameter="without"
         )
-    if len(excluded) == len(manager.states):
+    if len(excluded) == len(fleet.states):
         raise FleetManagerError("No tractor remains to take over; keep at least one.", parameter="without")
-    if manager.plan.field is None:
+    if fleet.plan.field is None:
         raise FleetManagerError(
             "The field of this plan is unknown; create the fleet with its field file.", parameter="field"
         )
-    _check_on_legs(manager, excluded)
-    states = tuple(copy.copy(state) for state in manager.states)
-    elapsed_s = 0.0 if manager.started_s is None else (now - manager.started_s) * manager.rules.times
-    shapes = tuple(block.shape for block in manager.obstacles.items.values())
-    return RemainingWork(manager.plan, states, excluded, shapes, elapsed_s, manager.rules.times)
+    _check_on_legs(fleet, excluded)
+    states = tuple(copy.copy(state) for state in fleet.states)
+    elapsed_s = 0.0 if fleet.started_s is None else (now - fleet.started_s) * fleet.rules.times
+    shapes = tuple(block.shape for block in fleet.obstacles.items.values())
+    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times)
 
 
-def _check_on_legs(manager: FleetState, excluded: Sequence[int]) -> None:
+def _check_on_legs(fleet: FleetState, excluded: Sequence[int]) -> None:
     """Raise FleetManagerError for a tractor that was led off its leg but is to drive on: plans start on the leg."""
-    for number, (state, timed_mission) in enumerate(zip(manager.states, manager.timed_missions, strict=True)):
+    for number, state in enumerate(fleet.states):
         report = state.report
-        is_led = REMOTE_CONTROL in state.holds or state.mode in (REMOTE, MANUAL)
+        is_led = Hold.REMOTE_CONTROL in state.holds or state.mode in (REMOTE, MANUAL)
         if number in excluded or state.done or report is None or not is_led:
             continue
-        offset_m = timed_mission.compute_distance_to_leg_m(state.leg, (report.x_m, report.y_m))
-        if offset_m > manager.rules.rejoin_m:
+        offset_m = state.mission.compute_distance_to_leg_m(state.leg, (report.x_m, report.y_m))
+        if offset_m > fleet.rules.rejoin_m:
             raise FleetManagerError(
                 f"Tractor {number + 1} stands {offset_m:.1f} m off its leg; drive it back to within "
-                f"{manager.rules.rejoin_m:g} m, or plan without it.",
+                f"{fleet.rules.rejoin_m:g} m, or plan without it.",
                 parameter="without",
             )
 
 
 def check_proposal_still_fits(
-    remaining: RemainingWork, manager: FleetState, proposed_plan: FleetPlan | None = None
+    remaining: RemainingWork, fleet: FleetState, proposed_plan: FleetPlan | None = None
 ) -> None:
     """Raise FleetManagerError if `proposed_plan`, made of this remaining work, does not fit the fleet any more.
 
     That is so if another plan is driven, if a tractor has failed since, or if one that was excluded, or has to wait
     where it stood, has moved by more than its braking. The progress of the others is checked when the plan is adopted.
     """
-    if manager.plan is not remaining.plan:
+    if fleet.plan is not remaining.plan:
         raise FleetManagerError("Another plan was accepted since this one was made; replan.", parameter="proposal")
-    for number, (state, previous) in enumerate(zip(manager.states, remaining.states, strict=True)):
+    for number, (state, previous) in enumerate(zip(fleet.states, remaining.states, strict=True)):
         if state.failed and number not in remaining.excluded:
             raise FleetManagerError(
                 f"Tractor {number + 1} has failed since the plan was made; replan.", parameter="proposal"
             )
         moved_m = _compute_moved_m(previous, state)
-        has_moved = state.leg > previous.leg or moved_m > _estimate_rolled_distance_m(previous, remaining, manager)
+        has_moved = state.leg > previous.leg or moved_m > _estimate_rolled_distance_m(previous, remaining, fleet)
         must_wait = (
             proposed_plan is not None
             and remaining.has_tractor_driven(number)
@@ -115,7 +124,7 @@ def check_proposal_still_fits(
                 "stop it and replan.",
                 parameter="proposal",
             )
-    _check_on_legs(manager, remaining.excluded)
+    _check_on_legs(fleet, remaining.excluded)
 
 
 def _compute_moved_m(previous: TractorState, state: TractorState) -> float:
@@ -127,11 +136,11 @@ def _compute_moved_m(previous: TractorState, state: TractorState) -> float:
     return math.dist((state.report.x_m, state.report.y_m), (previous.report.x_m, previous.report.y_m))
 
 
-def _estimate_rolled_distance_m(previous: TractorState, remaining: RemainingWork, manager: FleetState) -> float:
+def _estimate_rolled_distance_m(previous: TractorState, remaining: RemainingWork, fleet: FleetState) -> float:
     """Metres that it may have rolled until it stood."""
     speed_mps = 0.0 if previous.report is None else previous.report.speed_mps
     return (
         STAND_TOLERANCE_M
-        + speed_mps * manager.rules.reaction_s * remaining.times
-        + compute_braking_distance_m(speed_mps, manager.rules)
+        + speed_mps * fleet.rules.reaction_s * remaining.times
+        + compute_braking_distance_m(speed_mps, fleet.rules)
     )

@@ -123,17 +123,13 @@ def prepare_fleet_plan(
         )
     machine, implement = read_machines(saved, scenario)
     physics = read_physics(saved, scenario, machine)
-    timed_missions, finish_s, min_clearance_m = (
-        _simulate_plan(saved.plan, machine, implement, physics)
-        if timing is None
-        else _restore_timing(saved.plan, timing)
-    )
+    if timing is None:
+        timed_plan = _simulate_plan(saved.plan, machine, implement, physics)
+    else:
+        timed_plan = _restore_timing(saved.plan, timing)
     plan_field = _read_plan_field(scenario, saved, field)
-    width_m = max(implement.contact_width_m, machine.width_m)
-    ground = _build_driving_area(saved, plan_field, width_m)
-    return FleetPlan(
-        saved, scenario, machine, implement, timed_missions, finish_s, min_clearance_m, ground, plan_field, physics
-    )
+    ground = _build_driving_area(saved, plan_field, max(implement.contact_width_m, machine.width_m))
+    return FleetPlan(saved, scenario, machine, implement, *timed_plan, ground, plan_field, physics)
 
 
 def _check_stop_durations(plan: Plan) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from planner.fleet.model.errors import FleetManagerError
 
@@ -63,7 +62,3 @@ class FleetRules:
             raise FleetManagerError(
                 f"times is {self.times:g}; a fleet runs at most 100 times as fast as real time.", parameter="times"
             )
-
-    def describe_settings(self) -> dict[str, Any]:
-        """All rules by name."""
-        return asdict(self)

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from vehicle.missions.plan import Leg, Mission
 
 Array = npt.NDArray[np.float64]
+ROUNDING_M = 1e-6  # of a place on a corner, which belongs to the segment before it
 SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
 
 
@@ -29,6 +31,11 @@ class TimedMission:
     def legs(self) -> tuple[Leg, ...]:
         """The legs in order."""
         return self.mission.legs
+
+    @cached_property
+    def lines(self) -> npt.NDArray[np.object_]:
+        """The line of each leg (shapely)."""
+        return np.array([shapely.LineString(leg.points) for leg in self.legs])
 
     @cached_property
     def lengths_m(self) -> list[float]:
@@ -110,35 +117,22 @@ class TimedMission:
 
     def compute_distance_to_leg_m(self, leg: int, place: tuple[float, float]) -> float:
         """How far a place is from a leg."""
-        return float(self._compute_distances_m(leg, place).min())
+        return float(shapely.distance(self.lines[min(leg, len(self.legs) - 1)], shapely.Point(place)))
 
     def find_nearest_leg_position_m(self, leg: int, place: tuple[float, float], within_m: float) -> float:
         """Metres along a leg to where it is nearest to a place; 0 where it is farther away than `within_m`."""
-        distances_m = self._compute_distances_m(leg, place)
-        points = self.legs[min(leg, len(self.legs) - 1)].points
-        segment = int(distances_m.argmin())
-        if distances_m[segment] > within_m:
+        if self.compute_distance_to_leg_m(leg, place) > within_m:
             return 0.0
-        steps = np.diff(points, axis=0)
-        lengths = np.hypot(*steps.T)
-        ahead = float(((place - points[segment]) * steps[segment]).sum() / max(lengths[segment], 1e-6))
-        return float(lengths[:segment].sum()) + min(max(ahead, 0.0), float(lengths[segment]))
+        return float(shapely.line_locate_point(self.lines[min(leg, len(self.legs) - 1)], shapely.Point(place)))
 
     def compute_heading_offset_rad(self, leg: int, place: tuple[float, float], heading_rad: float) -> float:
         """Angle in [0, pi] between a heading and the heading of a leg at its point nearest to a place."""
-        nearest_leg = self.legs[min(leg, len(self.legs) - 1)]
-        segment = int(self._compute_distances_m(leg, place).argmin())
+        number = min(leg, len(self.legs) - 1)
+        nearest_leg, distances_m = self.legs[number], self._point_distances_m[number]
+        at_m = float(shapely.line_locate_point(self.lines[number], shapely.Point(place)))
+        segment = min(max(int(np.searchsorted(distances_m, at_m - ROUNDING_M)) - 1, 0), len(distances_m) - 2)
         x, y = nearest_leg.gear * (nearest_leg.points[segment + 1] - nearest_leg.points[segment])
         return abs(math.remainder(heading_rad - math.atan2(y, x), 2.0 * math.pi))
-
-    def _compute_distances_m(self, leg: int, place: tuple[float, float]) -> Array:
-        """How far a place is from each segment of a leg."""
-        points = self.legs[min(leg, len(self.legs) - 1)].points
-        starts, directions = points[:-1], np.diff(points, axis=0)
-        square = np.maximum((directions**2).sum(axis=1), 1e-12)
-        share = np.clip(((place - starts) * directions).sum(axis=1) / square, 0.0, 1.0)
-        distances_m: Array = np.hypot(*(starts + share[:, None] * directions - place).T)
-        return distances_m
 
 
 def encode_leg(leg: Leg, origin_m: tuple[float, float]) -> dict[str, Any]:

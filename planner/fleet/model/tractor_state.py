@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
+
+from planner.fleet.model.timed_mission import TimedMission
+from vehicle.missions.plan import Leg
 
 
 @dataclass(frozen=True)
@@ -25,42 +29,37 @@ class FleetEvent:
     data: dict[str, Any] = field(default_factory=dict)
 
 
+MOVING_MPS = 0.05  # slower tractors count as standing
 AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 BY_HAND = frozenset({MANUAL, REMOTE})
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
-# Holds: while a tractor has any, it stands.
-(
-    PAUSED,
-    HALTED,
-    TOO_NEAR,
-    FENCE,
-    OBSTACLE,
-    FAILED,
-    REMOTE_CONTROL,
-    ASTRAY,
-    REASSIGNED,
-    UNREADABLE,
-    WAITS_FOR_PLAN,
-    SERVICE_RESTARTED,
-) = (
-    "paused",
-    "stopped by stop-all",
-    "too near another",
-    "outside the fence",
-    "obstacle on its way",
-    "failed",
-    "remote control",
-    "not where it can be",
-    "its tracks were given to others",
-    "an obstacle that cannot be read",
-    "waits for another by the plan",
-    "the service began anew",
-)
-UNTIL_RESUMED = frozenset({PAUSED, HALTED, SERVICE_RESTARTED})
+
+
+class Hold(StrEnum):
+    """Why a tractor stands: while it has any hold, it does not drive by itself."""
+
+    PAUSED = "paused"
+    HALTED = "stopped by stop-all"
+    TOO_NEAR = "too near another"
+    FENCE = "outside the fence"
+    OBSTACLE = "obstacle on its way"
+    FAILED = "failed"
+    REMOTE_CONTROL = "remote control"
+    ASTRAY = "not where it can be"
+    REASSIGNED = "its tracks were given to others"
+    UNREADABLE = "an obstacle that cannot be read"
+    WAITS_FOR_PLAN = "waits for another by the plan"
+    SERVICE_RESTARTED = "the service began anew"
+
+
+UNTIL_RESUMED = frozenset({Hold.PAUSED, Hold.HALTED, Hold.SERVICE_RESTARTED})
 """Holds that end when an operator resumes a tractor."""
 SAFE_TO_DRIVE = frozenset(
-    {REMOTE_CONTROL, OBSTACLE, TOO_NEAR, FENCE, ASTRAY, REASSIGNED, WAITS_FOR_PLAN, SERVICE_RESTARTED}
-)
+    {
+        Hold.REMOTE_CONTROL, Hold.OBSTACLE, Hold.TOO_NEAR, Hold.FENCE, Hold.ASTRAY, Hold.REASSIGNED,
+        Hold.WAITS_FOR_PLAN, Hold.SERVICE_RESTARTED,
+    }
+)  # fmt: skip
 """Holds under which remote control is still allowed; the guard allows only commands that lead away from danger."""
 
 
@@ -106,7 +105,7 @@ class DisobeyingMotion:
 
 @dataclass
 class TractorState:
-    """One tractor. Times are of the fleet manager's clock in seconds; -inf for never.
+    """One tractor and its mission. Times are of the fleet manager's clock in seconds; -inf for never.
 
     `last_contact_s` is when its link last worked, `last_fix_s` when it was at the place of `report`. `leg` and `leg_m`
     never go back. The first `base_end` legs may be driven. `driving_s` are seconds driven under its own guidance, and
@@ -116,6 +115,7 @@ class TractorState:
     for an unreadable one, and `cleared_at` is where it stood when an operator had looked.
     """
 
+    mission: TimedMission
     report: TractorReport | None = None
     last_contact_s: float = -math.inf
     last_fix_s: float = -math.inf
@@ -148,9 +148,39 @@ class TractorState:
         return self.report.mode if self.report else STOPPED
 
     @property
+    def present_leg(self) -> Leg:
+        """The leg that it is on, at the end of its mission the last one."""
+        return self.mission.legs[min(self.leg, len(self.mission.legs) - 1)]
+
+    @property
+    def position_m(self) -> float:
+        """Metres from the start of its mission to where it is."""
+        return self.mission.leg_starts_m[min(self.leg, len(self.mission.legs))] + self.leg_m
+
+    @property
+    def base_end_m(self) -> float:
+        """Metres from the start of its mission to the end of its base."""
+        return self.mission.leg_starts_m[min(self.base_end, len(self.mission.legs))]
+
+    @property
+    def worked_m(self) -> float:
+        """Metres that it has worked so far."""
+        return self.mission.worked_m[-1] if self.done else self.mission.compute_worked_m(self.leg, self.leg_m)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it moved when it reported last."""
+        return self.report is not None and self.report.speed_mps > MOVING_MPS
+
+    @property
+    def is_standing(self) -> bool:
+        """Whether it stands by order, and so can wait where it is."""
+        return self.standing_ordered and self.report is not None and self.report.speed_mps < MOVING_MPS
+
+    @property
     def has_no_more_legs(self) -> bool:
         """Whether it drives no more legs: it has failed, or its tracks were given to others."""
-        return self.failed or REASSIGNED in self.holds
+        return self.failed or Hold.REASSIGNED in self.holds
 
     def get_connection(self, now: float, silence_s: float) -> str:
         """One of online, offline (never connected, or disconnected by itself) and broken."""

@@ -52,7 +52,7 @@ def _move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
         base_count = count_base_legs(remaining, number)
         if not any(gate.tractor not in remaining.excluded for leg in mission.legs[:base_count] for gate in leg.gates):
             continue
-        place = 0 if remaining.is_standing(number) else base_count
+        place = 0 if remaining.states[number].is_standing else base_count
         if place:
             drive_on.append(number)
         if base_count == 1 and place == 0:

@@ -19,6 +19,7 @@ from planner.request.parameter_names import strip_unit
 RunInProcess = Callable[..., Awaitable[Any]]
 BroadcastFrame = Callable[[dict[str, Any]], None]
 MOST_PROPOSALS = 5
+PROPOSAL_FIGURES = ("eta_s", "reassigned_m", "unreachable_m", "blocked_m")
 
 
 @dataclass(frozen=True)
@@ -49,34 +50,23 @@ class ReplanProposals:
         self._last += 1
         replan_run = _ProposalRecord(self._last, "planning", remaining)
         self._store_and_show(replan_run, broadcast)
-        task = asyncio.get_running_loop().create_task(
-            self._compute_proposal(self._run_in_process, replan_run, remaining, broadcast)
-        )
+        planning = self._compute_proposal(self._run_in_process, replan_run, broadcast)
+        task = asyncio.get_running_loop().create_task(planning)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return replan_run.id
 
     async def _compute_proposal(
-        self,
-        run_in_process: RunInProcess,
-        replan_run: _ProposalRecord,
-        remaining: RemainingWork,
-        broadcast: BroadcastFrame,
+        self, run_in_process: RunInProcess, replan_run: _ProposalRecord, broadcast: BroadcastFrame
     ) -> None:
         try:
-            proposal: ReplanProposal = await run_in_process(replan_remaining_work, remaining)
+            proposal: ReplanProposal = await run_in_process(replan_remaining_work, replan_run.remaining)
+            replan_run = replace(replan_run, state="ready", proposal=proposal, sentence=proposal.sentence)
         except HeadlandError as refusal:
-            self._store_and_show(
-                replace(replan_run, state="failed", sentence=refusal.render_sentence(strip_unit)), broadcast
-            )
+            replan_run = replace(replan_run, state="failed", sentence=refusal.render_sentence(strip_unit))
         except Exception as error:
-            self._store_and_show(
-                replace(replan_run, state="failed", sentence=f"Planning failed ({error}); try again."), broadcast
-            )
-        else:
-            self._store_and_show(
-                replace(replan_run, state="ready", proposal=proposal, sentence=proposal.sentence), broadcast
-            )
+            replan_run = replace(replan_run, state="failed", sentence=f"Planning failed ({error}); try again.")
+        self._store_and_show(replan_run, broadcast)
 
     def _store_and_show(self, replan_run: _ProposalRecord, broadcast: BroadcastFrame) -> None:
         self._items[replan_run.id] = replan_run
@@ -117,10 +107,7 @@ def _build_proposal_frame(replan_run: _ProposalRecord) -> dict[str, Any]:
     if proposal is not None:
         origin = proposal.plan.saved.origin_m
         frame |= {
-            "eta_s": round(proposal.eta_s, 1),
-            "reassigned_m": round(proposal.reassigned_m, 1),
-            "unreachable_m": round(proposal.unreachable_m, 1),
-            "blocked_m": round(proposal.blocked_m, 1),
+            **{key: round(getattr(proposal, key), 1) for key in PROPOSAL_FIGURES},
             "tractors": [
                 {
                     "tractor": number + 1,

@@ -181,7 +181,7 @@ def _append_piece_to_helper(ways: Ways, helper: HelperTractor, legs: tuple[Leg, 
         return False
     approach_legs = build_approach_legs(ways, way.path, legs[0].task)
     helper.legs += [*approach_legs, *legs]
-    helper.free_s += sum(leg.length_m / leg.speed_mps for leg in (*approach_legs, *legs))
+    helper.free_s += _compute_driving_time_s((*approach_legs, *legs))
     helper.pose = compute_leg_end_pose(legs[-1], -1)
     return True
 

@@ -28,7 +28,6 @@ from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates, move_waiting_places, renumber_leg_gates
 from planner.fleet.replanning.reassignment import (
     HelperTractor,
-    WorkPiece,
     assign_pieces,
     build_exit_legs,
     compute_leg_end_pose,
@@ -36,9 +35,7 @@ from planner.fleet.replanning.reassignment import (
 )
 from planner.traffic.giving_way import resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
-from strategies.path_planning.paths import Pose
 from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
-from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.ways import Ways
 from strategies.service_stops.stop_plan import (
     add_service_gates,
@@ -92,13 +89,14 @@ def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
         raise FleetManagerError(
             "Every other tractor is already leaving the field; nobody can take over. Resume one on the field first."
         )
+    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
+    taken = _build_taken_area(remaining, context, half_m)
     best: ReplanProposal | None = None
     first_error: FleetManagerError | None = None
     for keep_m, helper_numbers in _list_attempts(context, helpers):
+        blocked = shapely.buffer(taken, half_m + keep_m)  # where the guided point of nobody may be
         try:
-            proposal = _attempt_replan(
-                remaining, context, _build_blocked_area(remaining, context, keep_m), helper_numbers
-            )
+            proposal = _attempt_replan(remaining, context, taken, blocked, helper_numbers)
         except HeadlandError as refusal:
             first_error = first_error or (
                 refusal if isinstance(refusal, FleetManagerError) else FleetManagerError(str(refusal))
@@ -115,20 +113,30 @@ def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
 
 
 def _list_attempts(context: PlanningContext, helpers: list[int]) -> list[tuple[float, list[int]]]:
-    """Attempts (distance to keep from obstacles, helpers): all with ample distance first, then less of either."""
-    clear_m = _compute_overhang_m(context)
+    """Attempts (distance to keep from obstacles, helpers): all with ample distance first, then less of either.
+
+    The ample distance is how far a machine reaches ahead of or behind the guided point.
+    """
+    clear_m = max(max(abs(rear), abs(front)) for rear, front, _ in context.driving_rules.boxes)
     single = [[number] for number in helpers] if len(helpers) > 1 else []
     return [(clear_m, helpers), (0.0, helpers), *((clear_m, numbers) for numbers in single[:MOST_SINGLE_HELPERS])]
 
 
 def _attempt_replan(
-    remaining: RemainingWork, context: PlanningContext, blocked: shapely.Geometry, helpers: Sequence[int]
+    remaining: RemainingWork,
+    context: PlanningContext,
+    taken: shapely.Geometry,
+    blocked: shapely.Geometry,
+    helpers: Sequence[int],
 ) -> ReplanProposal:
     plan, moves = remaining.plan, get_site_moves(context)
-    ways = Ways(build_site(context, _build_taken_area(remaining, context)), moves.finder.settling)
+    ways = Ways(build_site(context, taken), moves.finder.settling)
     wide = shapely.buffer(blocked, 0.5)
     ends = [_count_unchanged_legs(remaining, number, wide, number in helpers) for number in range(plan.tractor_count)]
-    shares = [_find_pieces(remaining, number, end, moves, wide) for number, end in enumerate(ends)]
+    shares = []  # what each gives away: all that remains of an excluded one, what is blocked of another
+    for number, (state, end) in enumerate(zip(remaining.states, ends, strict=True)):
+        first, first_m = (state.leg, state.leg_m) if number in remaining.excluded else (end, 0.0)
+        shares.append(find_remaining_pieces(state.mission, first, first_m, moves, wide))
     pieces = [piece for share, _ in shares for piece in share]
     helper_tractors = [_build_helper(remaining, number, ends[number]) for number in helpers]
     unreached = assign_pieces(pieces, helper_tractors, ways)
@@ -146,89 +154,44 @@ def _attempt_replan(
     blocked_m = sum(metres for _, metres in shares)
     helper_numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     eta_s = float(max(run.finish_s[n] for n in helper_numbers)) / remaining.times
-    sentence = (
-        " ".join(
-            filter(
-                None, (_describe_open_work(remaining, unreachable_m, blocked_m), _describe_unknown_load(plan, supply))
-            )
-        )
-        or None
-    )
-    return ReplanProposal(
-        _build_whole_plan(remaining, missions, run),
-        tuple(ends),
-        eta_s,
-        reassigned_m,
-        unreachable_m,
-        blocked_m,
-        sentence,
-    )
+    sentences = [*_describe_open_work(remaining, unreachable_m, blocked_m), *_describe_unknown_load(plan, supply)]
+    new_plan, sentence = _build_whole_plan(remaining, missions, run), " ".join(sentences) or None
+    return ReplanProposal(new_plan, tuple(ends), eta_s, reassigned_m, unreachable_m, blocked_m, sentence)
 
 
-def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> str | None:
-    """What remains unworked and why, in a sentence or two; None if nothing."""
-    causes = [f"tractor {number + 1}" for number in remaining.excluded if not _is_tractor_on_road(remaining, number)]
+def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:
+    """What remains unworked and why, in a sentence or two; none for nothing."""
+    causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
     causes += ["an obstacle"] if remaining.obstacles else []
-    blocked_text = f"{blocked_m:.0f} m of track are too near {' and '.join(causes)} and remain unworked."
-    unreachable_text = f"{unreachable_m:.0f} m of track cannot be reached and remain unworked."
-    return (
-        " ".join(
-            text for text, metres in ((blocked_text, blocked_m), (unreachable_text, unreachable_m)) if metres >= 0.5
-        )
-        or None
-    )
+    sentences = []
+    if blocked_m >= 0.5:
+        sentences.append(f"{blocked_m:.0f} m of track are too near {' and '.join(causes)} and remain unworked.")
+    if unreachable_m >= 0.5:
+        sentences.append(f"{unreachable_m:.0f} m of track cannot be reached and remain unworked.")
+    return sentences
 
 
-def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> str | None:
-    """A remark if tractors carry something and the plan does not say how much; None otherwise."""
+def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
+    """A remark if tractors carry something and the plan does not say how much; none otherwise."""
     if supply is not None or "refills" not in plan.plan.notes:
-        return None
-    return "The plan has no service stops, so the size of a load is unknown: check the tanks."
+        return []
+    return ["The plan has no service stops, so the size of a load is unknown: check the tanks."]
 
 
-def _build_blocked_area(remaining: RemainingWork, context: PlanningContext, margin_m: float) -> shapely.Geometry:
-    """Where the guided point of nobody may be: half a machine round what is taken, and `margin_m` more."""
-    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
-    return shapely.buffer(_build_taken_area(remaining, context), half_m + margin_m)
+def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
+    """What no machine may touch: tractors that have failed with the clearance round them, and obstacles.
 
-
-def _build_taken_area(remaining: RemainingWork, context: PlanningContext) -> shapely.Geometry:
-    """What no machine may touch: tractors that have failed with the clearance round them, and obstacles."""
-    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
+    `half_m` is half the width of a machine.
+    """
     shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    long_m = context.tractor.length_m
     for number in remaining.excluded:
-        if not _is_tractor_on_road(remaining, number):
-            x, y, heading = _get_pose(remaining, number)
+        if not remaining.is_on_road(number):
+            x, y, heading = remaining.get_pose(number)
             ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
-            long_m = context.tractor.length_m
-            line = shapely.LineString(
-                [place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead]
-            )
-            shapes.append(shapely.buffer(line, half_m + context.request.clearance_m))
+            tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
+            shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
     return shapely.union_all(shapes)
-
-
-def _is_tractor_on_road(remaining: RemainingWork, number: int) -> bool:
-    """Whether a tractor stands on the road: it has not entered yet, or has left."""
-    state, mission = remaining.states[number], remaining.plan.plan.missions[number]
-    return (mission.enters and not remaining.has_tractor_driven(number)) or (mission.leaves and state.done)
-
-
-def _get_pose(remaining: RemainingWork, number: int) -> Pose:
-    """The reported pose of a tractor, or the one by its progress."""
-    state, timed_mission = remaining.states[number], remaining.plan.timed_missions[number]
-    if state.report is not None:
-        return state.report.x_m, state.report.y_m, state.report.heading_rad
-    x, y, heading = timed_mission.sample_poses(
-        min(state.leg, len(timed_mission.legs) - 1), state.leg_m, [0.0], len(timed_mission.legs)
-    )[0]
-    return float(x), float(y), float(heading)
-
-
-def _compute_overhang_m(context: PlanningContext) -> float:
-    """How far a machine reaches ahead of or behind the guided point, metres."""
-    boxes = context.driving_rules.boxes
-    return max(max(abs(rear), abs(front)) for rear, front, _ in boxes)
 
 
 def _can_help(remaining: RemainingWork, number: int) -> bool:
@@ -241,37 +204,20 @@ def _can_help(remaining: RemainingWork, number: int) -> bool:
 
 def _count_unchanged_legs(remaining: RemainingWork, number: int, blocked_area: shapely.Geometry, helps: bool) -> int:
     """How many legs of a tractor stay unchanged: up to its exit legs, or to the first blocked one."""
-    state, legs = remaining.states[number], remaining.plan.timed_missions[number].legs
+    state, legs = remaining.states[number], remaining.states[number].mission.legs
     if number in remaining.excluded:
         return min(state.leg + 1, len(legs))
-    fixed_count = max(state.base_end, state.leg + 1)
-    for k in range(fixed_count, len(legs)):
-        if legs[k].task.kind == LEAVE and helps:
-            return k
-        if helps and shapely.intersects(shapely.LineString(legs[k].points), blocked_area):
+    for k in range(max(state.base_end, state.leg + 1), len(legs)):
+        if helps and (legs[k].task.kind == LEAVE or shapely.intersects(state.mission.lines[k], blocked_area)):
             return k
     return len(legs)
 
 
-def _find_pieces(
-    remaining: RemainingWork, number: int, end: int, moves: SiteMoves, blocked_area: shapely.Geometry
-) -> tuple[list[WorkPiece], float]:
-    """The work that a tractor gives away: all that remains of an excluded one, what is blocked of another.
-
-    The second value is the metres of it that are blocked.
-    """
-    state, timed_mission = remaining.states[number], remaining.plan.timed_missions[number]
-    if number in remaining.excluded:
-        return find_remaining_pieces(timed_mission, state.leg, state.leg_m, moves, blocked_area)
-    return find_remaining_pieces(timed_mission, end, 0.0, moves, blocked_area)
-
-
 def _build_helper(remaining: RemainingWork, number: int, end: int) -> HelperTractor:
-    timed_mission, state = remaining.plan.timed_missions[number], remaining.states[number]
-    remaining_s = (
-        0.0 if state.done else timed_mission.leg_starts_s[end] - timed_mission.compute_driven_s(state.leg, state.leg_m)
-    )
-    return HelperTractor(number, remaining_s, compute_leg_end_pose(timed_mission.legs[end - 1], -1), [])
+    state = remaining.states[number]
+    driven_s = state.mission.compute_driven_s(state.leg, state.leg_m)
+    remaining_s = 0.0 if state.done else state.mission.leg_starts_s[end] - driven_s
+    return HelperTractor(number, remaining_s, compute_leg_end_pose(state.mission.legs[end - 1], -1), [])
 
 
 def _infer_carried_supply(plan: FleetPlan) -> Supply | None:
@@ -297,8 +243,7 @@ def _build_missions(
     taken_legs = {helper.number: helper.legs for helper in helper_tractors}
     service_points = list_service_points([timed_mission.legs for timed_mission in remaining.plan.timed_missions])
     missions = []
-    for number, timed_mission in enumerate(remaining.plan.timed_missions):
-        end = ends[number]
+    for number, (timed_mission, end) in enumerate(zip(remaining.plan.timed_missions, ends, strict=True)):
         legs = [drop_open_gates(leg, remaining) for leg in timed_mission.legs[:end]]
         if (number not in remaining.excluded and end < len(timed_mission.legs)) or taken_legs.get(number):
             legs += taken_legs[number]
@@ -314,7 +259,7 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
     """The remaining plan from where all tractors are; leg k counts from the present leg."""
     missions_from_here = []
     for number, (legs, state) in enumerate(zip(missions, remaining.states, strict=True)):
-        if number in remaining.excluded or (state.done and state.leg >= len(legs) - 1):
+        if remaining.stays(number, len(legs)):
             missions_from_here.append(Mission((_build_stationary_leg(remaining, number, legs),)))
             continue
         first_leg = _cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
@@ -325,8 +270,8 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
 
 def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg, ...]) -> Leg:
     """A stub leg for a tractor that stays where it is; one on the road is moved far away."""
-    x, y, heading = _get_pose(remaining, number)
-    if _is_tractor_on_road(remaining, number):
+    x, y, heading = remaining.get_pose(number)
+    if remaining.is_on_road(number):
         x -= ROAD_M * (number + 1)
     ahead = np.array([math.cos(heading), math.sin(heading)])
     return Leg(np.array([(x, y), (x, y) + STUB_LENGTH_M * ahead]), 1.0, ground=legs[0].ground, task=LegTask())
@@ -343,14 +288,10 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
 def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
     """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
     clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context)
+    machines = context.tractor, context.implement
+    ground: dict[str, Any] = {"terrain": context.physics.terrain, "load": context.physics.driven_load}
     rehearsal = IncrementalSimulator(
-        context.tractor,
-        context.implement,
-        stop_clearance_m=clearance_m,
-        beside_clearance_m=beside_m,
-        terrain=context.physics.terrain,
-        load=context.physics.driven_load,
-        seed=context.request.seed,
+        *machines, stop_clearance_m=clearance_m, beside_clearance_m=beside_m, seed=context.request.seed, **ground
     )
 
     def compute_patience_s(tried_plan: Plan) -> float:
@@ -359,54 +300,40 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
 
     def simulate_alone(mission: Mission) -> SimulationRun:
         single = Plan((mission,))
-        physics = context.physics
-        world = World(single, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
-        return world.run(max_time_s=compute_patience_s(single))
+        return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
 
     def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
-        return schedule_plan(
-            tried_plan, TrafficRules(context.tractor, context.implement, clearance_m, beside_m, simulate_alone), slack
-        )
+        return schedule_plan(tried_plan, TrafficRules(*machines, clearance_m, beside_m, simulate_alone), slack)
+
+    def simulate(tried_plan: Plan) -> SimulationRun:
+        return rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
 
     try:
-        run, conflict = resolve_conflicts(
-            plan, lambda p: rehearsal.simulate(p, compute_patience_s(p)), schedule_traffic
-        )
+        run, conflict = resolve_conflicts(plan, simulate, schedule_traffic)
     except HeadlandError as refusal:
         raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
     if conflict is not None or run.outcome != DONE:
         raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
-    return move_waiting_places(
-        remaining, run, lambda tried_plan: rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
-    )
+    return move_waiting_places(remaining, run, simulate)
 
 
 def _build_whole_plan(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]], run: SimulationRun) -> FleetPlan:
     """Join the legs driven so far and those of the run into one plan."""
     plan, timed_run, whole_missions, timed_missions = remaining.plan, build_timed_missions(run.plan, run), [], []
     for number, legs in enumerate(missions):
-        present_leg, old = remaining.states[number].leg, plan.timed_missions[number]
-        is_standing = number in remaining.excluded or (remaining.states[number].done and present_leg >= len(legs) - 1)
+        present_leg, new_legs = remaining.states[number].leg, run.plan.missions[number].legs
         first_count = 1 if remaining.has_tractor_driven(number) else 0
-        past_legs = tuple(
-            replace(leg, gates=(), follow=None)
-            for leg in legs[: len(legs) if is_standing else present_leg + first_count]
-        )
+        is_standing = remaining.stays(number, len(legs))
+        past_count = len(legs) if is_standing else present_leg + first_count
+        past_legs = [replace(leg, gates=(), follow=None) for leg in legs[:past_count]]
         if first_count and not is_standing:  # a standing tractor may have to wait where it is
-            present_gates = renumber_leg_gates(run.plan.missions[number].legs[0], remaining, 1).gates
-            past_legs = (*past_legs[:-1], replace(past_legs[-1], gates=present_gates))
-        future_legs = (
-            ()
-            if is_standing
-            else tuple(renumber_leg_gates(leg, remaining, 1) for leg in run.plan.missions[number].legs[first_count:])
-        )
-        whole_mission = Mission((*past_legs, *future_legs))
+            present_gates = renumber_leg_gates(new_legs[0], remaining, 1).gates
+            past_legs[-1] = replace(past_legs[-1], gates=present_gates)
+        future = slice(first_count, first_count if is_standing else None)
+        whole_mission = Mission((*past_legs, *(renumber_leg_gates(leg, remaining, 1) for leg in new_legs[future])))
         whole_missions.append(whole_mission)
-        seconds = (
-            *old.leg_seconds[: len(past_legs)],
-            *timed_run[number].leg_seconds[first_count : first_count + len(future_legs)],
-        )
-        timed_missions.append(TimedMission(whole_mission, seconds))
+        past_seconds = remaining.states[number].mission.leg_seconds[: len(past_legs)]
+        timed_missions.append(TimedMission(whole_mission, (*past_seconds, *timed_run[number].leg_seconds[future])))
     notes = {**plan.plan.notes, "replanned": True}
     if "refills" in notes:
         stops = notes["refills"] if isinstance(notes["refills"], list) else []

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import (
-    FENCE,
-    HALTED,
     MANUAL,
-    OBSTACLE,
+    MOVING_MPS,
     REMOTE,
     STOPPED,
-    TOO_NEAR,
     DisobeyingMotion,
+    Hold,
     TractorReport,
     TractorState,
 )
 from planner.fleet.safety.motion_prediction import compute_stopping_time_s
-from planner.fleet.safety.safety_guard import MOVING_MPS
 
 REPEAT_STOP_S = 1.0  # between two orders to stand
 ORDER_DELAY_S = 0.5  # from the order to a report of one that has heard it, over a quick link
 REPORT_GAP_S = 0.25  # between two reports of a tractor that reports without a break
-NOT_BY_HAND = frozenset({HALTED, TOO_NEAR, FENCE, OBSTACLE})
+NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
 
 
@@ -69,14 +65,14 @@ def _is_braking(report: TractorReport, motion: DisobeyingMotion, rules: FleetRul
 PLACE_TOLERANCE_M = 2.0  # of a place on a leg
 
 
-def find_impossible_place_reason(report: TractorReport, state: TractorState, timed_mission: TimedMission) -> str | None:
+def find_impossible_place_reason(report: TractorReport, state: TractorState) -> str | None:
     """Why a reported place is impossible, as the end of a sentence; None if it is possible."""
-    place_m = timed_mission.leg_starts_m[report.leg] + report.leg_m
-    if report.leg_m > timed_mission.lengths_m[report.leg] + PLACE_TOLERANCE_M:
-        return f"{report.leg_m:.1f} m along leg {report.leg}, which is {timed_mission.lengths_m[report.leg]:.1f} m long"
-    if place_m > timed_mission.leg_starts_m[min(state.base_end, len(timed_mission.legs))] + PLACE_TOLERANCE_M:
+    length_m = state.mission.lengths_m[report.leg]
+    place_m = state.mission.leg_starts_m[report.leg] + report.leg_m
+    if report.leg_m > length_m + PLACE_TOLERANCE_M:
+        return f"{report.leg_m:.1f} m along leg {report.leg}, which is {length_m:.1f} m long"
+    if place_m > state.base_end_m + PLACE_TOLERANCE_M:
         return f"on leg {report.leg}, beyond the {state.base_end} legs that it may drive"
-    known_leg = min(state.leg, len(timed_mission.legs))
-    if report.leg < known_leg and place_m < timed_mission.leg_starts_m[known_leg] + state.leg_m - PLACE_TOLERANCE_M:
+    if report.leg < min(state.leg, len(state.mission.legs)) and place_m < state.position_m - PLACE_TOLERANCE_M:
         return f"on leg {report.leg}, but it was already on leg {state.leg}"
     return None

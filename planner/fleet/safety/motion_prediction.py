@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
 from vehicle.model.tractor import Tractor
 
@@ -20,24 +19,16 @@ STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
 
 
-class TwinPredictions(Protocol):
-    """Predictions of the twins, in metres of the plan at the guided point; None if unknown."""
+class TwinPredictions:
+    """Predictions of the twins, in metres of the plan at the guided point; these here know no tractor."""
 
     def find_place(self, number: int) -> tuple[float, float] | None:
-        """Where a tractor is now: x, y."""
+        """Where a tractor is now: x, y; None if unknown."""
+        return None
 
     def predict_path(self, number: int, times_s: Array) -> Array | None:
-        """Poses (steps, 3) of a tractor at times from now on, if its command stays the same."""
-
-
-class NoTwins:
-    """Predictions of a fleet without twins: none."""
-
-    def find_place(self, number: int) -> tuple[float, float] | None:
-        """None."""
-
-    def predict_path(self, number: int, times_s: Array) -> Array | None:
-        """None."""
+        """Poses (steps, 3) of a tractor at times from now on, if its command stays the same; None if unknown."""
+        return None
 
 
 def build_time_steps(rules: FleetRules) -> Array:
@@ -52,7 +43,6 @@ def build_standing_path(report: TractorReport, rules: FleetRules) -> Array:
 
 def predict_path(
     state: TractorState,
-    timed_mission: TimedMission,
     tractor: Tractor,
     rules: FleetRules,
     *,
@@ -73,12 +63,11 @@ def predict_path(
         speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
         metres = speed_mps * times_s
         if goes_on:
-            metres = max(speed_mps, timed_mission.legs[min(state.leg, len(timed_mission.legs) - 1)].speed_mps) * times_s
+            metres = max(speed_mps, state.present_leg.speed_mps) * times_s
         elif state.holds:
             metres = np.minimum(metres, compute_braking_distance_m(speed_mps, rules))
-        poses = timed_mission.sample_poses(
-            min(state.leg, len(timed_mission.legs) - 1), state.leg_m, metres.tolist(), state.base_end
-        )
+        leg = min(state.leg, len(state.mission.legs) - 1)
+        poses = state.mission.sample_poses(leg, state.leg_m, metres.tolist(), state.base_end)
         poses[0] = report.x_m, report.y_m, report.heading_rad
         return poses
     if twin_path is not None and report.mode in (REMOTE, MANUAL):
@@ -107,27 +96,14 @@ def predict_arc(
     curvature = -math.tan(steering_rad) / (tractor.front_axle_m + tractor.rear_axle_m)
     headings_rad = report.heading_rad + curvature * velocity_mps * times_s
     if abs(curvature) < STRAIGHT_RAD:
-        rear = np.column_stack(
-            [
-                x + velocity_mps * times_s * math.cos(report.heading_rad),
-                y + velocity_mps * times_s * math.sin(report.heading_rad),
-            ]
-        )
+        rear_x = x + velocity_mps * times_s * math.cos(report.heading_rad)
+        rear_y = y + velocity_mps * times_s * math.sin(report.heading_rad)
     else:
         radius_m = 1.0 / curvature
-        rear = np.column_stack(
-            [
-                x + radius_m * (np.sin(headings_rad) - math.sin(report.heading_rad)),
-                y - radius_m * (np.cos(headings_rad) - math.cos(report.heading_rad)),
-            ]
-        )
-    return np.column_stack(
-        [
-            rear[:, 0] + antenna_forward_m * np.cos(headings_rad),
-            rear[:, 1] + antenna_forward_m * np.sin(headings_rad),
-            headings_rad,
-        ]
-    )
+        rear_x = x + radius_m * (np.sin(headings_rad) - math.sin(report.heading_rad))
+        rear_y = y - radius_m * (np.cos(headings_rad) - math.cos(report.heading_rad))
+    antenna_x = rear_x + antenna_forward_m * np.cos(headings_rad)
+    return np.column_stack([antenna_x, rear_y + antenna_forward_m * np.sin(headings_rad), headings_rad])
 
 
 def compute_braking_distance_m(speed_mps: float, rules: FleetRules) -> float:
@@ -185,29 +161,16 @@ class NeighbourTractor:
         return np.repeat(self.path[:1], len(self.path), axis=0) if self.is_waiting else self.path
 
 
-class NeighbourFleets(Protocol):
-    """The other fleets near one; see planner.fleet.manager.neighbourhood."""
+class NeighbourFleets:
+    """The other fleets near one: here none; see planner.fleet.manager.neighbourhood."""
 
     def find_nearby_tractors(self) -> list[NeighbourTractor]:
         """The tractors of other fleets that could come near."""
+        return []
 
     def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
         """Stop all neighbouring fleets; returns their names."""
+        return []
 
     def restart_waiting_times(self) -> None:
         """A tractor of this fleet resumes: waiting tractors of the others start their waiting time again."""
-
-
-class NoNeighbours:
-    """A fleet without neighbours."""
-
-    def find_nearby_tractors(self) -> list[NeighbourTractor]:
-        """None."""
-        return []
-
-    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
-        """Nobody."""
-        return []
-
-    def restart_waiting_times(self) -> None:
-        """Nobody waits."""

@@ -14,12 +14,10 @@ import shapely.affinity
 
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, TOO_NEAR, TractorState
+from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
 from planner.fleet.safety.motion_prediction import (
     STEP_S,
     NeighbourTractor,
-    NoTwins,
     TractorKey,
     TwinPredictions,
     build_standing_path,
@@ -36,13 +34,12 @@ from planner.fleet.safety.outlines import (
     is_leading_away,
     place_outline,
 )
-from planner.fleet.safety.separation import CONTACT_M, SafetyDanger
+from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
 
 Array = npt.NDArray[np.float64]
-MOVING_MPS = 0.05
 RELEASE_SHARE = 0.9  # of the plan's least distance: asking for more would keep tractors standing for ever
 
 
@@ -68,7 +65,7 @@ class SafetyGuard:
     """
 
     def __init__(self, plan: FleetPlan, rules: FleetRules, twins: TwinPredictions | None = None) -> None:
-        self.tractor, self.rules, self.twins = plan.tractor, rules, twins or NoTwins()
+        self.tractor, self.rules, self.twins = plan.tractor, rules, twins or TwinPredictions()
         self.model = np.array([build_model_record(plan.tractor, plan.implement)])
         self.boxes = build_footprint(plan.tractor, plan.implement)
         self.reach_m = float(self.model[0]["reach"])
@@ -85,18 +82,13 @@ class SafetyGuard:
         self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
         shapely.prepare(self.fence)
 
-    def find_tractors_on_field(
-        self, states: Sequence[TractorState], timed_missions: Sequence[TimedMission]
-    ) -> npt.NDArray[np.bool_]:
+    def find_tractors_on_field(self, states: Sequence[TractorState]) -> npt.NDArray[np.bool_]:
         """Which tractors (n,) are on the field: have reported, have entered, and have not left."""
-        return np.array(
-            [_is_present(state, timed_mission) for state, timed_mission in zip(states, timed_missions, strict=True)],
-            dtype=np.bool_,
-        )
+        return np.array([_is_present(state) for state in states], dtype=np.bool_)
 
-    def is_queueing(self, state: TractorState, timed_mission: TimedMission) -> bool:
+    def is_queueing(self, state: TractorState) -> bool:
         """Whether a tractor stands at its entrance, before it enters or after it left, and is not about to start."""
-        report, first, last = state.report, timed_mission.legs[0], timed_mission.legs[-1]
+        report, first, last = state.report, state.mission.legs[0], state.mission.legs[-1]
         if report is None or abs(report.speed_mps) >= MOVING_MPS:
             return False
         if state.done:
@@ -105,25 +97,20 @@ class SafetyGuard:
             place = first.points[0] if first.task.kind == ENTER and state.leg == 0 else None
         if place is None or math.dist(place, (report.x_m, report.y_m)) > self.reach_m:
             return False  # driven by hand it is elsewhere, though it has driven none of its legs
-        return state.done or abs(report.speed_command_mps) < MOVING_MPS or _is_waiting_at_base_end(state, timed_mission)
+        waits_at_base_end = state.mode == AUTOMATIC and state.base_end_m - state.position_m <= ROUNDING_M
+        return state.done or abs(report.speed_command_mps) < MOVING_MPS or waits_at_base_end
 
-    def predict_paths(self, states: Sequence[TractorState], timed_missions: Sequence[TimedMission]) -> Array:
-        """Predicted antenna poses (n, steps, 3); zeros for tractors that have never reported."""
-        return self.predict_paths_of(range(len(states)), states, timed_missions)
-
-    def predict_paths_of(
-        self,
-        numbers: Iterable[int],
-        states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
-        pace: float = 1.0,
+    def predict_paths(
+        self, states: Sequence[TractorState], numbers: Iterable[int] | None = None, pace: float = 1.0
     ) -> Array:
-        """Predicted antenna poses of some tractors; `pace` is seconds of this fleet per second of the observing one."""
-        return np.array(
-            [self._predict_path(number, states[number], timed_missions[number], pace) for number in numbers]
-        )
+        """Predicted antenna poses (n, steps, 3) of all tractors, or of some; zeros for those that have never reported.
 
-    def _predict_path(self, number: int, state: TractorState, timed_mission: TimedMission, pace: float) -> Array:
+        `pace` is seconds of this fleet per second of the observing one.
+        """
+        chosen = range(len(states)) if numbers is None else numbers
+        return np.array([self._predict_path(number, states[number], pace) for number in chosen])
+
+    def _predict_path(self, number: int, state: TractorState, pace: float) -> Array:
         if state.report is None:
             return np.zeros((len(build_time_steps(self.rules)), 3))
         if state.done or state.failed:
@@ -131,97 +118,69 @@ class SafetyGuard:
         times_s = pace * build_time_steps(self.rules)
         if state.mode != AUTOMATIC:
             twin_path = self.twins.predict_path(number, times_s)
-            return predict_path(state, timed_mission, self.tractor, self.rules, twin_path=twin_path, times_s=times_s)
-        cache_key = (state.report, state.leg, state.leg_m, state.base_end, bool(state.holds), timed_mission)
+            return predict_path(state, self.tractor, self.rules, twin_path=twin_path, times_s=times_s)
+        cache_key = (state.report, state.leg, state.leg_m, state.base_end, bool(state.holds), state.mission)
         cached = self._path_cache.get((number, pace))
         if cached is None or cached[0] != cache_key:
-            cached = cache_key, predict_path(state, timed_mission, self.tractor, self.rules, times_s=times_s)
+            cached = cache_key, predict_path(state, self.tractor, self.rules, times_s=times_s)
             self._path_cache[number, pace] = cached
         return cached[1]
 
     def find_dangers(
-        self,
-        states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
-        neighbours: Sequence[NeighbourTractor] = (),
+        self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor] = ()
     ) -> list[SafetyDanger]:
         """All dangers within the predicted time if nothing changes."""
-        present, paths = self.find_tractors_on_field(states, timed_missions), self.predict_paths(states, timed_missions)
+        present, paths = self.find_tractors_on_field(states), self.predict_paths(states)
         speeds_mps = [0.0 if s.report is None else abs(s.report.speed_mps) for s in states]
+        stopping_s = [compute_stopping_time_s(speed_mps, self.rules) for speed_mps in speeds_mps]
         poses = compute_centre_poses(paths, self.tractor)
-        meetings = self._find_own_approaches(poses, present, states)
         dangers = []
-        for i, j, k, distance_m in meetings:
+        for i, j, k, distance_m in self._find_own_approaches(poses, present, states):
             if max(speeds_mps[i], speeds_mps[j]) < MOVING_MPS and k == 0:
                 continue
-            in_s = k * STEP_S
-            is_urgent = in_s <= compute_stopping_time_s(max(speeds_mps[i], speeds_mps[j]), self.rules) + STEP_S
+            is_urgent = k * STEP_S <= max(stopping_s[i], stopping_s[j]) + STEP_S
             least_distance_m = float(compute_outline_distances(poses[i], poses[j], self.model).min())
-            dangers.append(SafetyDanger(i, j, in_s, distance_m, is_urgent, least_distance_m))
-        queues = [
-            self.is_queueing(state, timed_mission) for state, timed_mission in zip(states, timed_missions, strict=True)
-        ]
-        neighbour_dangers = self._find_neighbour_dangers(
-            poses, np.array([state.report is not None for state in states]), speeds_mps, queues, neighbours
-        )
-        return dangers + neighbour_dangers + self._find_fence_dangers(present, paths, speeds_mps)
-
-    def _find_neighbour_dangers(
-        self,
-        poses: Array,
-        reported: npt.NDArray[np.bool_],
-        speeds_mps: list[float],
-        queueing: list[bool],
-        neighbours: Sequence[NeighbourTractor],
-    ) -> list[SafetyDanger]:
-        """Dangers between tractors of this fleet and of others."""
-        dangers = []
+            dangers.append(SafetyDanger(i, j, k * STEP_S, distance_m, is_urgent, least_distance_m))
         for i, neighbour, k, distance_m in self._find_approaches(
-            poses, reported, neighbours, self.neighbour_clearances_m
+            poses, states, neighbours, self.neighbour_clearances_m
         ):
             if k == 0 and (
                 max(speeds_mps[i], neighbour.speed_mps) < MOVING_MPS
-                or self._is_leaving_entrance(poses[i], queueing[i], neighbour)
+                or self._is_leaving_entrance(poses[i], self.is_queueing(states[i]), neighbour)
             ):
                 continue
-            stands_s = max(compute_stopping_time_s(speeds_mps[i], self.rules), neighbour.braking_s)
-            least_distance_m = float(
-                compute_outline_distances(poses[i], neighbour.path, self.model, neighbour.model[None]).min()
-            )
-            is_urgent = k * STEP_S <= stands_s + STEP_S
+            is_urgent = k * STEP_S <= max(stopping_s[i], neighbour.braking_s) + STEP_S
+            distances_m = compute_outline_distances(poses[i], neighbour.path, self.model, neighbour.model[None])
+            least_distance_m = float(distances_m.min())
             dangers.append(SafetyDanger(i, neighbour.key, k * STEP_S, distance_m, is_urgent, least_distance_m))
+        inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
+        for i in np.flatnonzero(present & ~inside.all(axis=1)).tolist():
+            in_s = float(np.argmin(inside[i])) * STEP_S
+            distance_m = float(shapely.distance(self.fence, shapely.Point(paths[i, -1, :2])))
+            dangers.append(SafetyDanger(i, None, in_s, distance_m, in_s <= stopping_s[i] + STEP_S))
         return dangers
 
     def _is_leaving_entrance(self, path: Array, is_queueing: bool, neighbour: NeighbourTractor) -> bool:
         """Whether one of two near tractors stands at its entrance and the other drives away from it."""
-        own_path, neighbour_path, neighbour_model = (
-            _repeat_first_pose(path),
-            _repeat_first_pose(neighbour.path),
-            neighbour.model[None],
-        )
+        least_m, models = self.neighbour_clearances_m[0], (self.model, neighbour.model[None])
+        own_start, neighbour_start = _repeat_first_pose(path), _repeat_first_pose(neighbour.path)
         if neighbour.is_queueing and is_leading_away(
-            path,
-            neighbour_path[0],
-            compute_outline_distances(path, neighbour_path, self.model, neighbour_model),
-            self.neighbour_clearances_m[0],
+            path, neighbour_start[0], compute_outline_distances(path, neighbour_start, *models), least_m
         ):
             return True
         return is_queueing and is_leading_away(
-            neighbour.path,
-            own_path[0],
-            compute_outline_distances(own_path, neighbour.path, self.model, neighbour_model),
-            self.neighbour_clearances_m[0],
+            neighbour.path, own_start[0], compute_outline_distances(own_start, neighbour.path, *models), least_m
         )
 
     def _find_approaches(
         self,
         poses: Array,
-        reported: npt.NDArray[np.bool_],
+        states: Sequence[TractorState],
         neighbours: Sequence[NeighbourTractor],
         clearances_m: tuple[float, float],
     ) -> list[tuple[int, NeighbourTractor, int, float]]:
         """Pairs across fleets that come nearer than the clearances: number, neighbour, first step, distance (m)."""
-        numbers = np.flatnonzero(reported)
+        numbers = np.flatnonzero([state.report is not None for state in states])
         if not neighbours or not len(numbers):
             return []
         neighbour_paths = np.array([neighbour.path for neighbour in neighbours])
@@ -246,69 +205,44 @@ class SafetyGuard:
         return planned + [meeting for meeting in free if not _are_both_following_plan(meeting, states)]
 
     def find_close_pairs(
-        self,
-        states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
-        neighbours: Sequence[NeighbourTractor] = (),
-    ) -> dict[tuple[int, int | TractorKey], float]:
+        self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor] = ()
+    ) -> dict[NearPair, float]:
         """Pairs that are or will be nearer than the release distance, with the metres between them now.
 
         That distance is larger than the one that stops them, by `release_m` or by the error of predictions.
         """
-        present, poses = (
-            self.find_tractors_on_field(states, timed_missions),
-            compute_centre_poses(self.predict_paths(states, timed_missions), self.tractor),
-        )
+        present = self.find_tractors_on_field(states)
+        poses = compute_centre_poses(self.predict_paths(states), self.tractor)
         planned = find_close_approaches(poses, present, self.model, self.clearance_m, self.beside_m)
         free = find_close_approaches(poses, present, self.model, *self.release_clearances_m)
         meetings = planned + [meetings for meetings in free if not _are_both_following_plan(meetings, states)]
-        distances_m: dict[tuple[int, int | TractorKey], float] = {
+        distances_m: dict[NearPair, float] = {
             (i, j): float(compute_outline_distances(poses[i, :1], poses[j, :1], self.model)[0])
             for i, j, _, _ in meetings
         }
-        for i, neighbour, _, _ in self._find_approaches(
-            poses, np.array([state.report is not None for state in states]), neighbours, self.neighbour_release_m
-        ):
+        for i, neighbour, _, _ in self._find_approaches(poses, states, neighbours, self.neighbour_release_m):
             distances_m[i, neighbour.key] = self._measure_distance_m(poses[i, :1], neighbour)
         return distances_m
-
-    def _find_fence_dangers(
-        self, present: npt.NDArray[np.bool_], paths: Array, speeds_mps: list[float]
-    ) -> list[SafetyDanger]:
-        inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
-        dangers = []
-        for i in np.flatnonzero(present & ~inside.all(axis=1)).tolist():
-            in_s = float(np.argmin(inside[i])) * STEP_S
-            distance_m = float(shapely.distance(self.fence, shapely.Point(paths[i, -1, :2])))
-            dangers.append(
-                SafetyDanger(
-                    i, None, in_s, distance_m, in_s <= compute_stopping_time_s(speeds_mps[i], self.rules) + STEP_S
-                )
-            )
-        return dangers
 
     def is_inside_fence(self, state: TractorState) -> bool:
         """Whether a tractor is within the fence now."""
         report = state.report
         return report is None or bool(shapely.contains_xy(self.fence, report.x_m, report.y_m))
 
-    def measure_distance_m(self, first: int, second: int, states: Sequence[TractorState]) -> float:
-        """Metres between two that have reported, now; infinite where one has not."""
-        reports = [states[number].report for number in (first, second)]
-        poses = [[[report.x_m, report.y_m, report.heading_rad]] for report in reports if report is not None]
-        if len(poses) < 2:
+    def measure_distance_m(self, first: TractorState, second: TractorState | NeighbourTractor) -> float:
+        """Metres between a tractor and another one, of its fleet or not, now; infinite where one has not reported."""
+        if first.report is None:
             return math.inf
-        placed = compute_centre_poses(np.array(poses), self.tractor)
-        return float(compute_outline_distances(placed[0], placed[1], self.model)[0])
+        pose = self._compute_centre_pose(first.report)
+        if isinstance(second, NeighbourTractor):
+            return self._measure_distance_m(pose, second)
+        if second.report is None:
+            return math.inf
+        return float(compute_outline_distances(pose, self._compute_centre_pose(second.report), self.model)[0])
 
-    def measure_neighbour_distance_m(self, state: TractorState, neighbour: NeighbourTractor) -> float:
-        """Metres between one that has reported and a neighbour, now; infinite where it has not."""
-        report = state.report
-        if report is None:
-            return math.inf
-        return self._measure_distance_m(
-            compute_centre_poses(np.array([[report.x_m, report.y_m, report.heading_rad]]), self.tractor), neighbour
-        )
+    def _compute_centre_pose(self, report: TractorReport) -> Array:
+        """The pose (1, 3) of the centre of mass of a tractor that has reported."""
+        return compute_centre_poses(np.array([[report.x_m, report.y_m, report.heading_rad]]), self.tractor)
 
     def _measure_distance_m(self, pose: Array, neighbour: NeighbourTractor) -> float:
         return float(compute_outline_distances(pose, neighbour.path[:1], self.model, neighbour.model[None])[0])
@@ -317,7 +251,6 @@ class SafetyGuard:
         self,
         numbers: Iterable[int],
         states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
         neighbours: Sequence[NeighbourTractor] = (),
     ) -> dict[int, bool]:
         """Which of these tractors, which stand because another is near, could resume past all others as those move now.
@@ -326,32 +259,19 @@ class SafetyGuard:
         touches or overlaps another never resumes by itself, as the way out is unknown; except that it may drive away
         from a tractor of another fleet that stands at its entrance.
         """
-        paths = self._build_paths(states, timed_missions, neighbours)
-        return {
-            number: self._is_clear_to_go(number, states[number], timed_missions[number], paths) for number in numbers
-        }
+        paths = self._build_paths(states, neighbours)
+        return {number: self._is_clear_to_go(number, states[number], paths) for number in numbers}
 
     def _is_clear_to_go(
-        self,
-        number: int,
-        state: TractorState,
-        timed_mission: TimedMission,
-        paths: Mapping[int | TractorKey, _PredictedPath],
+        self, number: int, state: TractorState, paths: Mapping[int | TractorKey, _PredictedPath]
     ) -> bool:
-        report = state.report
-        if (
-            report is None
-            or timed_mission.compute_distance_to_leg_m(state.leg, (report.x_m, report.y_m)) > self.rules.rejoin_m
-        ):
+        if state.report is None:
+            return False
+        place = state.report.x_m, state.report.y_m
+        if state.mission.compute_distance_to_leg_m(state.leg, place) > self.rules.rejoin_m:
             return False  # an operator led it there and has to lead it back
-        own_poses = compute_centre_poses(
-            predict_path(state, timed_mission, self.tractor, self.rules, goes_on=True), self.tractor
-        )
-        return all(
-            self._is_clear_of_path(own_poses, other_path)
-            for other_key, other_path in paths.items()
-            if other_key != number
-        )
+        own_poses = compute_centre_poses(predict_path(state, self.tractor, self.rules, goes_on=True), self.tractor)
+        return all(self._is_clear_of_path(own_poses, path) for key, path in paths.items() if key != number)
 
     def _is_clear_of_path(self, own_poses: Array, other_path: _PredictedPath) -> bool:
         """Whether a path (steps, 3) keeps the release distance to another one, or leads away to that distance."""
@@ -374,18 +294,15 @@ class SafetyGuard:
         return not find_close_approaches_between(*last_step, *other_path.release_clearances_m)
 
     def _build_paths(
-        self,
-        states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
-        neighbours: Sequence[NeighbourTractor],
+        self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor]
     ) -> dict[int | TractorKey, _PredictedPath]:
         """Predicted paths of all tractors on the field and near it. Tractors that stand because another is near keep
         standing, unless they are driven by hand."""
-        paths = self.predict_paths(states, timed_missions)
+        paths = self.predict_paths(states)
         for number, state in enumerate(states):
-            if state.report is not None and TOO_NEAR in state.holds and state.mode not in BY_HAND:
+            if state.report is not None and Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND:
                 paths[number] = build_standing_path(state.report, self.rules)
-        present_numbers = np.flatnonzero(self.find_tractors_on_field(states, timed_missions))
+        present_numbers = np.flatnonzero(self.find_tractors_on_field(states))
         model, clearances_m = self.model[0], (self.clearance_m, self.beside_m)
         predicted_paths: dict[int | TractorKey, _PredictedPath] = {
             number: _PredictedPath(poses, model, self.boxes, clearances_m, self.release_clearances_m)
@@ -410,7 +327,6 @@ class SafetyGuard:
         velocity_mps: float,
         steering_rad: float,
         states: Sequence[TractorState],
-        timed_missions: Sequence[TimedMission],
         obstacles: Sequence[shapely.Geometry] = (),
         neighbours: Sequence[NeighbourTractor] = (),
     ) -> str | None:
@@ -424,7 +340,7 @@ class SafetyGuard:
         outside_m = shapely.distance(self.fence, shapely.points(path[:, :2]))
         if outside_m.max() > 0.0 and outside_m[-1] >= max(outside_m[0] - ROUNDING_M, 0.0):
             return "it would leave the fence"
-        conflict = self._find_conflict(number, path, self._build_paths(states, timed_missions, neighbours))
+        conflict = self._find_conflict(number, path, self._build_paths(states, neighbours))
         if conflict is not None:
             names = {neighbour.key: neighbour.name for neighbour in neighbours}
             return f"it would come too near {'another tractor' if isinstance(conflict, int) else names[conflict]}"
@@ -451,11 +367,8 @@ class SafetyGuard:
                 continue
             other_poses = predicted_path.poses[: len(own_poses)]
             distances_m = compute_outline_distances(own_poses, other_poses, self.model, predicted_path.model[None])
-            least_m = (
-                predicted_path.clearances_m[1]
-                if distances_m[0] < predicted_path.clearances_m[0]
-                else predicted_path.clearances_m[0]
-            )
+            ahead_m, beside_m = predicted_path.clearances_m
+            least_m = beside_m if distances_m[0] < ahead_m else ahead_m
             if distances_m[1:].min(initial=np.inf) < min(least_m, distances_m[0] - ROUNDING_M):
                 return other_key
             if distances_m[0] <= 0.0 and self._is_at_obstacle(
@@ -474,16 +387,10 @@ def _repeat_first_pose(path: Array) -> Array:
     return np.repeat(path[:1], len(path), axis=0)
 
 
-def _is_waiting_at_base_end(state: TractorState, timed_mission: TimedMission) -> bool:
-    """Whether a tractor that follows the plan is at the end of its base."""
-    remaining_m = timed_mission.leg_starts_m[state.base_end] - timed_mission.leg_starts_m[state.leg] - state.leg_m
-    return state.mode == AUTOMATIC and remaining_m <= ROUNDING_M
-
-
-def _is_present(state: TractorState, timed_mission: TimedMission) -> bool:
+def _is_present(state: TractorState) -> bool:
     if state.report is None:
         return False
-    legs = timed_mission.legs
+    legs = state.mission.legs
     if legs[0].task.kind == ENTER and state.leg == 0 and state.leg_m <= 0.0 and not state.done:
         return False
     return not (state.done and legs[-1].task.kind == LEAVE)

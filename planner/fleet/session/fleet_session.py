@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, assert_never
 
 from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.manager.fleet_manager import UNRECORDED, FleetManager
@@ -30,7 +31,13 @@ from planner.fleet.session.frame_content import (
     convert_to_plan_m,
     describe_mission,
 )
-from planner.fleet.session.frame_timing import CommandFreshness, TractorClock, check_order_fresh, describe_offset
+from planner.fleet.session.frame_timing import (
+    CommandFreshness,
+    TractorClock,
+    check_order_fresh,
+    describe_offset,
+    format_utc,
+)
 from planner.fleet.session.state_recorder import MOST_WAITING_STATES, StateRecorder, build_row
 from vehicle.missions.plan_file import format_plan
 
@@ -43,11 +50,6 @@ QUIET_EVENTS = ("command",)
 """Events that are saved but not sent to pages."""
 SETS_IN_MOTION = frozenset({"resume", "command"})
 """Orders that a later stop withdraws if they are not sent yet."""
-
-
-def format_utc_now() -> str:
-    """The present time as in frames."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 class FleetSession:
@@ -146,10 +148,10 @@ class FleetSession:
             "version": inbound_frames.VERSION,
             "tractor": None if number is None else number + 1,
             "last_sequence": -1,
-            "server_time": format_utc_now(),
+            "server_time": format_utc(),
             "clock_s": round(time.monotonic(), 3),
             "heartbeat_s": rules.heartbeat_s,
-            "settings": rules.describe_settings(),
+            "settings": asdict(rules),
             "plan": None,
         }
         if client.role == TRACTOR and number is not None:
@@ -183,7 +185,7 @@ class FleetSession:
             self.manager.disconnect_tractor(client.tractor, now, client.has_disconnected)
             self._changed.add(client.tractor)
         if client.role == CONTROL:
-            for number in self.manager.disconnect_operator(client.who, now):
+            for number in self.manager.operators.disconnect_operator(client.who, now):
                 self._send_lease(number)
         self.send_pending_outputs()
 
@@ -200,14 +202,12 @@ class FleetSession:
         reading = self.clocks[number].date_state(state.time.timestamp(), time.time(), now, state.heartbeat_s)
         state = state.model_copy(update={"time": datetime.fromtimestamp(reading.time_s, UTC)})
         self._check_clock(number, state.heartbeat_s is not None, now)
-        report, late_s = (
-            build_report(state, self.manager.plan),
-            reading.age_s if reading.age_s > OLDEST_STATE_S else 0.0,
-        )
+        report = build_report(state, self.manager.plan)
+        late_s = reading.age_s if reading.age_s > OLDEST_STATE_S else 0.0
         self.manager.take_report(number, report, now, late_s, delay_s=reading.age_s, unsure_s=reading.unsure_s)
         self.recorder.add(number, build_row(state, self.begin_s, self.manager.rules.times))
         self.twins.take_state(number, state, time.time())
-        self._state_times[number] = state.time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        self._state_times[number] = format_utc(reading.time_s)
         self._changed.add(number)
 
     def _check_clock(self, number: int, is_echoed: bool, now: float) -> None:
@@ -222,65 +222,67 @@ class FleetSession:
 
     def carry_out(self, client: FleetClient, frame: Any, now: float) -> None:
         """Carry out an order of an operator, or an obstacle report of a tractor. Raises FleetManagerError."""
-        handlers: dict[type, Callable[[FleetClient, Any, float], object]] = {
-            inbound_frames.CommandFrame: self._forward_remote_command,
-            inbound_frames.TakeLeaseFrame: self._take_lease,
-            inbound_frames.ReturnLeaseFrame: self._return_lease,
-            inbound_frames.StopAllFrame: lambda c, f, t: self.manager.stop_all(c.who, t),
-            inbound_frames.StartFrame: lambda c, f, t: self._start(c, f, t),
-            inbound_frames.PauseFrame: lambda c, f, t: self.manager.pause_tractors(
-                c.who, _convert_to_index(f.tractor), t
-            ),
-            inbound_frames.ResumeFrame: lambda c, f, t: self._resume(c, f, t),
-            inbound_frames.ObstacleFrame: self._report_obstacle,
-            inbound_frames.ClearFrame: lambda c, f, t: self.manager.clear_obstacle(c.who, f.obstacle, t),
-            inbound_frames.AcknowledgeFrame: self._acknowledge_alarm,
-            inbound_frames.FailFrame: lambda c, f, t: self.manager.mark_failed(c.who, f.tractor - 1, t),
-            inbound_frames.RecoverFrame: lambda c, f, t: self.manager.mark_repaired(c.who, f.tractor - 1, t),
-            inbound_frames.ReplanFrame: lambda c, f, t: self.replan(c.who, [n - 1 for n in f.without]),
-            inbound_frames.AcceptFrame: lambda c, f, t: self.accept_proposal(c.who, f.proposal, t),
-        }
         try:
-            handlers[type(frame)](client, frame, now)
+            self._pass_on_order(client, frame, now)
         finally:
             self.send_pending_outputs()
         if isinstance(frame, inbound_frames.StopAllFrame) and self.on_stop is not None:
             self.on_stop(time.monotonic() - now)
 
-    def _start(self, client: FleetClient, frame: inbound_frames.StartFrame, now: float) -> None:
-        check_order_fresh(frame, time.time())
-        self.manager.start_fleet_work(client.who, now)
-
-    def _resume(self, client: FleetClient, frame: inbound_frames.ResumeFrame, now: float) -> None:
-        check_order_fresh(frame, time.time())
-        self.manager.resume_tractors(client.who, _convert_to_index(frame.tractor), now)
-
-    def _acknowledge_alarm(self, client: FleetClient, frame: inbound_frames.AcknowledgeFrame, now: float) -> None:
-        if self.manager.find_tractor_held_by_alarm(frame.alarm) is not None:  # it resumes the tractor
-            check_order_fresh(frame, time.time())
-        self.manager.acknowledge_alarm(client.who, frame.alarm, now)
+    def _pass_on_order(self, client: FleetClient, frame: inbound_frames.OrderFrame, now: float) -> None:
+        who, operators, obstacle_reports = client.who, self.manager.operators, self.manager.obstacle_reports
+        match frame:
+            case inbound_frames.StopAllFrame():
+                operators.stop_all(who, now)
+            case inbound_frames.CommandFrame():
+                self._forward_remote_command(client, frame, now)
+            case inbound_frames.TakeLeaseFrame():
+                operators.take_lease(who, frame.tractor - 1, frame.takeover, now)
+                self.freshness.reset(frame.tractor)
+                self._send_lease(frame.tractor - 1)
+            case inbound_frames.ReturnLeaseFrame():
+                self.manager.check_tractor_number(frame.tractor - 1)
+                operators.return_lease(who, frame.tractor - 1, now)
+                self._send_lease(frame.tractor - 1)
+            case inbound_frames.StartFrame():
+                check_order_fresh(frame, time.time())
+                operators.start_fleet_work(who, now)
+            case inbound_frames.PauseFrame():
+                operators.pause_tractors(who, _convert_to_index(frame.tractor), now)
+            case inbound_frames.ResumeFrame():
+                check_order_fresh(frame, time.time())
+                operators.resume_tractors(who, _convert_to_index(frame.tractor), now)
+            case inbound_frames.ObstacleFrame():
+                ring = convert_to_plan_m(self.manager.plan.saved, frame.polygon_m)
+                reporting_tractor = client.tractor if client.role == TRACTOR else None
+                obstacle_reports.add(who, ring, frame.name, now, reporting_tractor)
+            case inbound_frames.ClearFrame():
+                obstacle_reports.clear(who, frame.obstacle, now)
+            case inbound_frames.AcknowledgeFrame():
+                if obstacle_reports.find_tractor_held_by_alarm(frame.alarm) is not None:  # it resumes the tractor
+                    check_order_fresh(frame, time.time())
+                obstacle_reports.acknowledge_alarm(who, frame.alarm, now)
+            case inbound_frames.FailFrame():
+                operators.mark_failed(who, frame.tractor - 1, now)
+            case inbound_frames.RecoverFrame():
+                operators.mark_repaired(who, frame.tractor - 1, now)
+            case inbound_frames.ReplanFrame():
+                self.replan(who, [number - 1 for number in frame.without])
+            case inbound_frames.AcceptFrame():
+                self.accept_proposal(who, frame.proposal, now)
+            case _:
+                assert_never(frame)
 
     def _forward_remote_command(self, client: FleetClient, frame: inbound_frames.CommandFrame, now: float) -> None:
-        speed_mps = (
-            abs(frame.speed_command_mps) * frame.shuttle if frame.shuttle is not None else frame.speed_command_mps
-        )
-        speed_mps = 0.0 if frame.start == 0 else speed_mps
+        speed_mps = 0.0 if frame.start == 0 else frame.speed_command_mps
+        if frame.shuttle is not None:
+            speed_mps = abs(speed_mps) * frame.shuttle
         self.manager.check_tractor_number(frame.tractor - 1)
         self.manager.control_leases.check_holder(frame.tractor - 1, client.who)
         self.freshness.check_command_fresh(frame, speed_mps != 0.0, time.time())
-        self.manager.send_command(
+        self.manager.operators.send_command(
             client.who, frame.tractor - 1, math.radians(frame.steering_command_deg), speed_mps, now
         )
-
-    def _take_lease(self, client: FleetClient, frame: inbound_frames.TakeLeaseFrame, now: float) -> None:
-        self.manager.take_lease(client.who, frame.tractor - 1, frame.takeover, now)
-        self.freshness.reset(frame.tractor)
-        self._send_lease(frame.tractor - 1)
-
-    def _return_lease(self, client: FleetClient, frame: inbound_frames.ReturnLeaseFrame, now: float) -> None:
-        self.manager.check_tractor_number(frame.tractor - 1)
-        self.manager.return_lease(client.who, frame.tractor - 1, now)
-        self._send_lease(frame.tractor - 1)
 
     def _send_lease(self, number: int) -> None:
         holder = self.manager.control_leases.get_holder(number)
@@ -290,16 +292,10 @@ class FleetSession:
                     {"kind": "lease", "tractor": number + 1, "holder": holder, "is_yours": holder == client.who}
                 )
 
-    def _report_obstacle(self, client: FleetClient, frame: inbound_frames.ObstacleFrame, now: float) -> None:
-        ring = convert_to_plan_m(self.manager.plan.saved, frame.polygon_m)
-        self.manager.report_obstacle(
-            client.who, ring, frame.name, now, client.tractor if client.role == TRACTOR else None
-        )
-
     def report_unreadable(self, client: FleetClient, sentence: str, now: float) -> None:
         """Stop a tractor whose obstacle frame was refused with this sentence."""
         assert client.tractor is not None
-        self.manager.report_unreadable_obstacle(client.tractor, sentence, now)
+        self.manager.obstacle_reports.add_unreadable(client.tractor, sentence, now)
         self.send_pending_outputs()
 
     def replan(self, who: str, without: list[int]) -> int:
@@ -314,7 +310,7 @@ class FleetSession:
         """Accept a proposal. Raises FleetManagerError if it is not ready, or outdated."""
         remaining, plan = self.proposals.get_ready_proposal(proposal)
         check_proposal_still_fits(remaining, self.manager, plan)
-        self.manager.adopt_plan(who, plan, now, remaining.excluded)
+        self.manager.operators.adopt_plan(who, plan, now, remaining.excluded)
         self.proposals.mark_accepted(proposal, self.broadcast)
         saved = self.manager.plan.saved
         self.plan_text = format_plan(
@@ -337,20 +333,12 @@ class FleetSession:
         for order in orders:
             self._send_order(order, urgent and order.kind == "stop")
         for event in events:
-            self.events.append((format_utc_now(), event))
+            self.events.append((format_utc(), event))
             del self.events[:-MOST_EVENTS]
             if self.on_order is not None and event.who != FLEET_MANAGER and event.what not in QUIET_EVENTS:
                 self.on_order()
             if event.what not in QUIET_EVENTS:
-                self.broadcast(
-                    {
-                        "kind": "event",
-                        "time": format_utc_now(),
-                        "who": event.who,
-                        "what": event.what,
-                        "data": event.data,
-                    }
-                )
+                self.broadcast({"kind": "event", "time": format_utc(), **asdict(event)})
 
     def _send_order(self, order: TractorOrder, is_first: bool) -> None:
         data, plan = dict(order.data), self.manager.plan
@@ -398,7 +386,7 @@ class FleetSession:
         silent_s = now - self._saved_at_s
         if silent_s < UNSAVED_ALARM_S:
             return
-        since = datetime.fromtimestamp(clock_s - silent_s, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+        since = format_utc(clock_s - silent_s, "seconds")
         sentence = f"The database has been unreachable since {since}; nothing is recorded."
         if self.recorder.lost:
             sentence += f" Only the last {MOST_WAITING_STATES} states per tractor are kept; older ones are lost."
@@ -412,7 +400,7 @@ class FleetSession:
         self._resend_dropped()
         if now - self._heartbeat_at_s >= self.manager.rules.heartbeat_s - 0.01:
             self._heartbeat_at_s = now
-            heartbeat = encode_frame({"kind": "heartbeat", "time": format_utc_now(), "clock_s": round(now, 3)})
+            heartbeat = encode_frame({"kind": "heartbeat", "time": format_utc(), "clock_s": round(now, 3)})
             for client in self.tractors.values():
                 client.outbox.put_frame(heartbeat)
         watchers = [client for client in self.clients if client.is_watcher]
@@ -481,7 +469,7 @@ class FleetSession:
         for tractor in tractors:
             tractor |= self.twins.build_tick_entries(tractor["tractor"] - 1, tractor["connection"] == ONLINE)
         fleet = frame_content.build_tick_fleet(self.manager, self.compute_deadline_s(), self.finish_distribution)
-        return encode_frame({"kind": "tick", "time": format_utc_now(), "tractors": tractors, "fleet": fleet})
+        return encode_frame({"kind": "tick", "time": format_utc(), "tractors": tractors, "fleet": fleet})
 
 
 def _convert_to_index(tractor: int | None) -> int | None:

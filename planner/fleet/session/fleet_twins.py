@@ -11,6 +11,7 @@ import numpy.typing as npt
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.safety.motion_prediction import TwinPredictions
 from planner.fleet.session.frame_content import compute_heading_deg
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.control.speed import compute_follower_speed
@@ -30,7 +31,7 @@ LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown
 Array = npt.NDArray[np.float64]
 
 
-class FleetTwins:
+class FleetTwins(TwinPredictions):
     """The twins of a fleet. Their clock is the simulated one, `times` as fast as real time, from `begin_s` on (seconds
     since 1970, the clock of states)."""
 
@@ -133,7 +134,11 @@ class FleetTwins:
             return {}
         state = twin.state
         east, north = self.plan.saved.origin_m
-        error_m, error_deg = self.get_last_correction_size(number)
+        errors: dict[str, float | None] = {"error_m": None, "error_deg": None}
+        if twin.last_correction is not None:
+            ahead_m, right_m, heading_rad = twin.last_correction
+            errors["error_m"] = round(math.hypot(ahead_m, right_m), 4)
+            errors["error_deg"] = round(math.degrees(heading_rad), 3)
         place = {
             "twin": {
                 "easting_m": round(state.x_m + east, 3),
@@ -142,16 +147,7 @@ class FleetTwins:
                 "speed_mps": round(state.speed_mps, 3),
             }
         }
-        return (place if shows_place else {}) | {"error_m": error_m, "error_deg": error_deg}
-
-    def get_last_correction_size(self, number: int) -> tuple[float | None, float | None]:
-        """The size of the last correction of a twin: metres and degrees."""
-        twin = self.items[number]
-        last = None if twin is None else twin.last_correction
-        if last is None:
-            return None, None
-        ahead, right, heading = last
-        return round(math.hypot(ahead, right), 4), round(math.degrees(heading), 3)
+        return {**(place if shows_place else {}), **errors}
 
     def find_place(self, number: int) -> tuple[float, float] | None:
         """The guided point of a tractor by its twin (m of the plan); None without a trusted twin."""

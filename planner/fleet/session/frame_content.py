@@ -9,7 +9,7 @@ import json
 import math
 import time
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,10 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import encode_leg
 from planner.fleet.model.tractor_state import TractorReport
+from planner.fleet.safety.motion_prediction import get_wheel_angle_rad
+from planner.fleet.session.frame_timing import format_utc
 from planner.fleet.session.inbound_frames import StateFrame
-from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan
 from vehicle.sim.compile import compute_contact_boxes, compute_point_speeds
 
@@ -70,17 +72,12 @@ def compute_heading_deg(angle_rad: float) -> float:
 
 def describe_mission(plan: FleetPlan, number: int) -> dict[str, Any]:
     """The legs of a tractor as a saved plan of one tractor, without gates: releases replace them."""
-    legs = tuple(drop_gates(leg) for leg in plan.timed_missions[number].legs)
+    legs = tuple(replace(leg, gates=(), follow=None) for leg in plan.timed_missions[number].legs)
     alone, saved = Plan((Mission(legs),)), plan.saved
     speeds = compute_point_speeds(alone, plan.tractor)
     text = format_plan(alone, crs=saved.crs, origin_m=saved.origin_m, point_speeds=speeds)
     document: dict[str, Any] = json.loads(text)
     return document
-
-
-def drop_gates(leg: Leg) -> Leg:
-    """A leg without gates and leader."""
-    return replace(leg, gates=(), follow=None)
 
 
 def convert_to_plan_m(saved: SavedPlan, ring: list[list[float]]) -> tuple[tuple[float, float], ...]:
@@ -143,11 +140,8 @@ def build_tick_tractor(manager: FleetManager, number: int, now: float, state_tim
     """One tractor of a tick; `state_time` is that of its last state. The caller fills in the twin."""
     state, report = manager.states[number], manager.states[number].report
     east, north = manager.plan.saved.origin_m
-    worked_m = manager.timed_missions[number].worked_m[-1]
-    done_m = worked_m if state.done else manager.timed_missions[number].compute_worked_m(state.leg, state.leg_m)
-    steering_rad = None
-    if report is not None:
-        steering_rad = report.steering_command_rad if report.steering_rad is None else report.steering_rad
+    worked_m = state.mission.worked_m[-1]
+    steering_rad = None if report is None else get_wheel_angle_rad(report)
     return {
         "tractor": number + 1,
         "time": state_time,
@@ -170,7 +164,7 @@ def build_tick_tractor(manager: FleetManager, number: int, now: float, state_tim
         "late_s": _round_finite(manager.estimate_delay_s(number, now)),
         "error_m": None,
         "error_deg": None,
-        "done_pct": 100.0 if worked_m == 0.0 else round(100.0 * done_m / worked_m, 2),
+        "done_pct": 100.0 if worked_m == 0.0 else round(100.0 * state.worked_m / worked_m, 2),
     }
 
 
@@ -203,8 +197,7 @@ def build_alarms(manager: FleetManager) -> dict[str, Any]:
     clock_s, now = time.time(), time.monotonic()
     items = manager.alarms.describe_alarms()
     for item in items:
-        since = datetime.fromtimestamp(clock_s - (now - item["since"]), UTC)
-        item["since"] = since.isoformat(timespec="seconds").replace("+00:00", "Z")
+        item["since"] = format_utc(clock_s - (now - item["since"]), "seconds")
     return {"kind": "alarms", "items": items}
 
 

@@ -20,6 +20,7 @@ Orders that arrive late must not set a tractor in motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.session.inbound_frames import AcknowledgeFrame, CommandFrame, ResumeFrame, StartFrame
@@ -98,6 +99,12 @@ class TractorClock:
             return False
         self._least_s, self._most_s = min(self._least_s, lag_s), max(self._most_s, lag_s)
         return now - self._begun_s >= SETTLED_S
+
+
+def format_utc(clock_s: float | None = None, precision: str = "milliseconds") -> str:
+    """Seconds since 1970, or the present time, as in frames."""
+    time_utc = datetime.now(UTC) if clock_s is None else datetime.fromtimestamp(clock_s, UTC)
+    return time_utc.isoformat(timespec=precision).replace("+00:00", "Z")
 
 
 def describe_offset(offset_s: float) -> str:

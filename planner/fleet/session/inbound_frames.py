@@ -216,21 +216,9 @@ class AcceptFrame(_OrderFrame):
 
 
 OrderFrame = (
-    TakeLeaseFrame
-    | ReturnLeaseFrame
-    | CommandFrame
-    | StopAllFrame
-    | StartFrame
-    | PauseFrame
-    | ResumeFrame
-    | ObstacleFrame
-    | ClearFrame
-    | AcknowledgeFrame
-    | FailFrame
-    | RecoverFrame
-    | ReplanFrame
-    | AcceptFrame
-)
+    TakeLeaseFrame | ReturnLeaseFrame | CommandFrame | StopAllFrame | StartFrame | PauseFrame | ResumeFrame
+    | ObstacleFrame | ClearFrame | AcknowledgeFrame | FailFrame | RecoverFrame | ReplanFrame | AcceptFrame
+)  # fmt: skip
 FromTractor = StateFrame | ObstacleFrame | DisconnectFrame
 FromControl = OrderFrame | DisconnectFrame
 FromViewer = DisconnectFrame

@@ -12,17 +12,9 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.session.inbound_frames import StateFrame
 
 COLUMNS = (
-    "time_s",
-    "easting_m",
-    "northing_m",
-    "heading_deg",
-    "speed_mps",
-    "speed_command_mps",
-    "steering_command_deg",
-    "steering_deg",
-    "shuttle",
-    "implement",
-)
+    "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", "steering_command_deg",
+    "steering_deg", "shuttle", "implement",
+)  # fmt: skip
 ROW_COLUMNS = ("sequence", *COLUMNS, "leg", "leg_m", "mode")
 TIME_COLUMN, SHUTTLE_COLUMN = ROW_COLUMNS.index("time_s"), ROW_COLUMNS.index("shuttle")
 COMMAND_COLUMNS = ROW_COLUMNS.index("speed_command_mps"), ROW_COLUMNS.index("steering_command_deg")

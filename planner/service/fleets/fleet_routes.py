@@ -286,13 +286,13 @@ def _add_order_route(order: str) -> None:
         session = sessions.get_session(id)
         now = time.monotonic()
         if order == "start":
-            session.manager.start_fleet_work(who.name, now)
+            session.manager.operators.start_fleet_work(who.name, now)
         elif order == "stop":
-            session.manager.stop_all(who.name, now)
+            session.manager.operators.stop_all(who.name, now)
         elif order == "pause":
-            session.manager.pause_tractors(who.name, None, now)
+            session.manager.operators.pause_tractors(who.name, None, now)
         else:
-            session.manager.resume_tractors(who.name, None, now)
+            session.manager.operators.resume_tractors(who.name, None, now)
         session.send_pending_outputs()
         if order == "stop":
             request.app.state.metrics.count_stop("http", time.monotonic() - now)

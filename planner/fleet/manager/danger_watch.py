@@ -1,0 +1,165 @@
+"""Watches for tractors that come too near each other or leave the fence: stops them, and chooses who resumes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+from planner.fleet.manager.fleet_state import FLEET_MANAGER, FleetState, join_fleet_names
+from planner.fleet.model.alarms import CRITICAL, WARNING
+from planner.fleet.model.tractor_state import BY_HAND, MOVING_MPS, Hold
+from planner.fleet.safety.base_release import find_closed_gates
+from planner.fleet.safety.motion_prediction import NeighbourTractor, TractorKey
+from planner.fleet.safety.separation import STUCK_AFTER_S, NearPair, SafetyDanger, SeparationMonitor
+
+NEAR_FLEET, UNKNOWN_GROUND = "near fleet", "unknown ground"
+
+
+def build_proximity_alarm_code(other_tractor: int | TractorKey) -> str:
+    """The alarm code of a tractor that comes too near another one, of its own fleet or of another."""
+    if isinstance(other_tractor, int):
+        return f"near {other_tractor + 1}"
+    fleet, number = other_tractor
+    return f"{NEAR_FLEET}/{fleet} {number + 1}"
+
+
+class DangerWatch:
+    """Keeps the distances of a fleet's tractors, also to those of the fleets near by."""
+
+    def __init__(self, fleet: FleetState) -> None:
+        self.fleet = fleet
+        rules = fleet.rules
+        self.separation = SeparationMonitor(rules.release_s / rules.times, STUCK_AFTER_S / rules.times)
+        self._neighbour_names: tuple[str, ...] = ()
+
+    def set_neighbours(self, names: Sequence[str], unknown_names: Sequence[str], now: float) -> None:
+        """Set the names of the fleets near by, and of those at an unknown distance."""
+        if tuple(names) != self._neighbour_names:
+            self._neighbour_names = tuple(names)
+            self.fleet.log_event(FLEET_MANAGER, "neighbours", fleets=list(names))
+        if not unknown_names:
+            self.fleet.alarms.end_alarm(UNKNOWN_GROUND, None)
+            return
+        sentence = (
+            f"The distance from this fleet to {join_fleet_names(unknown_names)} cannot be known: their plans have no "
+            "common coordinate system. No distance is kept between them."
+        )
+        self.fleet.raise_alarm(UNKNOWN_GROUND, None, WARNING, sentence, now)
+
+    def stop_or_resume_by_danger(self, now: float) -> None:
+        """Stop tractors in danger, and resume those out of it."""
+        fleet, neighbours = self.fleet, self.fleet.neighbours.find_nearby_tractors()
+        all_dangers = fleet.guard.find_dangers(fleet.states, neighbours)
+        dangers = [danger for danger in all_dangers if not self.separation.is_parting(danger)]
+        for danger in dangers:
+            self._warn_of_danger(danger, {neighbour.key: neighbour.name for neighbour in neighbours}, now)
+        leaving = {danger.first for danger in dangers if danger.second is None}
+        for number, state in enumerate(fleet.states):
+            if number not in leaving:
+                fleet.alarms.end_alarm("fence", number)
+                if fleet.guard.is_inside_fence(state):
+                    state.holds.discard(Hold.FENCE)
+        pairs = self.find_alarmed_pairs()
+        if pairs or self.separation.has_parting_pairs or any(Hold.TOO_NEAR in state.holds for state in fleet.states):
+            self._resolve_near_pairs(pairs, neighbours, now)
+
+    def _is_alarm_on(self, pair: NearPair) -> bool:
+        return self.fleet.alarms.is_alarm_on(build_proximity_alarm_code(pair[1]), pair[0])
+
+    def find_alarmed_pairs(self) -> list[NearPair]:
+        """Pairs whose alarm is on: of this fleet first, then with tractors of other fleets."""
+        count = len(self.fleet.states)
+        own_pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
+        pairs: list[NearPair] = [pair for pair in own_pairs if self._is_alarm_on(pair)]
+        for alarm in self.fleet.alarms.list_alarms():
+            kind, _, number = alarm.code.rpartition(" ")
+            if not alarm.over and alarm.tractor is not None and kind.startswith(NEAR_FLEET + "/"):
+                pairs.append((alarm.tractor, (kind.removeprefix(NEAR_FLEET + "/"), int(number) - 1)))
+        return pairs
+
+    def _warn_of_danger(self, danger: SafetyDanger, names: Mapping[TractorKey, str], now: float) -> None:
+        first, second = danger.first, danger.second
+        if second is None:
+            sentence = f"Tractor {first + 1} will leave the fence in {danger.in_s:.1f} s."
+            hold, code = Hold.FENCE, "fence"
+        else:
+            self.separation.mark_endangered(first, second)
+            pair_text = (
+                f"s {first + 1} and {second + 1}" if isinstance(second, int) else f" {first + 1} and {names[second]}"
+            )
+            sentence = f"Tractor{pair_text} will come within {danger.distance_m:.2f} m in {danger.in_s:.1f} s."
+            hold, code = Hold.TOO_NEAR, build_proximity_alarm_code(second)
+        self.fleet.raise_alarm(code, first, CRITICAL if danger.is_urgent else WARNING, sentence, now)
+        if danger.is_urgent:
+            for number in (first, second):  # a tractor of another fleet is held by its own fleet manager
+                if isinstance(number, int) and not self.fleet.states[number].done:
+                    self.fleet.hold_tractor(number, hold, is_logged=True)
+
+    def _resolve_near_pairs(self, pairs: list[NearPair], neighbours: list[NeighbourTractor], now: float) -> None:
+        """Of tractors that are or were too near: end alarms, and choose who resumes."""
+        fleet = self.fleet
+        close_pairs = fleet.guard.find_close_pairs(fleet.states, neighbours)
+        near_states = {n: state for n, state in enumerate(fleet.states) if Hold.TOO_NEAR in state.holds}
+        waiting = [n for n, state in near_states.items() if Hold.REMOTE_CONTROL not in state.holds]
+        unattended = [n for n in waiting if fleet.states[n].mode not in BY_HAND]
+        waiting_neighbours = [neighbour for neighbour in neighbours if neighbour.is_waiting]
+        standing: list[int | TractorKey] = [*unattended, *(neighbour.key for neighbour in waiting_neighbours)]
+        for pair in self.separation.find_cleared_pairs(pairs, close_pairs, standing, now):
+            fleet.alarms.end_alarm(build_proximity_alarm_code(pair[1]), pair[0])
+        for number in near_states.keys() - waiting:
+            if not any(number in pair and self._is_alarm_on(pair) for pair in pairs):
+                near_states[number].holds.discard(Hold.TOO_NEAR)  # every remote command is checked
+        movers_heard = [  # of those that still move, whether they are heard
+            *(fleet.is_report_current(n) for n in unattended if near_states[n].is_moving),
+            *(neighbour.is_linked for neighbour in waiting_neighbours if neighbour.speed_mps > MOVING_MPS),
+        ]
+        is_path_clear = dict.fromkeys(waiting, False)
+        if not movers_heard:  # to resume, the places of the others must be known
+            is_path_clear |= fleet.guard.find_clear_to_go(waiting, fleet.states, neighbours)
+        free_numbers = self.separation.find_tractors_free_to_resume(is_path_clear, now)
+        neighbour_has_priority = any(neighbour.has_priority and neighbour.is_free for neighbour in waiting_neighbours)
+        if free_numbers and not neighbour_has_priority:
+            next_number = min(free_numbers, key=lambda n: (-self._compute_metres_until_wait(n, waiting), n))
+            fleet.states[next_number].holds.discard(Hold.TOO_NEAR)
+            self.separation.start_parting(next_number, close_pairs)
+            fleet.neighbours.restart_waiting_times()
+            fleet.log_event(FLEET_MANAGER, "goes on", tractor=next_number + 1)
+        elif not any(movers_heard) and not neighbour_has_priority:  # a silent one may be braking still
+            self._alarm_stuck_pairs({*pairs, *close_pairs}, waiting, neighbours, now)
+
+    def _alarm_stuck_pairs(
+        self, pairs: Collection[NearPair], waiting: list[int], neighbours: list[NeighbourTractor], now: float
+    ) -> None:
+        """Raise alarms for standing pairs that cannot resume by themselves."""
+        states, guard = self.fleet.states, self.fleet.guard
+        neighbours_by_key = {neighbour.key: neighbour for neighbour in neighbours}
+        stuck = [number for number in waiting if self.separation.is_stuck(number, now)]
+        for first, key in sorted((first, second) for first, second in pairs if second in neighbours_by_key):
+            if first in stuck:
+                neighbour = neighbours_by_key[key]
+                distance_m = guard.measure_distance_m(states[first], neighbour)
+                sentence = (
+                    f"Tractor {first + 1} and {neighbour.name} stand {distance_m:.2f} m apart and cannot resume by "
+                    "themselves: look there, and drive one away by remote control"
+                )
+                sentence += (
+                    "." if neighbour.is_linked else f", or delete fleet {neighbour.fleet!r} if it is no longer there."
+                )
+                self.fleet.raise_alarm(build_proximity_alarm_code(key), first, CRITICAL, sentence, now)
+        for first, second in sorted((first, second) for first, second in pairs if isinstance(second, int)):
+            waiting_pair = [number for number in (first, second) if number in waiting]
+            if waiting_pair and all(number in stuck for number in waiting_pair):
+                distance_m = guard.measure_distance_m(states[first], states[second])
+                sentence = (
+                    f"Tractors {first + 1} and {second + 1} stand {distance_m:.2f} m apart and cannot resume by "
+                    "themselves: look there, and drive one away by remote control."
+                )
+                self.fleet.raise_alarm(build_proximity_alarm_code(second), first, CRITICAL, sentence, now)
+
+    def _compute_metres_until_wait(self, number: int, waiting: list[int]) -> float:
+        """Metres that a tractor can drive before it waits for one of `waiting`; infinite if it never does."""
+        state = self.fleet.states[number]
+        for leg in range(state.base_end, len(state.mission.legs)):
+            if any(gate.tractor in waiting for gate in find_closed_gates(state, leg, self.fleet.states)):
+                return state.mission.leg_starts_m[leg] - state.position_m
+        return math.inf
