@@ -26,6 +26,7 @@ from reports.common.units import (
     get_volume_unit,
 )
 from reports.common.wording import NO_VALUE, format_number, format_price
+from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
     YEAR_KEYS,
     ComparedPlan,
@@ -44,10 +45,6 @@ LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 TOTAL_KEYS = (
     "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "energy_kwh", "missed_m2", "overlap_m2", "over_finished_m2",
-)  # fmt: skip
-CSV_PLAN_KEYS = (
-    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
-    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
 )  # fmt: skip
 
 
@@ -433,8 +430,8 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
     head = (
         "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
-        *CSV_PLAN_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason", "width_m", "operations_per_year", *YEAR_KEYS,
-        "cut_off_m2",
+        *HEADLAND_CSV_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason", "width_m", "operations_per_year",
+        *YEAR_KEYS, "cut_off_m2",
     )  # fmt: skip
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -454,7 +451,7 @@ def _iter_csv_cells(each: ComparedPlan, currency: str | None) -> Iterator[Any]:
     yield (None if plan is None else plan.headland_order) or each.choice.order
     yield (None if plan is None else plan.headland_passes) or each.choice.passes
     yield each.headland_m
-    yield from (None if plan is None else getattr(plan, key) for key in CSV_PLAN_KEYS)
+    yield from (None if plan is None else getattr(plan, key) for key in HEADLAND_CSV_KEYS)
     yield None if plan is None else each.overlap_m2
     yield None if plan is None else each.charged_cost / each.area_ha
     yield from (currency, each.refusal)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
-from reports.common.language import mark_text, translate, translate_count, translate_sentence
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
@@ -47,17 +47,6 @@ BY_COUNT_HELP = (
     "Median time and 95 %: field work takes no longer in half and in 95 % of the samples, with late starts, stops and "
     "breakdowns."
 )
-COLUMN_HELP = {
-    "Turning": mark_text("of all tractors together"),
-    "Waiting": "of all tractors together",
-    "Worked %": mark_text("of the field"),
-    "Overlap %": "of the field, worked more than once",
-    "Driven over": "finished ground under wheels that drive over it, counted like unworked ground",
-    "Clearance m": "smallest distance between two tractors, implements included",
-    "In time %": "of the samples; a range (95 %) where they are few",
-    "Paid": "of the cost, what is paid; the rest is expected loss on late ground",
-}
-"""What columns of plans hold, where their headings do not say it."""
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
