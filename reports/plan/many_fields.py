@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,7 +14,7 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_end_s
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.units import (
     convert_hectares,
@@ -26,7 +25,7 @@ from reports.common.units import (
     get_length_unit,
     is_us,
 )
-from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_price
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
 from reports.plan.figures import FIGURES
 from reports.plan.ranking_export import (
     EXPORT_DECIMALS,
@@ -96,8 +95,7 @@ def format_many_fields_json(records: Sequence[FieldRecord]) -> str:
         {**asdict(one), "cost_per_ha": one.cost_per_ha, "risked_cost": one.risked_cost}
         for one in sum_over_fields(records)
     ]
-    content = make_json_safe({"fields": shown, "totals": totals}, EXPORT_DECIMALS)
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return format_json({"fields": shown, "totals": totals}, EXPORT_DECIMALS, is_ascii=False)
 
 
 @dataclass(frozen=True)
@@ -304,11 +302,11 @@ def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
 
 def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: bool) -> str:
     """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
-    cost = f"{format_price(total.paid_cost)} {currency}".strip()
+    cost = format_money(total.paid_cost, currency)
     if is_assumed:
         cost = translate("{money} (assumed prices)", money=cost)
     if total.risked_cost >= LEAST_COST:
-        risked = f"{format_price(total.risked_cost)} {currency}".strip()
+        risked = format_money(total.risked_cost, currency)
         cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
     return translate(
         "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
@@ -318,7 +316,7 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
         area=format_hectares(total.area_ha),
         time=format_duration(total.time_s),
         cost=cost,
-        rate=f"{format_price(convert_rate_per_hectare(total.cost_per_ha))} {currency}".strip() + f"/{get_area_unit()}",
+        rate=f"{format_money(convert_rate_per_hectare(total.cost_per_ha), currency)}/{get_area_unit()}",
         worked=format_number(total.worked_pct, 1),
     )
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost
 from reports.common.rendering import render_template
-from reports.common.wording import format_tractor_count, insert_non_breaking_spaces
+from reports.common.wording import format_money, format_tractor_count, insert_non_breaking_spaces
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES
 from reports.plan.many_fields import (
@@ -67,8 +67,8 @@ def _build_section(
     record: FieldRecord, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
-    time, cost = (FIGURES[key].format(best) for key in ("stated_end_s", "stated_cost"))
-    facts = f"{ranking.area_ha:.2f} ha, {time}, {cost} {ranking.currency or ''}".strip()
+    cost = format_money(get_stated_cost(best), ranking.currency)
+    facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
         "name": ranking.field_name + (f", {record.width_m:g} m" if names_width else ""),
         "anchor": anchor,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json, make_json_safe
 from reports.common.study_results import FleetStudy, ThesisTableRow
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, FIRST_CSV_KEYS, PIECE_KEYS, PLAN_KEYS
@@ -38,7 +37,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     heights, soil and fuel) and ``summary`` (the answer in a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
-    return _format_json(build_ranking_entry(ranking))
+    return format_json(build_ranking_entry(ranking), EXPORT_DECIMALS, is_ascii=False)
 
 
 def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
@@ -164,28 +163,23 @@ def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
 
 def format_facts_json(facts: dict[str, Any]) -> str:
     """Facts of a field as JSON text with a trailing newline, in the order given."""
-    return _format_json(facts)
+    return format_json(facts, EXPORT_DECIMALS, is_ascii=False)
 
 
 def format_study_json(study: FleetStudy) -> str:
     """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
-    return _format_json(
-        {
-            "tables": {name: [build_study_row(row) for row in rows] for name, rows in study.tables.items()},
-            "claims": [asdict(claim) for claim in study.claims],
-            "assumptions": list(study.assumptions),
-        }
-    )
+    content = {
+        "tables": {name: [build_study_row(row) for row in rows] for name, rows in study.tables.items()},
+        "claims": [asdict(claim) for claim in study.claims],
+        "assumptions": list(study.assumptions),
+    }
+    return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
 def build_study_row(row: ThesisTableRow) -> dict[str, Any]:
     """One row of a table of the study."""
     keys = ("tractors", "thesis_s", "time_s", "difference_pct", "label", "note")
     return {key: getattr(row, key) for key in keys}
-
-
-def _format_json(data: dict[str, Any]) -> str:
-    return json.dumps(make_json_safe(data, EXPORT_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def format_csv_cell(value: Any) -> Any:

@@ -24,13 +24,14 @@ from reports.common.wording import (
     SOFT_HYPHEN,
     capitalize_first,
     format_duration,
+    format_money,
     format_number,
     format_tractor_count,
     get_start_time_of_day_s,
     insert_non_breaking_spaces,
     parse_start_time,
 )
-from reports.plan.answer import format_money, format_stated_cost, format_stated_end, write_answer
+from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
@@ -244,7 +245,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("95 %", format_stated_end(ranking, get_stated_late_end_s(best))),
         ("Fleet", format_tractor_count(best.tractors)),
         ("Cost", NO_VALUE if cost is None else format_stated_cost(ranking, best)),
-        ("Paid of it", NO_VALUE if paid is None else format_money(ranking, paid)),
+        ("Paid of it", NO_VALUE if paid is None else format_money(paid, ranking.currency)),
         ("In time", FIGURES["finish_probability"].format_with_unit(best)),
         ("Fuel" if best.energy_kwh is None else "Energy", energy or NO_VALUE),
         ("Worked", FIGURES["worked_pct"].format_with_unit(best)),

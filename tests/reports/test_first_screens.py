@@ -24,9 +24,8 @@ from rich.console import Console, RenderableType
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, Shortfall, get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
-from reports.day.first_screen import build_day_screen
 from reports.day.page import render_day_page
-from reports.day.tables import format_day_json
+from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
 from reports.plan.many_fields import FieldRecord, build_many_fields_screen
