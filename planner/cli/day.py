@@ -208,7 +208,7 @@ def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> No
 
         typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
         return
-    from reports.day.first_screen import build_day_screen
+    from reports.day.tables import build_day_screen
 
     print_renderable(build_day_screen, result, with_next=not explain)
     if explain:

@@ -241,8 +241,7 @@ def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bo
 
         typer.echo(format_diagnosis_json(diagnosis, hidden), nl=False)
         return
-    from reports.diagnosis.first_screen import build_diagnosis_screen
-    from reports.diagnosis.tables import build_diagnosis_table
+    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table
 
     print_renderable(build_diagnosis_table if explain else build_diagnosis_screen, diagnosis)
     if hidden is not None:

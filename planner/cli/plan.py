@@ -38,9 +38,10 @@ from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
     from planner.pipeline.farm_inputs import PlanInputs
-    from planner.pipeline.many_fields import FieldAnswer, FieldQuestion, Record
+    from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
+    from reports.plan.many_fields import FieldRecord
 
 
 @dataclass(frozen=True)
@@ -86,17 +87,17 @@ def plan_batch(
         (html, ".html"),
         input_files={name.rpartition("#")[0] or name: "a field" for name in (one.field for one in requests)},
     )
-    earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
+    earlier_lines = {} if checkpoint is None else read_answer_file(checkpoint)
     every_plan, with_map = given.choice.simulate_all, html is not None
     questions = [FieldQuestion(given.build_inputs(one), every_plan, with_map) for one in share_obstacles(requests)]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
     with open_stage_bar("Planning fields") as bar, _open_record_printer(json, csv, explain) as show:
-        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, bar, show)
+        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
         if html is not None:
             write_results([(html, render_many_fields_page(records))])
     _print_field_remarks(records)
-    return all(_has_accepted_plan(record) for record in records)
+    return all(record.ranking is not None and record.ranking.is_recommended for record in records)
 
 
 def _collect_records(
@@ -104,21 +105,24 @@ def _collect_records(
     keys: Sequence[str],
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
-    earlier_records: Mapping[str, Record],
+    earlier_lines: Mapping[str, Record],
     bar: StageBar,
-    print_record: Callable[[Record], None],
-) -> list[Record]:
+    print_record: Callable[[FieldRecord], None],
+) -> list[FieldRecord]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
-    from planner.pipeline.many_fields import AnswerFile, iter_answers
+    from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers, restore_record, save_record
+    from reports.plan.many_fields import FieldRecord
 
-    finished = {
-        index: earlier_records[key]
-        for index, (key, question) in enumerate(zip(keys, questions, strict=True))
-        if key in earlier_records and _is_usable(earlier_records[key], question)
-    }
+    finished: dict[int, FieldRecord] = {}
+    lines: dict[int, Record] = {}
+    for index, (key, question) in enumerate(zip(keys, questions, strict=True)):
+        if has_checksum(earlier_lines.get(key, {})):
+            record = restore_record(earlier_lines[key])
+            if not question.with_map or record.best is None or record.map is not None:
+                finished[index], lines[index] = record, earlier_lines[key]
     pending = [index for index in range(len(questions)) if index not in finished]
     writer, printed_count = AnswerFile(checkpoint), 0
-    writer.replace_records(earlier_records.values())
+    writer.replace_records(earlier_lines.values())
     try:
         with executor_choice.open_executor(len(pending)) as executor:
             answers_by_position = iter_answers(executor, [questions[index] for index in pending], bar.show_work)
@@ -131,80 +135,49 @@ def _collect_records(
                 if position is None or answer is None:
                     break
                 index = pending[position]
-                finished[index] = _build_record(keys[index], questions[index], answer)
-                writer.append_record(finished[index])
+                question, refusal = questions[index], answer.refusal
+                reason = None if refusal is None else refusal.render_sentence(get_option_name)
+                width_m = question.inputs.request.width_m
+                finished[index] = FieldRecord(question.field_name, width_m, answer.ranking, reason, answer.map)
+                lines[index] = save_record(keys[index], finished[index])
+                writer.append_record(lines[index])
     except BaseException as error:
         if checkpoint is not None:
             error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
         raise
-    current_keys = set(keys)
-    writer.write_all_records(
-        [
-            *(one for key, one in earlier_records.items() if key not in current_keys),
-            *(finished[index] for index in sorted(finished)),
-        ]
-    )
+    other_lines = [line for key, line in earlier_lines.items() if key not in set(keys)]
+    writer.write_all_records([*other_lines, *(lines[index] for index in sorted(lines))])
     return [finished[index] for index in range(len(questions))]
 
 
-def _is_usable(record: Record, question: FieldQuestion) -> bool:
-    """Whether an earlier answer is complete, and has a map where there is a plan and a map is needed."""
-    from planner.pipeline.many_fields import has_checksum
-    from reports.plan.many_fields import MAP_KEY, get_best_plan
-
-    return has_checksum(record) and not (question.with_map and get_best_plan(record) and record.get(MAP_KEY) is None)
-
-
-def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Record:
-    """An answer as plain values."""
-    from planner.pipeline.many_fields import KEY_FIELD, add_checksum
-    from reports.plan.many_fields import MAP_KEY
-    from reports.plan.ranking_export import build_ranking_entry
-
-    refusal, ranking = answer.refusal, answer.ranking
-    record: dict[str, Any] = {
-        KEY_FIELD: key,
-        "requested_field": question.field_name,
-        "width_m": question.inputs.request.width_m,
-        "refusal": None if refusal is None else refusal.render_sentence(get_option_name),
-        "ranking": None if ranking is None else build_ranking_entry(ranking),
-    }
-    return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
-
-
-def _print_field_remarks(records: Iterable[Record]) -> None:
+def _print_field_remarks(records: Iterable[FieldRecord]) -> None:
     """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
+    from reports.plan.shortfall_wording import question_pull
 
     fields_by_remark: dict[str, dict[str, None]] = {}
-    for ranking in (record["ranking"] for record in records if record["ranking"]):
-        question = (ranking.get("pull") or {}).get("question")
-        for text in (*ranking.get("remarks", ()), *([question] if question else [])):
-            fields_by_remark.setdefault(text, {})[ranking["field"]["name"]] = None
+    for ranking in (record.ranking for record in records if record.ranking is not None):
+        question = question_pull(ranking.pull)
+        for text in (*ranking.field_remarks, *([question] if question else [])):
+            fields_by_remark.setdefault(text, {})[ranking.field_name] = None
     print_remarks(
         text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()
     )
 
 
-def _has_accepted_plan(record: Record) -> bool:
-    """Whether there is a plan that meets all that was asked for."""
-    ranking = record["ranking"]
-    return bool(ranking and ranking["best"]) and not ranking["shortfalls"]
-
-
 @contextmanager
-def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[Record], None]]:
+def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[FieldRecord], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
     from reports.plan.many_fields import (
+        build_many_fields_screen,
         build_many_fields_table,
         format_many_csv_head,
         format_many_csv_rows,
         format_many_fields_json,
     )
-    from reports.plan.many_fields_screen import build_many_fields_screen
 
-    records: list[Record] = []
+    records: list[FieldRecord] = []
 
-    def print_row(record: Record) -> None:
+    def print_row(record: FieldRecord) -> None:
         typer.echo(format_many_csv_rows(record), nl=False)
         sys.stdout.flush()
 

@@ -11,11 +11,13 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from fields.documents.reader import FieldSummary, describe_listing, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
@@ -36,6 +38,8 @@ from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
+from reports.common.rendering import make_json_safe
+from reports.plan.many_fields import FieldRecord
 from reports.plan.small_map import SmallMap, build_small_map
 
 
@@ -149,6 +153,16 @@ Record = dict[str, Any]
 
 class AnswerFileError(RequestError):
     """The answer file is not one, or was changed."""
+
+
+def save_record(key: str, record: FieldRecord) -> Record:
+    """A record as plain values for the answer file, with the key of its question and a checksum."""
+    return add_checksum({KEY_FIELD: key, **make_json_safe(asdict(record))})
+
+
+def restore_record(saved: Mapping[str, Any]) -> FieldRecord:
+    """The record of a line of the answer file that this Headland wrote."""
+    return TypeAdapter(FieldRecord).validate_python(saved)
 
 
 def add_checksum(record: Mapping[str, Any]) -> Record:

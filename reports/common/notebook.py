@@ -122,19 +122,22 @@ def create_axes(figure_inches: tuple[float, float] = FIGURE_INCHES) -> Axes:
         from matplotlib import pyplot
 
         return pyplot.figure(figsize=figure_inches, layout="constrained").add_subplot()
+    return create_figure(*figure_inches, layout="constrained").add_subplot()
+
+
+def create_figure(width_inches: float, height_inches: float, **look: Any) -> Figure:
+    """A figure that is drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=figure_inches, layout="constrained")
+    figure = Figure(figsize=(width_inches, height_inches), **look)
     FigureCanvasAgg(figure)
-    return figure.add_subplot()
+    return figure
 
 
 def encode_picture(draw: Draw, figure_inches: tuple[float, float] = FIGURE_INCHES) -> str:
     """A drawing on axes of a figure as PNG in base64."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=figure_inches, layout="constrained", facecolor="white")
+    figure = create_figure(*figure_inches, layout="constrained", facecolor="white")
     draw(figure.add_subplot())
     return encode_figure(figure)
 

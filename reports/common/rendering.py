@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from importlib.resources import files
@@ -34,6 +35,11 @@ def make_json_safe(value: Any, decimals: int | None = None) -> Any:
             return None
         return value if decimals is None else round(value, decimals) + 0.0
     return value
+
+
+def format_json(data: Any, decimals: int | None = None, *, is_ascii: bool = True) -> str:
+    """Values as JSON text with a trailing newline, made safe by `make_json_safe`."""
+    return json.dumps(make_json_safe(data, decimals), indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
 
 
 def render_template(name: str, content: Mapping[str, Any]) -> str:

@@ -140,7 +140,8 @@ class FittedTable:
         ]
 
     def _build_rich_table(self, places: Sequence[int], widths: Sequence[int], short: bool) -> Table:
-        table = create_plain_table(self.has_header)
+        gaps = (0, _GAP_COLUMNS, 0, 0)
+        table = Table(box=None, show_header=self.has_header, header_style="bold", padding=gaps, pad_edge=False)
         for number, width in zip(places, widths, strict=True):
             column = self.columns[number]
             full = _measure_heading(column, False, self.has_header) <= width
@@ -285,11 +286,6 @@ def break_text_at_marks(text: str, width: int, marks: str = BREAK_MARKS) -> list
             lines += break_text_at_marks(bare, width, marks[1:])
             lines[-1] += piece[len(bare) :]
     return [line.rstrip() for line in lines if line]
-
-
-def create_plain_table(header: bool = True) -> Table:
-    """A table without lines."""
-    return Table(box=None, show_header=header, header_style="bold", padding=(0, _GAP_COLUMNS, 0, 0), pad_edge=False)
 
 
 def _split_pieces(text: str, marks: str) -> list[str]:

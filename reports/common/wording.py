@@ -70,6 +70,11 @@ def format_price(value: float | None) -> str:
     return format_number(value, 2 if value is None or abs(value) < LEAST_WHOLE_PRICE else 0)
 
 
+def format_money(value: float | None, currency: str | None) -> str:
+    """A cost with its currency, where that is known."""
+    return f"{format_price(value)} {currency or ''}".rstrip()
+
+
 def format_price_change(price: float | None, reference: float | None, added: float = 0.0) -> str | None:
     """The difference of two costs as they are printed, with its sign; None where it is printed as none.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.wording import LEAST_COST, NO_VALUE, format_percent, format_price, round_up_to_minute
-from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s
+from reports.day.schedule_results import DayJob, DayResult
 
 MOST_REASONS = 3  # fields that are not done, with their reason
 SURE_SHARE = 0.995
@@ -99,7 +99,7 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
 def sort_by_machine(result: DayResult) -> list[DayJob]:
     """Jobs by machine, in the order in which each works them."""
     machines = [fleet.name for fleet in result.fleets]
-    return sorted(result.jobs, key=lambda job: (machines.index(job.machine), get_stated_end_s(job)))
+    return sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
 
 
 def format_time_of_day(seconds: float | None) -> str:

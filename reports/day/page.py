@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from reports.common import palette
+from reports.common.notebook import create_figure
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.schedule_results import (
     DayResult,
     MapPlace,
-    get_stated_end_s,
     get_stated_leaves_s,
     get_stated_start_s,
 )
@@ -26,7 +26,7 @@ from reports.day.tables import (
     sort_by_field,
 )
 from reports.plan.drive_geometry import choose_round_length_m
-from reports.plan.map_figure import INK_COLOUR, encode_svg_base64
+from reports.plan.map_figure import INK_COLOUR, encode_svg_base64, escape_figure_formula
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,13 +53,9 @@ def draw_gantt(result: DayResult) -> Figure:
     Roads are thin and grey, breaks pale bands, rain dashed lines with its probability. A bar ends at the median; the
     line behind a bar of a field reaches to its end in 95 % of the samples.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = len(result.fleets), len(result.fields)
     height = ROW_INCHES * sum(rows) + 2 * HEAD_INCHES + FOOT_INCHES
-    figure = Figure(figsize=(GANTT_WIDTH_INCHES, height))
-    FigureCanvasAgg(figure)
+    figure = create_figure(GANTT_WIDTH_INCHES, height)
     machines, fields = figure.subplots(2, 1, sharex=True, height_ratios=[max(count, 1) for count in rows])
     span_start_s, span_end_s = _compute_time_span(result)
     for axes, names, title in (
@@ -89,11 +85,7 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
     """
     if len(result.places) < 2:
         return None
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(MAP_INCHES, MAP_INCHES))
-    FigureCanvasAgg(figure)
+    figure = create_figure(MAP_INCHES, MAP_INCHES)
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.92))
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -124,7 +116,7 @@ def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult,
     axes.set_xlim(*span)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_yticks(
-        range(len(names)), [_escape_formula(_shorten_name(name)) for name in names], fontsize=9, color=INK_COLOUR
+        range(len(names)), [escape_figure_formula(_shorten_name(name)) for name in names], fontsize=9, color=INK_COLOUR
     )
     step = next((step for step in STEPS_H if (span[1] - span[0]) / HOUR_S / step <= 12), 24)
     first = math.ceil(span[0] / HOUR_S / step)
@@ -149,12 +141,12 @@ def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
             colour, leaves_s = palette.get_tractor_colour(row), get_stated_leaves_s(job)
-            start_s, end_s = get_stated_start_s(job), get_stated_end_s(job)
+            start_s, end_s = get_stated_start_s(job), job.p50_end_s
             axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
             axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
             _write_bar_name(axes, row, (start_s, end_s), job.field, span)
         if jobs and fleet.stated_home_s is not None:
-            end_s = get_stated_end_s(jobs[-1])
+            end_s = jobs[-1].p50_end_s
             axes.barh(row, fleet.stated_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
 
 
@@ -165,7 +157,7 @@ def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
             axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
-        start_s, end_s = get_stated_start_s(job), get_stated_end_s(job)
+        start_s, end_s = get_stated_start_s(job), job.p50_end_s
         _draw_bar(axes, row, (start_s, end_s, job.p95_end_s), colour)
         probability = f"{format_percent(job.finish_probability)} %"
         _write_bar_name(axes, row, (start_s, end_s), probability, span)
@@ -187,7 +179,7 @@ def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str,
     if room >= 4:
         shown = text if len(text) <= room else text[: max(int(room) - 1, 1)] + "…"
         axes.annotate(
-            _escape_formula(shown),
+            escape_figure_formula(shown),
             (0.5 * (start + end), row),
             ha="center",
             va="center",
@@ -223,7 +215,7 @@ def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
     suffix = "" if place.name in done or place.outline is None else " (not done)"
     top = place.y_m if place.outline is None else float(place.outline[:, 1].max())
     axes.annotate(
-        _escape_formula(place.name + suffix), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
+        escape_figure_formula(place.name + suffix), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
         fontsize=9, color=INK_COLOUR, zorder=7,
     )  # fmt: skip
 
@@ -261,11 +253,6 @@ def _shorten_name(name: str) -> str:
     return name if len(name) <= LONGEST_NAME_CHARS else name[: LONGEST_NAME_CHARS - 1] + "…"
 
 
-def _escape_formula(text: str) -> str:
-    """Text that matplotlib does not read as a formula."""
-    return text.replace("$", r"\$")
-
-
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
     descriptions = {fleet.name: fleet.words for fleet in result.fleets}
@@ -295,18 +282,16 @@ def render_day_page(result: DayResult) -> str:
 
 def _list_day_facts(result: DayResult) -> list[tuple[str, str]]:
     """The figures of the day, label and value."""
-    probability = result.finish_probability
+    probability, ends = result.finish_probability, []
+    if result.jobs:
+        ends = [
+            ("All done", format_end_of_day(result.stated_end_s)),
+            ("95 %", format_end_of_day(result.stated_late_end_s)),
+        ]
     return [
         ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
         ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
-        *_list_end_facts(result),
+        *ends,
         *([("All in time", f"{format_percent(probability)} %")] if probability is not None else []),
         *((f"{label}, {result.currency}", money) for label, money in list_money_rows(result)),
     ]
-
-
-def _list_end_facts(result: DayResult) -> list[tuple[str, str]]:
-    if not result.jobs:
-        return []
-    done, late = (format_end_of_day(seconds) for seconds in (result.stated_end_s, result.stated_late_end_s))
-    return [("All done", done), ("95 %", late)]

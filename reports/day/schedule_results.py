@@ -55,11 +55,6 @@ def get_stated_leaves_s(job: DayJob) -> float:
     return job.leaves_s if job.p50_leaves_s is None else job.p50_leaves_s
 
 
-def get_stated_end_s(job: DayJob) -> float:
-    """The end of the work that every report states: the median of the samples, seconds of the day."""
-    return job.p50_end_s
-
-
 @dataclass(frozen=True)
 class UnworkedField:
     """A field that is not done, what that costs, and why in a sentence."""

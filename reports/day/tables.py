@@ -1,30 +1,49 @@
-"""A day for a terminal (advice, tables by machine and by field), as JSON and as CSV.
+"""A day for a terminal (first screen, tables by machine and by field), as JSON and as CSV.
 
 JSON and CSV have fixed keys in a fixed order and six decimals; missing values are null or empty.
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from reports.common.language import translate, translate_sentence
-from reports.common.rendering import make_json_safe
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
-from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
-from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s, get_stated_start_s
+from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.rendering import format_json, make_json_safe
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.wording import (
+    LEAST_COST,
+    NO_VALUE,
+    format_duration,
+    format_number,
+    format_percent,
+    format_price,
+)
+from reports.day.answer import (
+    describe_day_certainty,
+    describe_day_end,
+    describe_machine_orders,
+    describe_unworked_fields,
+    format_end_of_day,
+    format_time_of_day,
+    list_day_sentences,
+    sort_by_machine,
+)
+from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
+from reports.plan.ranking_export import format_csv, format_csv_cell
 
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
     "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "lost_cost",
     "area_ha", "worked_pct", "refills", "p50_start_s",
+)  # fmt: skip
+DAY_KEYS = (
+    "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "paid_cost", "risked_cost", "finish_probability",
+    "currency", "samples", "seed", "start_s", "end_s", "remarks", "questions", "shortfalls", "certainty_pct",
+    "p50_done_s", "p95_done_s", "summary",
 )  # fmt: skip
 NOT_DONE_KEYS = ("field", "area_ha", "cost", "reason")
 FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "road_cost", "p50_home_s")
@@ -33,6 +52,7 @@ DAY_CSV_KEYS = (
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
 )  # fmt: skip
 DAY_DECIMALS = 6
+MOST_ROWS = 8  # of the first screen
 
 
 def format_day_json(result: DayResult) -> str:
@@ -47,42 +67,23 @@ def format_day_json(result: DayResult) -> str:
     (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
-    content = {
+    made = {
         "jobs": [build_job_entry(job) for job in result.jobs],
         "not_done": [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields],
-        "gap_pct": result.gap_pct,
-        "advice": result.advice,
         "machines": [{key: getattr(one, key) for key in FLEET_KEYS} for one in result.fleets],
-        "cost": result.cost,
-        "paid_cost": result.paid_cost,
-        "risked_cost": result.risked_cost,
-        "finish_probability": result.finish_probability,
-        "currency": result.currency,
-        "samples": result.samples,
-        "seed": result.seed,
-        "start_s": result.start_s,
-        "end_s": result.end_s,
-        "remarks": result.remarks,
-        "questions": result.questions,
-        "shortfalls": result.shortfalls,
-        "certainty_pct": result.certainty_pct,
         "p50_done_s": result.stated_end_s if result.jobs else None,
         "p95_done_s": result.stated_late_end_s if result.jobs else None,
         "summary": list_day_sentences(result),
     }
-    return json.dumps(make_json_safe(content, DAY_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    content = {key: made[key] if key in made else getattr(result, key) for key in DAY_KEYS}
+    return format_json(content, DAY_DECIMALS, is_ascii=False)
 
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(DAY_CSV_KEYS)
     unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    for row in (*(build_job_entry(job) for job in result.jobs), *unworked_fields):
-        values = (make_json_safe(row.get(key), DAY_DECIMALS) for key in DAY_CSV_KEYS)
-        writer.writerow(["" if value is None else value for value in values])
-    return buffer.getvalue()
+    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], DAY_DECIMALS)
+    return format_csv([DAY_CSV_KEYS, *([format_csv_cell(row.get(key)) for key in DAY_CSV_KEYS] for row in entries)])
 
 
 def build_job_entry(job: DayJob) -> dict[str, Any]:
@@ -90,27 +91,78 @@ def build_job_entry(job: DayJob) -> dict[str, Any]:
     return {key: getattr(job, key) for key in JOB_KEYS}
 
 
-DAY_S = 86_400
+def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
+    """What is done by when in a few lines, the work of every machine in a table, and what to type next."""
+    if not result.jobs:
+        return Group(*(format_sentence(text) for text in list_day_sentences(result)))
+    lines = AnswerLines(
+        (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
+        (describe_machine_orders(result.jobs),),
+        tuple(describe_unworked_fields(result)),
+    )
+    jobs = sort_by_machine(result)
+    parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
+    parts.append(format_sentence(_write_legend(result), style="dim"))
+    if len(jobs) > MOST_ROWS:
+        hidden = len(jobs) - MOST_ROWS
+        parts.append(
+            format_sentence(
+                translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden),
+                style="dim",
+            )
+        )
+    if with_next:
+        text = translate("Add --explain (roads, costs, how), --html day.html (chart and map).")
+        parts.append(format_sentence(text, style="dim"))
+    return Group(*parts)
+
+
+def _write_legend(result: DayResult) -> str:
+    roads = result.paid_cost - sum(job.cost for job in result.jobs)
+    if roads < LEAST_COST:
+        return translate("Times are medians of the samples, costs means.")
+    money = f"{format_price(roads)} {result.currency}"
+    return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
+
+
+def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTable:
+    columns = (
+        TableColumn(translate("Machine"), is_text=True, is_unbroken=True),
+        TableColumn(translate("Field"), is_text=True, is_unbroken=True),
+        TableColumn(translate("Begins")),
+        TableColumn(translate("Done")),
+        TableColumn(translate("95 % by"), drop_order=2),
+        TableColumn(translate("In time %"), translate("In\ntime %"), drop_order=1),
+        TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3),
+    )
+    rows = tuple(
+        (job.machine, job.field, format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s),
+         format_end_of_day(job.p95_end_s), format_percent(job.finish_probability), format_price(job.cost))
+        for job in jobs
+    )  # fmt: skip
+    return FittedTable(columns, rows, more_hint=translate("--explain shows more"))
 
 
 def build_day_table(result: DayResult) -> RenderableType:
     """What a day says beyond its first screen: the jobs of every machine, every field, what is not done, the costs."""
     parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
+        rows = tuple(build_field_row(job) for job in sort_by_field(result))
         parts += [Text(""), format_title("By machine"), _build_machine_table(result)]
-        parts += [
-            Text(""),
-            format_title("By field"),
-            _build_field_table(result),
-            format_sentence(describe_day_columns(result), style="dim"),
-        ]
+        parts += [Text(""), format_title("By field"), FittedTable(FIELD_COLUMNS, rows)]
+        parts.append(format_sentence(describe_day_columns(result), style="dim"))
     if result.unworked_fields:
-        parts += [Text(""), format_title("Not done"), _build_unworked_table(result)]
-    parts += [
-        Text(""),
-        format_title("Costs"),
-        FittedTable(_list_day_money_columns(result), tuple(list_money_rows(result))),
-    ]
+        columns = (
+            TableColumn("Field", is_text=True), TableColumn("ha"), TableColumn("Costs"),
+            TableColumn("Why", is_text=True),
+        )  # fmt: skip
+        rows = tuple(
+            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
+            for one in result.unworked_fields
+        )
+        parts += [Text(""), format_title("Not done"), FittedTable(columns, rows)]
+    money = (TableColumn("For", is_text=True), TableColumn(result.currency))
+    parts += [Text(""), format_title("Costs"), FittedTable(money, tuple(list_money_rows(result)))]
     parts += [format_sentence(text, style="dim") for text in result.remarks]
     return Group(*parts)
 
@@ -149,29 +201,13 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
         if not jobs:
             rows.append((fleet.name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
         for place, job in enumerate(jobs):
-            name = fleet.name if not place else ""
-            rows.append(
-                (
-                    name,
-                    f"{job.field}: {job.strategy}",
-                    format_time_of_day(get_stated_start_s(job)),
-                    format_end_of_day(get_stated_end_s(job)),
-                    format_number(job.km, 1),
-                    format_percent(job.finish_probability),
-                )
-            )
+            name, what = "" if place else fleet.name, f"{job.field}: {job.strategy}"
+            start, end = format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s)
+            rows.append((name, what, start, end, format_number(job.km, 1), format_percent(job.finish_probability)))
         if jobs and fleet.home_s is not None:
-            back = fleet.km - sum(job.km for job in jobs)
-            rows.append(
-                (
-                    "",
-                    translate("back"),
-                    format_end_of_day(get_stated_end_s(jobs[-1])),
-                    format_end_of_day(fleet.stated_home_s),
-                    format_number(back, 1),
-                    NO_VALUE,
-                )
-            )
+            back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
+            start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
+            rows.append(("", translate("back"), start, end, back_km, NO_VALUE))
     return rows
 
 
@@ -188,39 +224,30 @@ def _build_machine_table(result: DayResult) -> FittedTable:
     return FittedTable(columns, tuple(rows))
 
 
+_JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
+    (TableColumn("Field", is_text=True), lambda job: job.field),
+    (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
+    (TableColumn("Machine", is_text=True), lambda job: job.machine),
+    (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
+    (TableColumn("Begins"), lambda job: format_time_of_day(get_stated_start_s(job))),
+    (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
+    (TableColumn("P95", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
+    (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
+    (TableColumn("In time %", "In\ntime %", drop_order=1), lambda job: format_percent(job.finish_probability)),
+    (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
+    (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
+)
+FIELD_COLUMNS = tuple(column for column, _ in _JOB_FIGURES)
+
+
 def build_field_row(job: DayJob) -> tuple[str, ...]:
     """A field that is done, in the order of `FIELD_COLUMNS`."""
-    return (
-        job.field,
-        format_number(job.area_ha, 2),
-        job.machine,
-        str(job.tractors),
-        format_time_of_day(get_stated_start_s(job)),
-        format_end_of_day(get_stated_end_s(job)),
-        format_end_of_day(job.p95_end_s),
-        format_duration(job.time_s),
-        format_percent(job.finish_probability),
-        format_price(job.cost),
-        format_price(job.lost_cost),
-    )
-
-
-FIELD_COLUMNS = (
-    TableColumn("Field", is_text=True), TableColumn("ha", drop_order=4), TableColumn("Machine", is_text=True),
-    TableColumn("Tractors", "Trac-\ntors", drop_order=5), TableColumn("Begins"), TableColumn("Done"),
-    TableColumn("P95", drop_order=2),
-    TableColumn("Plan's time", "Plan's\ntime", drop_order=6), TableColumn("In time %", "In\ntime %", drop_order=1),
-    TableColumn("Cost", drop_order=3), TableColumn("Lost", drop_order=4),
-)  # fmt: skip
+    return tuple(text(job) for _, text in _JOB_FIGURES)
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:
     """Jobs in the order of the day file."""
     return sorted(result.jobs, key=lambda job: result.fields.index(job.field))
-
-
-def _build_field_table(result: DayResult) -> FittedTable:
-    return FittedTable(FIELD_COLUMNS, tuple(build_field_row(job) for job in sort_by_field(result)))
 
 
 def list_money_rows(result: DayResult) -> list[tuple[str, str]]:
@@ -238,23 +265,3 @@ def list_money_rows(result: DayResult) -> list[tuple[str, str]]:
         (translate("At risk"), format_price(result.risked_cost)),
         (translate("Expected cost"), format_price(result.cost)),
     ]
-
-
-def _list_day_money_columns(result: DayResult) -> tuple[TableColumn, ...]:
-    return TableColumn("For", is_text=True), TableColumn(result.currency)
-
-
-def _build_unworked_table(result: DayResult) -> FittedTable:
-    columns = (
-        TableColumn("Field", is_text=True),
-        TableColumn("ha"),
-        TableColumn("Costs"),
-        TableColumn("Why", is_text=True),
-    )
-    return FittedTable(
-        columns,
-        tuple(
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
-            for one in result.unworked_fields
-        ),
-    )

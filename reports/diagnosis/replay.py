@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from reports.common import palette
 from reports.common.effect_names import format_effect_with_id
-from reports.common.rendering import make_json_safe, render_template
+from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_number, join_list
 from reports.plan.map_figure import encode_svg_base64
@@ -37,7 +36,7 @@ def format_replay_json(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
         "rows_gated": replayed.rows_gated,
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
     }
-    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+    return format_json(content)
 
 
 def _list_replayed_measurements(replayed: ReplayResult) -> list[str]:

@@ -1,13 +1,15 @@
-"""A diagnosis as a terminal table and as JSON (a contract)."""
+"""A diagnosis for a terminal, on a first screen and in whole tables, and as JSON (a contract)."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Group
+from rich.text import Text
+
 from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence, format_sentence
 from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
@@ -19,9 +21,11 @@ from reports.diagnosis.log_checks import (
     describe_holdout,
     describe_unlike_runs,
     describe_unsaved,
+    describe_unsaved_finds,
     end_sentence,
     list_column_rows,
     list_holdout_rows,
+    sort_runs,
 )
 from reports.diagnosis.sentences import (
     SMALLEST_VISIBLE,
@@ -30,9 +34,11 @@ from reports.diagnosis.sentences import (
     describe_next_drive,
     describe_plan_change,
     describe_remaining_error,
+    describe_saved_effects,
     describe_trusted_range,
     describe_two_level_effects,
     explain_likely_verdict,
+    format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
@@ -44,6 +50,8 @@ from reports.diagnosis.sentences import (
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     NAMED,
+    NOT_VISIBLE,
+    REFUTED,
     Diagnosis,
     ErrorsByHorizon,
     Finding,
@@ -52,9 +60,11 @@ from vehicle.identification.diagnosis.results import (
 )
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from vehicle.identification.diagnosis.demo_logs import HiddenEffect
+
+
+MOST_EFFECTS, MOST_LISTED_RUNS = 6, 3
+MORE_HINT = "Add --explain (every effect, every run, how to read it), --html report.html (pictures)."
 
 
 def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> str:
@@ -62,7 +72,7 @@ def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = No
 
     `hidden` is the hidden effect of a demonstration.
     """
-    return json.dumps(make_json_safe(build_diagnosis_dict(diagnosis, hidden)), indent=2, allow_nan=False) + "\n"
+    return format_json(build_diagnosis_dict(diagnosis, hidden))
 
 
 def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> dict[str, Any]:
@@ -125,11 +135,7 @@ def _convert_holdout_to_dict(holdout: HoldoutResult | None) -> dict[str, Any] | 
         "helps": holdout.helps,
         "is_requested": holdout.is_requested,
         "by_run": [
-            {
-                "name": run.name,
-                "before": _convert_errors_to_dict(run.before),
-                "after": _convert_errors_to_dict(run.after),
-            }
+            {name: _convert_errors_to_dict(value) if name != "name" else value for name, value in vars(run).items()}
             for run in holdout.by_run
         ],
         "words": holdout.words,
@@ -149,22 +155,16 @@ def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     return {"as_good_as_noise": diagnosis.is_noise_only, "above_noise_s": above, **values}
 
 
+_EFFECT_KEYS = (
+    "id", "status", "calibrated", "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block",
+    "equivalent_to", "exchange", "law",
+)  # fmt: skip
+
+
 def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
-    return {
-        "id": finding.id,
-        "status": finding.status,
-        "calibrated": is_calibration_effect(finding),
-        "value": finding.value,
-        "interval": None if finding.interval is None else {key: list(pair) for key, pair in finding.interval.items()},
-        "gain_pct": finding.gain_pct,
-        "gain_interval": finding.gain_interval,
-        "smallest_visible": finding.smallest_visible,
-        "unit": finding.unit,
-        "block": finding.block,
-        "equivalent_to": list(finding.equivalent_to),
-        "exchange": finding.exchange,
-        "law": None if finding.law is None else dict(finding.law.__dict__),
-    }
+    law = None if finding.law is None else vars(finding.law)
+    made = {"calibrated": is_calibration_effect(finding), "law": law}
+    return {key: made[key] if key in made else getattr(finding, key) for key in _EFFECT_KEYS}
 
 
 _ERROR_COLUMNS = (
@@ -183,8 +183,12 @@ _EFFECT_COLUMNS = (
     TableColumn("Gain %", drop_order=2),
     TableColumn("Smallest visible", drop_order=3),
 )
-
-
+_SCREEN_EFFECT_COLUMNS = (
+    TableColumn("Effect", is_text=True),
+    TableColumn("Status", is_text=True, is_unbroken=True),
+    TableColumn("Value (95 %)", is_text=True),
+    TableColumn("Gain %", drop_order=1),
+)
 _HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
 _HELD_OUT_RUN_COLUMNS = (
     TableColumn("Run held out", is_text=True, break_marks=" +-_/"),
@@ -203,9 +207,6 @@ _TIMING_COLUMNS = (
 
 def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
     """Build everything for a terminal: verdict, errors, runs, columns, effects and remarks, from top to bottom."""
-    from rich.console import Group
-    from rich.text import Text
-
     parts: list[object] = list(build_verdict_lines(diagnosis))
     if diagnosis.undiagnosed_reason:
         return Group(*parts, *map(format_sentence, list_diagnosis_remarks(diagnosis)))  # type: ignore[arg-type]
@@ -245,8 +246,6 @@ def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
 
 def _list_run_parts(diagnosis: Diagnosis) -> list[object]:
     """The error of each run over 5 s, where there are several."""
-    from rich.text import Text
-
     if len(diagnosis.runs) < 2:
         return []
     title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
@@ -255,8 +254,6 @@ def _list_run_parts(diagnosis: Diagnosis) -> list[object]:
 
 def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
     """Build what runs held out say: errors by horizon and, with `by_run`, of each run."""
-    from rich.text import Text
-
     holdout = diagnosis.holdout
     if holdout is None:
         return []
@@ -315,3 +312,67 @@ def _build_effect_table(diagnosis: Diagnosis) -> FittedTable:
     )
     styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in findings)
     return FittedTable(_EFFECT_COLUMNS, rows, styles)
+
+
+def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
+    """Build the verdict, the errors by length of the pieces, the effects that were found, and what remains."""
+    parts: list[object] = list(build_verdict_lines(diagnosis))
+    if diagnosis.undiagnosed_reason:
+        return Group(*parts, format_sentence(MORE_HINT, style="dim"))  # type: ignore[arg-type]
+    if diagnosis.holdout is None or not diagnosis.holdout.is_requested:
+        data = name_held_out_data(diagnosis)
+        title = f"Error on {data} not used for fitting, by length of the pieces (cm, cm, degrees)"
+        parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
+    else:
+        parts += build_holdout_parts(diagnosis, by_run=False)
+    parts += [Text(""), *_list_effect_parts(diagnosis)]
+    parts += [format_sentence(line) for line in _list_last_sentences(diagnosis)]
+    parts.append(format_sentence(MORE_HINT, style="dim"))
+    return Group(*parts)  # type: ignore[arg-type]
+
+
+def _list_effect_parts(diagnosis: Diagnosis) -> list[object]:
+    """The effects with a value, and how many others there are."""
+    findings = sort_findings(diagnosis.findings)
+    found = [one for one in findings if one.value is not None or one.status in (NAMED, EQUIVALENT)]
+    rows = [
+        (get_effect_label(one.id), one.status, format_effect_estimate(one), format_gain_pct(one))
+        for one in found[:MOST_EFFECTS]
+    ]
+    counts = [
+        f"{count} {status}"
+        for status in (REFUTED, NOT_VISIBLE)
+        if (count := sum(one.status == status and one not in found for one in findings))
+    ]
+    if len(found) > MOST_EFFECTS:
+        counts.insert(0, f"{len(found) - MOST_EFFECTS} more found")
+    styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in found[:MOST_EFFECTS])
+    parts: list[object] = [FittedTable(_SCREEN_EFFECT_COLUMNS, tuple(rows), styles)] if rows else []
+    if counts:
+        others = "Other effects" if rows else "Effects"
+        parts.append(format_sentence(f"{others}: {', '.join(counts)}."))
+    return parts
+
+
+def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
+    """The worst runs, what remains, the next drive, what is saved, and how many notes there are."""
+    lines = [_describe_worst_runs(diagnosis), describe_remaining_error(diagnosis)[0], describe_next_drive(diagnosis)]
+    if diagnosis.holdout is not None and not diagnosis.holdout.is_requested:
+        lines.append(diagnosis.holdout.words)
+    lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
+    if diagnosis.notes:
+        lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
+    return [line for line in lines if line]
+
+
+def _describe_worst_runs(diagnosis: Diagnosis) -> str:
+    """The error of the worst runs in one sentence; empty with one run."""
+    runs = sort_runs(diagnosis)
+    if len(runs) < 2:
+        return ""
+    parts = [
+        f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
+        for run in runs[:MOST_LISTED_RUNS]
+    ]
+    parts += [f"{len(runs) - MOST_LISTED_RUNS} more" if len(runs) > MOST_LISTED_RUNS else ""]
+    return f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(part for part in parts if part)}."

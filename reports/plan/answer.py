@@ -30,9 +30,9 @@ from reports.common.wording import (
     format_deadline,
     format_duration,
     format_end_clock,
+    format_money,
     format_number,
     format_percent,
-    format_price,
     format_price_change,
     format_time_span,
     format_tractor_count,
@@ -109,14 +109,9 @@ def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
     return format_end_clock(ranking, seconds) or format_duration(seconds)
 
 
-def format_money(ranking: PlanRanking, value: float | None) -> str:
-    """A cost with the currency, where that is known."""
-    return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
-
-
 def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     """The stated cost of a plan with the currency, and that its prices are assumed where nobody gave them."""
-    money = format_money(ranking, get_stated_cost(plan))
+    money = format_money(get_stated_cost(plan), ranking.currency)
     return translate("{money} (assumed prices)", money=money) if ranking.prices_assumed else money
 
 
@@ -127,7 +122,9 @@ def name_plan(plan: PlanResult) -> str:
 
 def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
     """``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line."""
-    parts = [_describe_end(ranking, plan)]
+    done = format_stated_end(ranking, get_stated_end_s(plan))
+    has_start = parse_start_time(ranking.start) is not None
+    parts = [translate("done {time}", time=done) if has_start else translate("done in {time}", time=done)]
     if get_stated_cost(plan) is not None:
         parts.append(format_stated_cost(ranking, plan))
     if energy := format_energy(plan):
@@ -161,15 +158,8 @@ def _describe_rest(ranking: PlanRanking, plan: PlanResult) -> str:
     """What the rest of the ground takes: `` (the rest: 12 min, 9 EUR)``; "" where that is within the model's error."""
     if format_unworked(plan) is None or get_finishing_s(plan) < MODEL_ERROR_SHARE * (plan.time_s or 0.0):
         return ""
-    money = format_money(ranking, get_finishing_cost(plan))
+    money = format_money(get_finishing_cost(plan), ranking.currency)
     return translate(" (the rest: {time}, {money})", time=format_time_span(get_finishing_s(plan)), money=money)
-
-
-def _describe_end(ranking: PlanRanking, plan: PlanResult) -> str:
-    done = format_stated_end(ranking, get_stated_end_s(plan))
-    if parse_start_time(ranking.start) is None:
-        return translate("done in {time}", time=done)
-    return translate("done {time}", time=done)
 
 
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -178,10 +168,11 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.finish_probability is None:
         samples = f"{ranking.samples or 0:,}"
         return translate("Median and 95 % of {samples} samples with late starts, stops, breakdowns.", samples=samples)
-    limit, share, loss = _format_limit(ranking), format_share(plan), get_late_loss(plan)
+    limit, share = _format_limit(ranking), format_share(plan)
+    loss = max((plan.expected_cost or 0.0) - (plan.paid_cost or plan.expected_cost or 0.0), 0.0)  # on late ground
     if loss < LEAST_COST:
         return translate("Done {limit}: {share} sure; no ground is late.", limit=limit, share=share)
-    values = {"limit": limit, "share": share, "loss": format_money(ranking, loss)}
+    values = {"limit": limit, "share": share, "loss": format_money(loss, ranking.currency)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
     return translate("Done {limit}: {share} sure; {loss} for late ground included.", **values)
@@ -195,11 +186,6 @@ def format_share(plan: PlanResult) -> str:
         return translate("{share} %", share=share)
     low, high = (f"{100.0 * end:.0f}" for end in interval)
     return translate("{share} % ({low} to {high} %)", share=share, low=low, high=high)
-
-
-def get_late_loss(plan: PlanResult) -> float:
-    """The part of the stated cost that is expected loss on ground that is not done in time."""
-    return max((plan.expected_cost or 0.0) - (plan.paid_cost or plan.expected_cost or 0.0), 0.0)
 
 
 def _format_limit(ranking: PlanRanking) -> str:
@@ -264,16 +250,11 @@ def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResu
         min(plan.finish_probability, best.finish_probability or 0.0) < SURE_SHARE
     ):
         figures.append(translate("{share} % sure", share=format_percent(plan.finish_probability)))
-    figures.append(format_cost_change(ranking, plan, best))
+    change = _compute_cost_change(plan, best)
+    figures.append(translate("same cost") if change is None else _add_currency(ranking, change))
     if is_share_different(plan.worked_pct, best.worked_pct):
         figures.append(_describe_share(plan))
     return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
-
-
-def format_cost_change(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
-    """The difference of the costs that plans are compared by: ``+2 EUR``; ``same cost`` where there is none."""
-    change = _compute_cost_change(plan, best)
-    return translate("same cost") if change is None else _add_currency(ranking, change)
 
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,7 +10,7 @@ from rich.text import Text
 
 from reports.common.language import translate
 from reports.common.plan_results import PlanResult
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.units import format_volume
 from reports.common.wording import NO_VALUE, format_duration, format_number
@@ -159,5 +158,4 @@ def format_bearing_json(comparison: BearingComparison) -> str:
         }
         for row in comparison.rows
     ]
-    content = make_json_safe({"field": comparison.field, "bearings": rows}, EXPORT_DECIMALS)
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return format_json({"field": comparison.field, "bearings": rows}, EXPORT_DECIMALS, is_ascii=False)

@@ -17,7 +17,10 @@ from reports.plan.plan_wording import (
 )
 
 _TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
+_VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
+_RISK_WIDTH, _RISK_HEIGHT, _RISK_BETWEEN = 720.0, 420.0, 30.0  # of two curves, and between them
+_RISK_LEFT, _RISK_RIGHT, _RISK_ABOVE, _RISK_BELOW = 86.0, 16.0, 18.0, 56.0  # room around them
 _FRONT_BOX = (720.0, 340.0, 86.0, 16.0, 18.0, 56.0)  # width, height, then room left, right, above and below
 
 
@@ -40,6 +43,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         return round(height - below - (height - above - below) * time_s / top, 1)
 
     names = list(dict.fromkeys(plan.strategy for plan in plans))
+    front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
     return {
         "box": MapExtent(room_left, above, width - room_right, height - below),
         "width": width,
@@ -47,16 +51,12 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         "points": _place_points(
             plans, names, [(scale_x(plan.tractors), scale_y(get_ranked_s(plan))) for plan in plans]
         ),
-        "line": " ".join(f"{scale_x(count)},{scale_y(time)}" for count, time in _list_pareto_points(plans)),
-        "deadline": None if limit is None else {"y": scale_y(limit), "text": _describe_deadline(ranking)},
+        "line": " ".join(f"{scale_x(count)},{scale_y(time)}" for count, time in front),
+        "deadline": None if limit is None else {"y": scale_y(limit), "text": f"deadline {format_deadline(ranking)}"},
         "counts": [{"x": scale_x(count), "text": str(count)} for count in counts],
         "times": [{"y": scale_y(time), "text": _format_tick_time(time)} for time in _choose_time_ticks(top)],
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
-
-
-def _list_pareto_points(plans: list[PlanResult]) -> list[tuple[int, float]]:
-    return sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
 
 
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -95,23 +95,6 @@ def _choose_time_ticks(top_s: float) -> list[int]:
 def _format_tick_time(seconds: int) -> str:
     hours, rest = divmod(seconds, 3600)
     return f"{hours}:{rest // 60:02d}" + (f":{rest % 60:02d}" if rest % 60 else "")
-
-
-def _describe_deadline(ranking: PlanRanking) -> str:
-    """The deadline as a clock time, without a start as a duration."""
-    return f"deadline {format_deadline(ranking)}"
-
-
-_RISK_WIDTH, _RISK_HEIGHT, _RISK_LEFT, _RISK_RIGHT, _RISK_ABOVE, _RISK_BELOW, _RISK_BETWEEN = (
-    720.0,
-    420.0,
-    86.0,
-    16.0,
-    18.0,
-    56.0,
-    30.0,
-)
-_VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
 
 
 def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +55,31 @@ class MapExtent:
     def size(self) -> float:
         """The larger of the two, metres."""
         return max(self.width, self.height)
+
+
+@dataclass(frozen=True)
+class Viewport:
+    """Converts metres, y north, to whole units of a picture, y down: `scale` to a metre, `margin` at its edges."""
+
+    west: float
+    north: float
+    scale: float = 100.0
+    margin: float = 0.0
+
+    def convert_points(self, points: Points) -> list[tuple[int, int]]:
+        """Points (n, 2) on the picture."""
+        flat = (points - (self.west, self.north)) * (self.scale, -self.scale) + self.margin
+        return [(int(x), int(y)) for x, y in np.rint(flat)]
+
+    def format_path(self, points: Points, is_closed: bool = False) -> str:
+        """SVG path data of a polyline (n, 2); moves after the first are relative, which halves the text."""
+        flat = self.convert_points(points)
+        steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
+        return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
+
+    def format_rings(self, rings: Iterable[Points]) -> str:
+        """SVG path data of closed rings (n, 2)."""
+        return "".join(self.format_path(ring, is_closed=True) for ring in rings)
 
 
 def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:

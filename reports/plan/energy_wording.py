@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from reports.common.language import translate
-from reports.common.plan_results import PlanRanking, PlanResult, SlopePlace
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.units import (
     convert_litres,
     convert_rate_per_hectare,
@@ -14,6 +14,7 @@ from reports.common.units import (
     get_volume_unit,
 )
 from reports.common.wording import NO_VALUE, format_number, join_list
+from reports.plan.plan_wording import format_ground_place
 
 
 def format_energy(plan: PlanResult) -> str:
@@ -21,11 +22,6 @@ def format_energy(plan: PlanResult) -> str:
     if plan.fuel_l is not None:
         return format_volume(plan.fuel_l)
     return "" if plan.energy_kwh is None else f"{format_number(plan.energy_kwh, 0)} kWh"
-
-
-def has_energy(plans: Sequence[PlanResult]) -> bool:
-    """Whether the fuel or electricity of some plan is known."""
-    return any(format_energy(plan) for plan in plans)
 
 
 def name_energy_column(plans: Sequence[PlanResult]) -> str:
@@ -83,25 +79,18 @@ def describe_slopes(plan: PlanResult | None) -> list[str]:
         translate(
             "Steepest along the drive: {along} % at {along_place}; across it: {across} % at {across_place}.",
             along=format_number(abs(along.amount), 0),
-            along_place=format_slope_place(along),
+            along_place=format_ground_place(along),
             across=format_number(abs(across.amount), 0),
-            across_place=format_slope_place(across),
+            across_place=format_ground_place(across),
         )
     ]
     if plan.rollover is not None:
         degrees = format_number(plan.rollover.amount, 0)
-        place = format_slope_place(plan.rollover)
+        place = format_ground_place(plan.rollover)
         sentences.append(
             translate("Nearest to rolling over: {degrees} degrees are left at {place}.", degrees=degrees, place=place)
         )
     return sentences
-
-
-def format_slope_place(place: SlopePlace) -> str:
-    """A place in degrees, or in metres of the field."""
-    if place.lon is None or place.lat is None:
-        return f"x {place.x_m:.0f} m, y {place.y_m:.0f} m"
-    return translate("latitude {lat}, longitude {lon}", lat=f"{place.lat:.5f}", lon=f"{place.lon:.5f}")
 
 
 def describe_physics(ranking: PlanRanking) -> list[str]:

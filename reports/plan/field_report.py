@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ from rich.text import Text
 from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
 from reports.common.language import translate, translate_sentence
+from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
 
@@ -164,4 +164,4 @@ def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:
         }
         for parcel in parcels
     ]
-    return json.dumps(rows, indent=2, allow_nan=False) + "\n"
+    return format_json(rows)

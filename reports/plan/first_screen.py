@@ -6,38 +6,26 @@ At 80 columns it has at most 20 lines, of which at most five stand before the ta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_late_end_s,
-)
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.text_tables import AnswerLines, FittedTable, format_sentence
 from reports.common.units import format_hectares
-from reports.common.wording import format_duration, format_number, format_price, format_yes_no, parse_start_time
-from reports.plan.answer import format_stated_end, write_answer
-from reports.plan.energy_wording import format_energy_cell, has_energy, name_energy_column
-from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
+from reports.common.wording import parse_start_time
+from reports.plan.answer import write_answer
+from reports.plan.figures import SCREEN_DROPS, build_figure_table, choose_figures
+from reports.plan.plan_wording import describe_machines, list_feasible, list_refused
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = mark_text("a wider window or --explain shows more")
-
-
-@dataclass(frozen=True)
-class _AnswerColumn:
-    column: TableColumn
-    text: Callable[[PlanResult], str]
 
 
 def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_next: bool = True) -> RenderableType:
@@ -46,7 +34,15 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     The table holds the best plan, then the Pareto front, then others as they are ranked: few, or all with `shows_all`.
     """
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
-    parts: list[RenderableType] = [_build_answer_lines(ranking)]
+    answer, title = write_answer(ranking), ""
+    certainty = " ".join(filter(None, (answer.work, answer.certainty)))
+    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
+    others = (certainty, answer.alternatives) if answer.verdict else (answer.alternatives,)
+    faults = (answer.question, *answer.faults) if answer.question else answer.faults
+    if not ranking.shortfalls:
+        name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
+        title = ", ".join(filter(None, (name, format_hectares(ranking.area_ha), describe_machines(ranking))))
+    parts: list[RenderableType] = [AnswerLines(tuple(filter(None, must)), others, faults, title)]
     if plans:
         parts += [
             Text(""),
@@ -58,16 +54,6 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         parts += [] if plans else [Text("")]
         parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
     return Group(*parts)
-
-
-def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
-    answer = write_answer(ranking)
-    certainty = " ".join(filter(None, (answer.work, answer.certainty)))
-    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
-    others = (certainty, answer.alternatives) if answer.verdict else (answer.alternatives,)
-    faults = (answer.question, *answer.faults) if answer.question else answer.faults
-    title = "" if ranking.shortfalls else _format_heading(ranking)
-    return AnswerLines(tuple(filter(None, must)), others, faults, title=title)
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:
@@ -83,77 +69,28 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
     return [*first[: int(most)], *others[: max(LEAST_ROWS - len(first), 0)]]
 
 
-def _format_heading(ranking: PlanRanking) -> str:
-    name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
-    return ", ".join(filter(None, (name, format_hectares(ranking.area_ha), describe_machines(ranking))))
-
-
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
-    """The table of some plans, in at most seven columns."""
-    columns = _list_columns(ranking, plans)
-    rows = tuple(tuple(column.text(plan) for column in columns) for plan in plans)
-    styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
-    return FittedTable(tuple(column.column for column in columns), rows, styles, more_hint=_MORE_HINT)
-
-
-def _list_columns(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[_AnswerColumn]:
-    """At most seven columns; those that hold the answer are dropped last."""
-    has_start = parse_start_time(ranking.start) is not None
-    has_samples = any(plan.p50_s is not None for plan in plans)
-    columns = [
-        _AnswerColumn(
-            TableColumn(translate("Tractors"), translate("Trac-\ntors")),
-            lambda plan: _mark_count(ranking, plan, shows_front=_is_front_part(plans)),
-        ),
-        _AnswerColumn(TableColumn(translate("Strategy"), is_text=True, is_unbroken=True), lambda plan: plan.strategy),
-        _AnswerColumn(
-            TableColumn(translate("Done") if has_start else translate("Time")),
-            lambda plan: format_stated_end(ranking, get_stated_end_s(plan)),
-        ),
-    ]
-    if has_samples:
+    """The table of some plans, in at most seven columns; those that hold the answer are dropped last."""
+    figures = {figure.key: figure for figure in choose_figures(ranking, plans, SCREEN_DROPS)}
+    if late := figures.get("stated_late_end_s"):
+        has_start = parse_start_time(ranking.start) is not None
         heading = translate("95 % by") if has_start else translate("95 % in")
-        columns.append(
-            _AnswerColumn(
-                TableColumn(heading, drop_order=3),
-                lambda plan: format_stated_end(ranking, get_stated_late_end_s(plan)),
-            )
-        )
-    else:
-        columns.append(
-            _AnswerColumn(TableColumn(translate("Waiting"), drop_order=4), lambda plan: format_duration(plan.waiting_s))
-        )
-    columns += [
-        _AnswerColumn(
-            TableColumn(translate("Cost {currency}", currency=ranking.currency or "").strip(), drop_order=1),
-            lambda plan: format_price(get_stated_cost(plan)),
-        ),
-        _AnswerColumn(
-            TableColumn(translate("Worked %"), translate("Work\n%"), drop_order=2),
-            lambda plan: format_number(plan.worked_pct, 1),
-        ),
-    ]
-    in_time = TableColumn(translate("In time %"), translate("In\ntime %"), drop_order=1)
-    if any(plan.finish_probability is not None for plan in plans):
-        columns.append(_AnswerColumn(in_time, format_in_time_probability))
-    elif any(plan.meets_deadline is not None for plan in plans):
-        in_time = TableColumn(translate("In time"), translate("In\ntime"), drop_order=1)
-        columns.append(_AnswerColumn(in_time, lambda plan: format_yes_no(plan.meets_deadline)))
-    if len(columns) < MOST_COLUMNS and has_energy(plans):
-        energy = TableColumn(name_energy_column(plans), name_energy_column(plans).replace(" ", "\n"), drop_order=3)
-        columns.insert(len(columns) - 1, _AnswerColumn(energy, format_energy_cell))
-    return columns
+        figures |= {late.key: replace(late, heading=heading)}
+        del figures["waiting_s"]
+    if len(figures) > MOST_COLUMNS:
+        figures = {key: figure for key, figure in figures.items() if key not in ("fuel_l", "energy_kwh")}
+    shows_front = _is_front_part(plans)
+
+    def mark_count(plan: PlanResult) -> str:
+        star = ("*" if plan.on_pareto_front else " ") if shows_front else ""
+        return f"{'>' if plan is ranking.best else ''}{plan.tractors}{star}"
+
+    return build_figure_table(ranking, plans, list(figures.values()), SCREEN_DROPS, mark_count, _MORE_HINT)
 
 
 def _is_front_part(plans: Sequence[PlanResult]) -> bool:
     """Whether some of the plans are on the Pareto front and some are not; a mark on all would tell nothing."""
     return len({plan.on_pareto_front for plan in plans}) > 1
-
-
-def _mark_count(ranking: PlanRanking, plan: PlanResult, *, shows_front: bool) -> str:
-    """The number of tractors with the marks of the legend."""
-    star = ("*" if plan.on_pareto_front else " ") if shows_front else ""
-    return f"{'>' if plan is ranking.best else ''}{plan.tractors}{star}"
 
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +21,7 @@ from fields.formats.guidance import (
     cut_curves_into_segments,
     simplify_to_ascii,
 )
-from reports.common.rendering import ReportError
+from reports.common.rendering import ReportError, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 
 GUIDANCE_FORMATS: tuple[GuidanceFormat, ...] = (
@@ -226,7 +225,7 @@ def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[
         "left_out": list_unwritten_content(guidance, written),
         "not_for_older": list_content_for_newer_terminals(written),
     }
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return format_json(content, is_ascii=False)
 
 
 def _build_line_entry(line: GuidedLine, is_written: bool) -> dict[str, Any]:

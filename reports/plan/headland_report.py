@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json, make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.units import (
     convert_hectares,
@@ -25,7 +22,8 @@ from reports.common.units import (
     get_small_area_unit,
     get_volume_unit,
 )
-from reports.common.wording import NO_VALUE, format_number, format_price
+from reports.common.wording import NO_VALUE, format_money, format_number, format_price
+from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
     YEAR_KEYS,
     ComparedPlan,
@@ -37,7 +35,7 @@ from reports.plan.headland_comparison import (
     list_missing,
     name_choice,
 )
-from reports.plan.ranking_export import EXPORT_DECIMALS, build_part_entry, build_plan_entry, format_csv_cell
+from reports.plan.ranking_export import EXPORT_DECIMALS, build_part_entry, build_plan_entry, format_csv, format_csv_cell
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts
@@ -45,15 +43,6 @@ MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 TOTAL_KEYS = (
     "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "energy_kwh", "missed_m2", "overlap_m2", "over_finished_m2",
 )  # fmt: skip
-CSV_PLAN_KEYS = (
-    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
-    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
-)  # fmt: skip
-
-
-def format_money(value: float | None, currency: str | None) -> str:
-    """A cost with its currency, if it is known."""
-    return format_price(value) + (f" {currency}" if currency else "")
 
 
 def compute_extra_cost(totals: HeadlandTotals, best: HeadlandTotals) -> float:
@@ -398,7 +387,7 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
         "totals": [_build_totals_entry(one) for one in comparison.totals],
         "fields": [_build_field_entry(each) for each in comparison.plans],
     }
-    return json.dumps(make_json_safe(content, EXPORT_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
 def _build_choice_entry(choice: HeadlandChoice) -> dict[str, Any]:
@@ -433,19 +422,16 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
     head = (
         "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
-        *CSV_PLAN_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason", "width_m", "operations_per_year", *YEAR_KEYS,
-        "cut_off_m2",
+        *HEADLAND_CSV_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason", "width_m", "operations_per_year",
+        *YEAR_KEYS, "cut_off_m2",
     )  # fmt: skip
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(head)
+    rows = []
     for each in comparison.plans:
         (totals,) = comparison.sum_over_fields([each])
         year = (each.choice.width_m, comparison.operations_per_year, *totals.year.values())
         values = [*_iter_csv_cells(each, comparison.currency), *year, None if each.plan is None else each.cut_off_m2]
-        cells = make_json_safe(values, EXPORT_DECIMALS)
-        writer.writerow(map(format_csv_cell, cells))
-    return buffer.getvalue()
+        rows.append([format_csv_cell(cell) for cell in make_json_safe(values, EXPORT_DECIMALS)])
+    return format_csv([head, *rows])
 
 
 def _iter_csv_cells(each: ComparedPlan, currency: str | None) -> Iterator[Any]:
@@ -454,7 +440,7 @@ def _iter_csv_cells(each: ComparedPlan, currency: str | None) -> Iterator[Any]:
     yield (None if plan is None else plan.headland_order) or each.choice.order
     yield (None if plan is None else plan.headland_passes) or each.choice.passes
     yield each.headland_m
-    yield from (None if plan is None else getattr(plan, key) for key in CSV_PLAN_KEYS)
+    yield from (None if plan is None else getattr(plan, key) for key in HEADLAND_CSV_KEYS)
     yield None if plan is None else each.overlap_m2
     yield None if plan is None else each.charged_cost / each.area_ha
     yield from (currency, each.refusal)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.plan_drives import DriverLeg
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
@@ -101,28 +100,6 @@ def _describe_awaited_tractors(tractors: tuple[int, ...]) -> str:
 
 Steps = Sequence[Sequence[DriverLeg]]
 
-STEP_KEYS = (
-    "number",
-    "words",
-    "kind",
-    "from_s",
-    "seconds",
-    "length_m",
-    "swath",
-    "headland_pass",
-    "part",
-    "bearing_deg",
-    "over_swaths",
-    "shape",
-    "for_tractors",
-    "reversing_m",
-    "over_finished",
-    "over_finished_m",
-    "fuel_l",
-    "energy_kwh",
-    "slope_along_pct",
-    "slope_across_pct",
-)
 LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
 LEG_DECIMALS = 2
 
@@ -132,11 +109,14 @@ def build_leg_tables(
 ) -> RenderableType:
     """A table per tractor, or only for `only_tractor` (from 1); with a `start` times are clock times."""
     parts: list[RenderableType] = [format_title(title)]
+    columns = tuple(TableColumn(name, is_text=name == "Leg") for name in LEG_HEADINGS)
     when = "time of day" if start else "after the start"
     parts.append(format_sentence(f"From: h:mm:ss, {when}. Min:s: duration.", style="dim"))
     for tractor, rows in enumerate(steps, start=1):
         if only_tractor in (None, tractor):
-            parts += [Text(""), Text(format_leg_heading(tractor, rows), style="bold"), _build_leg_table(rows, start)]
+            cells = tuple(build_leg_cells(place, step, start) for place, step in enumerate(rows, start=1))
+            heading = Text(format_leg_heading(tractor, rows), style="bold")
+            parts += [Text(""), heading, FittedTable(columns, cells)]
     return Group(*parts)
 
 
@@ -149,13 +129,8 @@ def format_leg_heading(tractor: int, steps: Sequence[DriverLeg]) -> str:
 
 def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tuple[str, ...]:
     """The cells of a leg under `LEG_HEADINGS`."""
-    return (
-        str(place),
-        describe_leg(step),
-        format_clock_at(start, step.from_s),
-        format_leg_metres(step),
-        format_minutes(step.seconds),
-    )
+    when, duration = format_clock_at(start, step.from_s), format_minutes(step.seconds)
+    return str(place), describe_leg(step), when, format_leg_metres(step), duration
 
 
 def format_leg_metres(step: DriverLeg) -> str:
@@ -174,47 +149,28 @@ def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:
     ]  # fmt: skip
 
 
-def _build_leg_table(steps: Sequence[DriverLeg], start: str | None) -> FittedTable:
-    columns = tuple(TableColumn(name, is_text=name == "Leg") for name in LEG_HEADINGS)
-    return FittedTable(columns, tuple(build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)))
-
-
 def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor: int | None = None) -> str:
     """The lists as JSON text with a trailing newline: `plan_facts`, then ``tractors``.
 
-    Each of these has its number (``tractor``) and ``legs`` with `STEP_KEYS`; missing values are null.
+    Each of these has its number (``tractor``) and ``legs``; missing values are null.
     """
     lists = [
         {"tractor": tractor, "legs": [_build_leg_entry(place, step) for place, step in enumerate(rows, start=1)]}
         for tractor, rows in enumerate(steps, start=1)
         if only_tractor in (None, tractor)
     ]
-    return (
-        json.dumps(make_json_safe({**plan_facts, "tractors": lists}, LEG_DECIMALS), indent=2, ensure_ascii=False) + "\n"
-    )
+    return format_json({**plan_facts, "tractors": lists}, LEG_DECIMALS, is_ascii=False)
 
 
 def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
-    values = (
-        place,
-        describe_leg(step),
-        step.kind,
-        step.from_s,
-        step.seconds,
-        step.length_m,
-        None if step.is_headland_pass else step.number,
-        step.number if step.is_headland_pass else None,
-        step.part or None,
-        step.bearing_deg,
-        step.over_swaths,
-        step.shape or None,
-        list(step.for_tractors),
-        step.reversing_m,
-        list(step.over_finished),
-        step.over_finished_m,
-        step.fuel_l,
-        step.energy_kwh,
-        step.slope_along_pct,
-        step.slope_across_pct,
-    )
-    return dict(zip(STEP_KEYS, values, strict=True))
+    return {
+        "number": place, "words": describe_leg(step), "kind": step.kind,
+        "from_s": step.from_s, "seconds": step.seconds, "length_m": step.length_m,
+        "swath": None if step.is_headland_pass else step.number,
+        "headland_pass": step.number if step.is_headland_pass else None,
+        "part": step.part or None, "bearing_deg": step.bearing_deg,
+        "over_swaths": step.over_swaths, "shape": step.shape or None, "for_tractors": step.for_tractors,
+        "reversing_m": step.reversing_m, "over_finished": step.over_finished, "over_finished_m": step.over_finished_m,
+        "fuel_l": step.fuel_l, "energy_kwh": step.energy_kwh,
+        "slope_along_pct": step.slope_along_pct, "slope_across_pct": step.slope_across_pct,
+    }  # fmt: skip

@@ -1,138 +1,101 @@
-"""Many fields in one table: the best plan of each on a terminal, all plans as CSV and JSON.
-
-A record holds the answer for one field at one width: `requested_field` (its name as given), `width_m`, `refusal` (a
-sentence, or None) and `ranking` (read back from `reports.plan.ranking_export.format_ranking_json`, or None).
-"""
+"""Many fields in one table: first screen, the best plan of each field, all plans as CSV and JSON."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import PurePath
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from reports.common.language import translate, translate_sentence
-from reports.common.rendering import make_json_safe
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import format_width
-from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
-from reports.plan.ranking_export import EXPORT_DECIMALS, build_csv_row, format_csv, list_csv_columns
+from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_end_s
+from reports.common.rendering import format_json
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.units import (
+    convert_hectares,
+    convert_rate_per_hectare,
+    format_hectares,
+    format_width,
+    get_area_unit,
+    get_length_unit,
+    is_us,
+)
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
+from reports.plan.figures import FIGURES
+from reports.plan.ranking_export import (
+    EXPORT_DECIMALS,
+    build_csv_row,
+    build_plan_entry,
+    build_ranking_entry,
+    format_csv,
+    list_csv_columns,
+)
+from reports.plan.shortfall_wording import list_shortfall_sentences
+from reports.plan.small_map import SmallMap
 
-FieldRecord = Mapping[str, Any]
-REQUESTED_KEY = "requested_field"
-MAP_KEY = "map"  # a small map of the best plan, for the page
-_FILE_KEYS = ("key", "sum", MAP_KEY)  # of the checkpoint file and the page only
+MOST_ROWS = 9  # of the first screen
+
+
+@dataclass(frozen=True, eq=False)
+class FieldRecord:
+    """The answer for one field at one width: the ranking of its plans, or the `refusal`, a sentence.
+
+    `requested_field` is the field as named in the request, `map` a small map of the best plan for the page.
+    """
+
+    requested_field: str
+    width_m: float
+    ranking: PlanRanking | None = None
+    refusal: str | None = None
+    map: SmallMap | None = field(default=None, repr=False)
+
+    @cached_property
+    def best(self) -> PlanResult | None:
+        """The best plan; None where there is none."""
+        return None if self.ranking is None else self.ranking.best
+
+    @property
+    def field_name(self) -> str:
+        """The field as its file names it, else the last part of the requested name."""
+        return PurePath(self.requested_field).name if self.ranking is None else self.ranking.field_name
 
 
 def format_many_csv_head() -> str:
     """The heading of the CSV: the columns of plans, with the name of the field as given after its own."""
-    return format_csv([_insert_requested(list_csv_columns(), REQUESTED_KEY)])
+    first, *others = list_csv_columns()
+    return format_csv([[first, "requested_field", *others]])
 
 
 def format_many_csv_rows(record: FieldRecord) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
-    ranking, columns = record["ranking"], list_csv_columns()
-    plans = ranking["plans"] if ranking else [{"feasible": False, "reason": record["refusal"]}]
-    request_values = (
-        {**ranking["scenario"], "area_ha": ranking["field"]["area_ha"]} if ranking else {"width_m": record["width_m"]}
-    )
-    rows = (build_csv_row(plan, request_values, columns) for plan in plans)
-    return format_csv(_insert_requested(row, record[REQUESTED_KEY]) for row in rows)
-
-
-def _insert_requested(row: list[Any], value: str) -> list[Any]:
-    """A row with the name of the field as given in the second place."""
-    return [row[0], value, *row[1:]]
+    ranking, columns = record.ranking, list_csv_columns()
+    if ranking is None:
+        entries: list[dict[str, Any]] = [{"feasible": False, "reason": record.refusal}]
+        request_values: dict[str, Any] = {"width_m": record.width_m}
+    else:
+        entries = [build_plan_entry(plan) for plan in ranking.plans]
+        request_values = {**ranking.scenario, "area_ha": ranking.area_ha}
+    rows = (build_csv_row(entry, request_values, columns) for entry in entries)
+    return format_csv([first, record.requested_field, *others] for first, *others in rows)
 
 
 def format_many_fields_json(records: Sequence[FieldRecord]) -> str:
-    """``fields``: records without key, check sum and map, in the order of the request; ``totals``: one per width."""
-    shown = [{key: value for key, value in record.items() if key not in _FILE_KEYS} for record in records]
+    """``fields``: the records without maps, in the order of the request; ``totals``: one per width."""
+    shown = [
+        {"requested_field": record.requested_field, "width_m": record.width_m, "refusal": record.refusal,
+         "ranking": None if record.ranking is None else build_ranking_entry(record.ranking)}
+        for record in records
+    ]  # fmt: skip
     totals = [
         {**asdict(one), "cost_per_ha": one.cost_per_ha, "risked_cost": one.risked_cost}
         for one in sum_over_fields(records)
     ]
-    content = {"fields": shown, "totals": make_json_safe(totals, EXPORT_DECIMALS)}
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
-
-
-def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
-    """The best plan of every field at every width with totals, and which fields have none and why."""
-    table = tabulate_records(records)
-    styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
-    parts: list[RenderableType] = [FittedTable(table.columns, table.rows, styles)]
-    parts += [format_sentence(text, style="dim") for text in describe_records(records)]
-    lacking = list_shortfalls(records)
-    if lacking:
-        parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
-    without = list_records_without_plan(records)
-    if without:
-        parts += [
-            Text(""),
-            format_title(translate("Without a plan: {count} of {all}", count=len(without), all=len(records))),
-        ]
-        parts += [format_sentence(sentence) for sentence in without]
-    return Group(*parts)
-
-
-@dataclass(frozen=True)
-class RecordsTable:
-    """Columns and rows of the best plans: one for every record, then one of totals for every width (`total_rows`)."""
-
-    columns: tuple[TableColumn, ...]
-    rows: tuple[tuple[str, ...], ...]
-    total_rows: tuple[tuple[str, ...], ...]
-
-
-def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
-    """The best plan of every record, with totals where there are several fields."""
-    has_probability = any((get_best_plan(record) or {}).get("finish_probability") is not None for record in records)
-    column_count = len(_MANY_COLUMNS) - (not has_probability)
-    totals = sum_over_fields(records)
-    total_rows = tuple(_build_totals_row(one)[:column_count] for one in totals if one.fields > 1)
-    rows = tuple(_build_field_plan_row(record)[:column_count] for record in records)
-    return RecordsTable(_MANY_COLUMNS[:column_count], rows + total_rows, total_rows)
-
-
-def describe_records(records: Sequence[FieldRecord]) -> list[str]:
-    """What the table holds."""
-    legend = "The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."
-    has_totals = any(one.fields > 1 for one in sum_over_fields(records))
-    totals = ["Total: hectares, times one after the other, worked share and cost of the fields that have a plan."]
-    return [legend, *(totals if has_totals else []), *_describe_costs(records)]
-
-
-def list_records_without_plan(records: Sequence[FieldRecord]) -> list[str]:
-    """A sentence for every field at a width that has no plan."""
-    return [
-        translate(
-            "{field} at {width}: {reason}",
-            field=record[REQUESTED_KEY],
-            width=format_width(record["width_m"]),
-            reason=_explain_missing_plan(record),
-        )
-        for record in records
-        if not get_best_plan(record)
-    ]
-
-
-def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
-    """A sentence for every field at a width whose best plan is no recommendation."""
-    return [
-        translate(
-            "{field} at {width}: {reason}",
-            field=record["ranking"]["field"]["name"],
-            width=format_width(record["width_m"]),
-            reason=translate_sentence(one["sentence"]),
-        )
-        for record in records
-        for one in (record["ranking"] or {}).get("shortfalls", ())
-    ]
+    return format_json({"fields": shown, "totals": totals}, EXPORT_DECIMALS, is_ascii=False)
 
 
 @dataclass(frozen=True)
@@ -170,103 +133,134 @@ class FieldsTotal:
 def sum_over_fields(records: Sequence[FieldRecord]) -> list[FieldsTotal]:
     """One total for every width with a plan, in the order of the request."""
     totals = []
-    for width_m in dict.fromkeys(record["width_m"] for record in records):
-        some = [record for record in records if record["width_m"] == width_m and get_best_plan(record)]
-        if some:
-            totals.append(_sum_records(width_m, some))
+    for width_m in dict.fromkeys(record.width_m for record in records):
+        some = [record for record in records if record.width_m == width_m]
+        plans = [record.best for record in some if record.best is not None]
+        areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
+
+        def add(get_value: Callable[[PlanResult], float | None], plans: Sequence[PlanResult] = plans) -> float:
+            return math.fsum(get_value(plan) or 0.0 for plan in plans)
+
+        if plans:
+            total = FieldsTotal(
+                width_m, len(plans), math.fsum(areas_ha), add(get_stated_end_s), add(get_stated_cost),
+                add(lambda plan: plan.missed_m2), add(lambda plan: plan.over_finished_m2), add(_get_paid_cost),
+            )  # fmt: skip
+            totals.append(total)
     return totals
 
 
-def _sum_records(width_m: float, records: Sequence[FieldRecord]) -> FieldsTotal:
-    plans = [plan for record in records if (plan := get_best_plan(record))]
-
-    def sum_key(key: str) -> float:
-        return math.fsum(plan.get(key) or 0.0 for plan in plans)
-
-    return FieldsTotal(
-        width_m=width_m,
-        fields=len(records),
-        area_ha=math.fsum(record["ranking"]["field"]["area_ha"] for record in records),
-        time_s=math.fsum(get_stated_plan_s(plan) or 0.0 for plan in plans),
-        cost=math.fsum(get_stated_plan_cost(plan) or 0.0 for plan in plans),
-        missed_m2=sum_key("missed_m2"),
-        over_finished_m2=sum_key("over_finished_m2"),
-        paid_cost=math.fsum(_get_paid_cost(plan) for plan in plans),
-    )
-
-
-def _describe_costs(records: Sequence[FieldRecord]) -> list[str]:
-    """What the costs are, where there are samples or a currency."""
-    best = [plan for record in records if (plan := get_best_plan(record))]
-    units = sorted({record["ranking"].get("currency") or "" for record in records if record["ranking"]} - {""})
-    has_samples = any(plan.get("expected_cost") is not None for plan in best)
-    unit = ", ".join(units)
-    if has_samples:
-        return [translate("Cost {unit}: mean of the samples, with losses on late ground.", unit=unit)]
-    return [translate("Cost {unit}: as simulated.", unit=unit)] if units else []
-
-
-_MANY_COLUMNS = (
-    TableColumn("Field", is_text=True),
-    TableColumn("ha"),
-    TableColumn("Width"),
-    TableColumn("Headland", "Head-\nland", drop_order=4),
-    TableColumn("Bearing", "Bea-\nring", drop_order=3),
-    TableColumn("Strategy", is_text=True, is_unbroken=True),
-    TableColumn("Tractors", "Trac-\ntors"),
-    TableColumn("Time"),
-    TableColumn("Worked %", "Work\n%", drop_order=2),
-    TableColumn("Cost", drop_order=1),
-    TableColumn("In time %", "In\ntime %", drop_order=5),
-)
-
-
-def get_best_plan(record: FieldRecord) -> Mapping[str, Any] | None:
-    """The best plan of a record; None where there is none."""
-    ranking = record["ranking"]
-    best: Mapping[str, Any] | None = ranking["best"] if ranking else None
-    return best
-
-
-def get_stated_plan_s(plan: Mapping[str, Any]) -> float | None:
-    """The end of field work that every report states, seconds after the start; all the time of an older answer."""
-    seconds: float | None = plan.get("stated_end_s", plan.get("p50_s") or plan.get("time_s"))
-    return seconds
-
-
-def get_stated_plan_cost(plan: Mapping[str, Any]) -> float | None:
-    """The cost that every report states: the expected one, and where there are no samples as simulated."""
-    cost: float | None = plan.get("cost") if plan.get("expected_cost") is None else plan["expected_cost"]
-    return cost
-
-
-def _get_paid_cost(plan: Mapping[str, Any]) -> float:
+def _get_paid_cost(plan: PlanResult) -> float | None:
     """What is paid of the stated cost: all of it without samples."""
-    paid: float | None = plan.get("paid_cost")
-    return (get_stated_plan_cost(plan) or 0.0) if paid is None else paid
+    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
 
 
-def _build_totals_row(total: FieldsTotal) -> tuple[str, ...]:
-    return (
-        translate("Total"),
-        format_number(total.area_ha, 2),
-        f"{total.width_m:g}",
-        "",
-        "",
-        "",
-        "",
-        format_duration(total.time_s),
-        format_number(total.worked_pct, 1),
-        format_price(total.cost),
-        "",
-    )
+@dataclass(frozen=True)
+class RecordsTable:
+    """Columns and rows of the best plans: one for every record, then one of totals for every width (`total_rows`)."""
+
+    columns: tuple[TableColumn, ...]
+    rows: tuple[tuple[str, ...], ...]
+    total_rows: tuple[tuple[str, ...], ...]
+
+
+_PLAN_DROPS = {
+    "strategy": 0, "tractors": 0, "stated_end_s": 0, "worked_pct": 2, "stated_cost": 1, "finish_probability": 5,
+}  # fmt: skip
+"""Figures of the best plans, each with the order in which it is dropped."""
+
+
+def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
+    """The best plan of every record, with totals where there are several fields."""
+    figures = [FIGURES[key] for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
+    columns = (
+        TableColumn("Field", is_text=True), TableColumn("ha"), TableColumn("Width"),
+        TableColumn("Headland", "Head-\nland", drop_order=4), TableColumn("Bearing", "Bea-\nring", drop_order=3),
+        *(figure.build_column(_PLAN_DROPS[figure.key]) for figure in figures),
+    )  # fmt: skip
+    rows = []
+    for record in records:
+        ranking, best = record.ranking, record.best
+        scenario = {} if ranking is None else ranking.scenario
+        cells = [NO_VALUE if best is None else figure.format(best) for figure in figures]
+        cells[0] = translate("none") if best is None else cells[0]
+        area = NO_VALUE if ranking is None else format_number(ranking.area_ha, 2)
+        headland, bearing = format_number(scenario.get("headland_m"), 1), format_number(scenario.get("bearing_deg"), 0)
+        rows.append((record.field_name, area, f"{record.width_m:g}", headland, bearing, *cells))
+    total_rows = tuple(
+        (translate("Total"), format_number(one.area_ha, 2), f"{one.width_m:g}", "", "", "", "",
+         format_duration(one.time_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
+        for one in sum_over_fields(records)
+        if one.fields > 1
+    )  # fmt: skip
+    return RecordsTable(columns, (*rows, *total_rows), total_rows)
+
+
+def has_probability(records: Sequence[FieldRecord]) -> bool:
+    """Whether it is known of a best plan how sure it is to be done in time."""
+    return any(record.best is not None and record.best.finish_probability is not None for record in records)
+
+
+def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
+    """The best plan of every field at every width with totals, and which fields have none and why."""
+    table = tabulate_records(records)
+    styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
+    parts: list[RenderableType] = [FittedTable(table.columns, table.rows, styles)]
+    parts += [format_sentence(text, style="dim") for text in describe_records(records)]
+    lacking, without = list_shortfalls(records), list_records_without_plan(records)
+    if lacking:
+        parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
+    if without:
+        title = translate("Without a plan: {count} of {all}", count=len(without), all=len(records))
+        parts += [Text(""), format_title(title), *map(format_sentence, without)]
+    return Group(*parts)
+
+
+def describe_records(records: Sequence[FieldRecord]) -> list[str]:
+    """What the table holds, and what its costs are where there are samples or a currency."""
+    sentences = ["The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."]
+    if any(one.fields > 1 for one in sum_over_fields(records)):
+        sentences.append(
+            "Total: hectares, times one after the other, worked share and cost of the fields that have a plan."
+        )
+    currencies = sorted({record.ranking.currency or "" for record in records if record.ranking is not None} - {""})
+    unit = ", ".join(currencies)
+    if any(record.best is not None and record.best.expected_cost is not None for record in records):
+        sentences.append(translate("Cost {unit}: mean of the samples, with losses on late ground.", unit=unit))
+    elif unit:
+        sentences.append(translate("Cost {unit}: as simulated.", unit=unit))
+    return sentences
+
+
+def list_records_without_plan(records: Sequence[FieldRecord], *, names_file: bool = True) -> list[str]:
+    """A sentence for every field at a width that has no plan, named as requested, or without its folder."""
+    sentences = []
+    for record in records:
+        if record.best is None:
+            name = record.requested_field if names_file else PurePath(record.requested_field).name
+            sentences.append(_describe_field(name, record, _explain_missing_plan(record)))
+    return sentences
+
+
+def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
+    """A sentence for every field at a width whose best plan is no recommendation."""
+    return [
+        _describe_field(record.field_name, record, sentence)
+        for record in records
+        if record.ranking is not None
+        for sentence in list_shortfall_sentences(record.ranking)
+    ]
+
+
+def _describe_field(name: str, record: FieldRecord, reason: str) -> str:
+    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.width_m), reason=reason)
 
 
 def _explain_missing_plan(record: FieldRecord) -> str:
     """Why a field has no plan, in a sentence."""
-    if record["refusal"]:
-        return translate_sentence(str(record["refusal"]))
-    reasons = [plan["reason"] for plan in record["ranking"]["plans"] if plan["reason"]]
+    if record.ranking is None:
+        return translate_sentence(record.refusal or "")
+    reasons = [plan.reason for plan in record.ranking.plans if plan.reason]
     return translate(
         "no plan is feasible; the first of {count} reasons: {reason}.",
         count=len(reasons),
@@ -274,21 +268,86 @@ def _explain_missing_plan(record: FieldRecord) -> str:
     )
 
 
-def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:
-    best, ranking = get_best_plan(record), record["ranking"]
-    name = ranking["field"]["name"] if ranking else PurePath(record[REQUESTED_KEY]).name
-    request_values = ranking["scenario"] if ranking else {}
-    plan: Mapping[str, Any] = best or {}
-    return (
-        name,
-        format_number(ranking["field"]["area_ha"], 2) if ranking else NO_VALUE,
-        f"{record['width_m']:g}",
-        format_number(request_values.get("headland_m"), 1),
-        format_number(request_values.get("bearing_deg"), 0),
-        plan.get("strategy") or translate("none"),
-        str(plan.get("tractors", NO_VALUE)),
-        format_duration(get_stated_plan_s(plan)),
-        format_number(plan.get("worked_pct"), 1),
-        format_price(get_stated_plan_cost(plan)),
-        format_percent(plan.get("finish_probability")),
+def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
+    """What the fields come to at each width, the plan of every field, and what to type next."""
+    faults = [*list_shortfalls(records), *list_records_without_plan(records, names_file=False)]
+    legend = translate("The recommended plan of each field; times and costs are as simulated.")
+    if any(record.best is not None and record.best.p50_s is not None for record in records):
+        legend = translate("The recommended plan of each field; times are medians, costs means of the samples.")
+    notes, hidden = [legend], len(records) - MOST_ROWS
+    if hidden > 0:
+        notes.append(translate_count("{count} more row: --explain.", "{count} more rows: --explain.", hidden))
+    if with_next:
+        notes.append(translate("Add --explain (and why), --html fields.html (maps), --csv (every plan)."))
+    return Group(
+        AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)),
+        Text(""),
+        _build_screen_table(records[:MOST_ROWS]),
+        *(format_sentence(text, style="dim") for text in notes),
     )
+
+
+def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
+    """What the fields that have a plan come to, a sentence for every width, and how many have none."""
+    fields = len({record.requested_field for record in records})
+    is_assumed = any(record.ranking is not None and record.ranking.prices_assumed for record in records)
+    currency = find_currency(records)
+    sentences = [_describe_total(total, fields, currency, is_assumed) for total in sum_over_fields(records)]
+    lacking = sum(record.ranking is not None and bool(record.ranking.shortfalls) for record in records)
+    if lacking:
+        text = translate_count("{count} plan is no recommendation.", "{count} plans are no recommendation.", lacking)
+        sentences.insert(0, text)
+    return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
+
+
+def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: bool) -> str:
+    """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
+    cost = format_money(total.paid_cost, currency)
+    if is_assumed:
+        cost = translate("{money} (assumed prices)", money=cost)
+    if total.risked_cost >= LEAST_COST:
+        risked = format_money(total.risked_cost, currency)
+        cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
+    return translate(
+        "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
+        width=format_width(total.width_m),
+        count=total.fields,
+        fields=fields,
+        area=format_hectares(total.area_ha),
+        time=format_duration(total.time_s),
+        cost=cost,
+        rate=f"{format_money(convert_rate_per_hectare(total.cost_per_ha), currency)}/{get_area_unit()}",
+        worked=format_number(total.worked_pct, 1),
+    )
+
+
+def find_currency(records: Sequence[FieldRecord]) -> str:
+    """The currency of the costs; "" where none is known."""
+    return next((one.ranking.currency for one in records if one.ranking is not None and one.ranking.currency), "")
+
+
+def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
+    """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
+    has_widths = len({record.width_m for record in records}) > 1
+    last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
+    width = translate("Width {unit}", unit=get_length_unit()) if is_us() else translate("Width")
+    columns = (
+        TableColumn(translate("Field"), is_text=True, is_unbroken=True),
+        TableColumn(width) if has_widths else TableColumn(get_area_unit(), drop_order=4),
+        FIGURES["tractors"].build_column(),
+        FIGURES["strategy"].build_column(3),
+        FIGURES["stated_end_s"].build_column(),
+        TableColumn(translate("Cost {currency}", currency=find_currency(records)).strip(), drop_order=1),
+        last.build_column(2),
+    )
+    figures = [*(FIGURES[key] for key in ("tractors", "strategy", "stated_end_s", "stated_cost")), last]
+    rows = []
+    for record in records:
+        area_ha = None if record.ranking is None else record.ranking.area_ha
+        size = format_number(convert_hectares(area_ha), 2)
+        size = format_width(record.width_m).partition(" ")[0] if has_widths else size
+        cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
+        if record.best is not None:
+            cells = [figure.format(record.best) for figure in figures]
+        rows.append((record.field_name, size, *cells))
+    return FittedTable(columns, tuple(rows), more_hint=translate("--explain shows more"))

@@ -2,53 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost
 from reports.common.rendering import render_template
-from reports.common.wording import (
-    format_area_or_dash,
-    format_duration,
-    format_number,
-    format_price,
-    insert_non_breaking_spaces,
-)
+from reports.common.wording import format_money, format_tractor_count, insert_non_breaking_spaces
+from reports.plan.answer import write_answer
+from reports.plan.figures import FIGURES
 from reports.plan.many_fields import (
-    MAP_KEY,
     FieldRecord,
-    RecordsTable,
     describe_records,
-    get_best_plan,
-    get_stated_plan_cost,
-    get_stated_plan_s,
+    list_many_sentences,
     list_records_without_plan,
     list_shortfalls,
     tabulate_records,
 )
-from reports.plan.many_fields_screen import list_many_sentences
+from reports.plan.plan_wording import list_feasible
 
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
+PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
 PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
 """Columns in the order of the page, on which those to the right may be hidden; the layout is in CSV and JSON."""
 
 
 def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
-    """The page as HTML text; records with a plan may have a small map under `MAP_KEY`."""
+    """The page as HTML text; records with a plan may have a small map."""
     table = tabulate_records(records)
+    has_widths = len({record.width_m for record in records}) > 1
+    anchors = [f"field-{number}" if record.best else "" for number, record in enumerate(records)]
     sections = [
-        _build_section(record, f"field-{number}", _has_widths(records))
-        for number, record in enumerate(records)
-        if get_best_plan(record)
+        _build_section(record, record.ranking, record.best, anchor, has_widths)
+        for record, anchor in zip(records, anchors, strict=True)
+        if record.ranking is not None and record.best is not None
     ]
-    anchors = [f"field-{number}" if get_best_plan(record) else "" for number, record in enumerate(records)]
-    places = _list_places(table)
+    headings = [column.heading for column in table.columns]
+    places = [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
     maps = [one["map"] for one in sections if one["map"]]
+    scenarios = [record.ranking.scenario for record in records if record.ranking is not None]
+    machines = {f"{one['tractor']}, {one.get('implement') or 'implement'} {one['width_m']:g} m" for one in scenarios}
     return render_template(
         "many_fields.html.j2",
         {
-            "title": f"{len({record['requested_field'] for record in records})} fields: plans",
-            "machines": _describe_machines(records),
+            "title": f"{len({record.requested_field for record in records})} fields: plans",
+            "machines": machines.pop() if len(machines) == 1 else None,
             "lead": insert_non_breaking_spaces(" ".join([*list_shortfalls(records), *list_many_sentences(records)])),
             "columns": [table.columns[place] for place in places],
             "rows": [
@@ -65,58 +63,25 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
     )
 
 
-def _list_places(table: RecordsTable) -> list[int]:
-    """The columns that the page shows, as places in the table."""
-    headings = [column.heading for column in table.columns]
-    return [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
-
-
-def _has_widths(records: Sequence[FieldRecord]) -> bool:
-    return len({record["width_m"] for record in records}) > 1
-
-
-def _describe_machines(records: Sequence[FieldRecord]) -> str | None:
-    """Tractor and implement, where they are the same for all fields."""
-    scenarios = [record["ranking"]["scenario"] for record in records if record["ranking"]]
-    names = {f"{one['tractor']}, {one.get('implement') or 'implement'} {one['width_m']:g} m" for one in scenarios}
-    return names.pop() if len(names) == 1 else None
-
-
-def _build_section(record: FieldRecord, anchor: str, names_width: bool) -> dict[str, Any]:
+def _build_section(
+    record: FieldRecord, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
+) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
-    ranking = record["ranking"]
-    best = get_best_plan(record)
-    name = ranking["field"]["name"] + (f", {record['width_m']:g} m" if names_width else "")
-    plans = [plan for plan in ranking["plans"] if plan["feasible"]]
+    cost = format_money(get_stated_cost(best), ranking.currency)
+    facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
-        "name": name,
+        "name": ranking.field_name + (f", {record.width_m:g} m" if names_width else ""),
         "anchor": anchor,
-        "map": record.get(MAP_KEY),
-        "facts": insert_non_breaking_spaces(_list_facts(ranking, best or {})),
-        "summary": ranking.get("summary", []),
-        "rows": [{"best": _is_same(plan, best), "cells": _build_plan_cells(plan)} for plan in plans[:MAX_PLANS]],
+        "map": record.map,
+        "facts": insert_non_breaking_spaces(facts),
+        "summary": write_answer(ranking).list_sentences(),
+        "rows": [
+            {"best": plan is best, "cells": _build_plan_cells(plan)} for plan in list_feasible(ranking)[:MAX_PLANS]
+        ],
     }
 
 
-def _list_facts(ranking: Mapping[str, Any], best: Mapping[str, Any]) -> str:
-    area = f"{ranking['field']['area_ha']:.2f} ha"
-    cost = f"{format_price(get_stated_plan_cost(best))} {ranking.get('currency') or ''}".strip()
-    return f"{area}, {format_duration(get_stated_plan_s(best))}, {cost}"
-
-
-def _is_same(plan: Mapping[str, Any], best: Mapping[str, Any] | None) -> bool:
-    return best is not None and (plan["strategy"], plan["tractors"]) == (best["strategy"], best["tractors"])
-
-
-def _build_plan_cells(plan: Mapping[str, Any]) -> tuple[str, ...]:
-    count = plan["tractors"]
-    headland = f"{plan['headland_passes']} x {plan.get('headland_order') or ''}" if plan.get("headland_passes") else ""
-    return (
-        f"{count} {'tractor' if count == 1 else 'tractors'}, {plan['strategy']}",
-        format_duration(get_stated_plan_s(plan)),
-        format_price(get_stated_plan_cost(plan)),
-        format_number(plan.get("worked_pct"), 1),
-        format_area_or_dash(plan.get("missed_m2")),
-        format_number(plan.get("over_finished_m2"), 0),
-        headland.strip(" x"),
-    )
+def _build_plan_cells(plan: PlanResult) -> tuple[str, ...]:
+    headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
+    figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
+    return f"{format_tractor_count(plan.tractors)}, {plan.strategy}", *figures, headland.strip(" x")

@@ -26,6 +26,7 @@ from reports.plan.drive_geometry import (
     STATUS_BY_STATE,
     WORKING,
     MapExtent,
+    Viewport,
     build_hatching,
     build_swath_outline,
     check_drive,
@@ -36,7 +37,6 @@ from reports.plan.drive_geometry import (
 )
 from reports.plan.leg_list import build_leg_cells, describe_leg, format_leg_heading, format_leg_metres
 from reports.plan.map_labels import (
-    LegMark,
     MapLabel,
     list_leg_numbers,
     place_cell_labels,
@@ -128,32 +128,17 @@ MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; furth
 _HATCH_SPACING_PCT = 1.1  # between lines over unworked ground, in hundredths of the larger side of the map
 
 
-@dataclass(frozen=True)
-class Viewport:
-    """Converts metres, y north, to whole centimetres from the upper left corner, y down."""
-
-    west: float
-    north: float
-
-    def convert_points(self, points: Points) -> list[tuple[int, int]]:
-        """Points (n, 2) in centimetres on the map."""
-        flat = np.rint((points - (self.west, self.north)) * (100.0, -100.0)).astype(int)
-        return [(int(x), int(y)) for x, y in flat]
-
-    def format_path(self, points: Points, is_closed: bool = False) -> str:
-        """SVG path data of a polyline (n, 2); moves after the first are relative, which halves the text."""
-        flat = self.convert_points(points)
-        steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
-        return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
-
-
 def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     """Field, labels and scale bar, and for each drive, by its name, the data of the script; the first drive is drawn.
 
     All drives are of one field. Sizes are in centimetres on the ground.
     """
     first = next(iter(drives.values()))
-    box = _combine_extents([compute_extent(drive) for drive in drives.values()])
+    boxes = [compute_extent(drive) for drive in drives.values()]
+    box = MapExtent(
+        min(box.west for box in boxes), min(box.south for box in boxes),
+        max(box.east for box in boxes), max(box.north for box in boxes),
+    )  # fmt: skip
     size = box.size or 1.0
     margin = _MARGIN_SHARE * size
     frame = Viewport(box.west - margin, box.north + margin)
@@ -161,7 +146,8 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     height = box.height + 2 * margin
     share = MOST_OTHER_KNOTS // max(len(drives) - 1, 1)
     thinned = [thin_paths(drive, share if place else MOST_FIRST_KNOTS) for place, drive in enumerate(drives.values())]
-    listed_count = _count_listed_plans(list(drives.values()))
+    legs = np.cumsum([sum(map(len, drive.steps)) for drive in drives.values()])
+    listed_count = max(1, int(np.searchsorted(legs, MOST_LISTED_LEGS, side="right")))  # plans with room for their legs
     states = list_states(drives.values())
     plans = [
         _build_plan_drawing(name, drive, paths, frame, box, number < listed_count, states)
@@ -172,16 +158,14 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "width": round((box.width + 2 * margin) * 100),
         "height": round((height + 0.06 * size) * 100),
         "unit": max(round(size), 1),
-        "field": "".join(frame.format_path(ring, is_closed=True) for ring in (first.boundary, *first.holes)),
-        "swaths": "".join(
-            frame.format_path(build_swath_outline(track, first.width_m), is_closed=True) for track in first.swaths
-        ),
+        "field": frame.format_rings((first.boundary, *first.holes)),
+        "swaths": frame.format_rings(build_swath_outline(track, first.width_m) for track in first.swaths),
         "headland_passes": [
             {"line": frame.format_path(one.points), "tint": one.number % 2, "width": round(first.width_m * 100)}
             for one in first.headland_passes
         ],
-        "cells": "".join(frame.format_path(ring, is_closed=True) for cell in first.cells for ring in cell.rings),
-        "obstacles": "".join(frame.format_path(ring, is_closed=True) for ring in first.obstacles),
+        "cells": frame.format_rings(ring for cell in first.cells for ring in cell.rings),
+        "obstacles": frame.format_rings(first.obstacles),
         "fences": "".join(frame.format_path(line) for line in first.fences),
         "labels": _place_labels(place_swath_labels(first, size), frame),
         "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
@@ -211,19 +195,6 @@ def _draw_relief(relief: Relief, viewport: Viewport) -> dict[str, Any]:
         "contours": "".join(viewport.format_path(points) for _, points in relief.contours),
         "words": name_relief(relief),
     }  # fmt: skip
-
-
-def _combine_extents(boxes: Sequence[MapExtent]) -> MapExtent:
-    return MapExtent(
-        min(box.west for box in boxes), min(box.south for box in boxes),
-        max(box.east for box in boxes), max(box.north for box in boxes),
-    )  # fmt: skip
-
-
-def _count_listed_plans(drives: Sequence[PlanDrive]) -> int:
-    """How many plans, from the first, have room for their leg lists."""
-    steps = np.cumsum([sum(map(len, drive.steps)) for drive in drives])
-    return max(1, int(np.searchsorted(steps, MOST_LISTED_LEGS, side="right")))
 
 
 def _place_labels(labels: Sequence[MapLabel], viewport: Viewport) -> list[dict[str, Any]]:
@@ -267,7 +238,7 @@ def _build_plan_drawing(
             {
                 "knots": _encode_knots(path, viewport),
                 "status": "".join(map(str, path.status.tolist())),
-                "arrows": _draw_arrows(marks[number], viewport),
+                "arrows": viewport.format_rings(mark.head for mark in marks[number]),
                 "numbers": [
                     [one["x"], one["y"], one["text"]]
                     for one in _place_labels(list_leg_numbers(marks[number]), viewport)
@@ -296,7 +267,7 @@ def _draw_unworked(drive: PlanDrive, viewport: Viewport, box: MapExtent) -> dict
     """Unworked ground, its hatching, and place and area of the largest piece."""
     label = place_unworked_label(drive, box)
     return {
-        "ground": "".join(viewport.format_path(ring, is_closed=True) for ring in drive.unworked),
+        "ground": viewport.format_rings(drive.unworked),
         "hatch": "".join(
             viewport.format_path(line)
             for line in build_hatching(drive.unworked, _HATCH_SPACING_PCT * (box.size or 1.0) / 100)
@@ -309,11 +280,6 @@ def _encode_knots(path: TimedPath, viewport: Viewport) -> list[int]:
     """Samples, x and y since the knot before, three numbers each; the first since 0."""
     flat = np.column_stack([path.samples, np.asarray(viewport.convert_points(path.xy))])
     return [int(value) for value in np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int)).ravel()]
-
-
-def _draw_arrows(marks: Sequence[LegMark], viewport: Viewport) -> str:
-    """Heads of arrows on worked legs."""
-    return "".join(viewport.format_path(mark.head, is_closed=True) for mark in marks)
 
 
 def _list_leg_rows(drive: PlanDrive, number: int) -> list[list[Any]]:
@@ -380,16 +346,12 @@ def format_maps_json(
     start = ranking.field_start or ranking.start
     plans = [_build_map_plan(strategy, count, plan_drive, start) for (strategy, count), plan_drive in shown.items()]
     relief = next((plan_drive.relief for plan_drive in shown.values() if plan_drive.relief is not None), None)
-    ground = {} if relief is None else {"relief": _build_contours(relief)}
+    ground = {}
+    if relief is not None:
+        lines = [shapely.LineString(points).simplify(CONTOUR_TOLERANCE_M) for _, points in relief.contours]
+        contours = [_round_coordinates(shapely.get_coordinates(line)) for line in lines]
+        ground = {"relief": {"interval_m": relief.interval_m, "contours_m": contours}}
     return json.dumps({"field": ranking.field_name, "begin": start, "plans": plans, **ground}, allow_nan=False) + "\n"
-
-
-def _build_contours(relief: Relief) -> dict[str, Any]:
-    lines = [shapely.LineString(points).simplify(CONTOUR_TOLERANCE_M) for _, points in relief.contours]
-    return {
-        "interval_m": relief.interval_m,
-        "contours_m": [_round_coordinates(shapely.get_coordinates(line)) for line in lines],
-    }
 
 
 def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str | None) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from reports.common import palette
+from reports.common.notebook import create_figure
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
@@ -239,8 +240,11 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     """
     check_drive(drive, least_tractors=0)
     sheet = _plan_layout(drive, field_name, _compute_map_size_inches(compute_extent(drive)))
-    figure, axes = _create_canvas(sheet)
-    draw_map_layers(axes, drive)
+    figure = create_figure(sheet.width, sheet.height)
+    left_edge = _EDGE_INCHES if sheet.has_lists_beside else 0.5 * (sheet.width - sheet.map_width)
+    bottom, across = (sheet.legend_height + sheet.lists_height) / sheet.height, sheet.map_width / sheet.width
+    place = (left_edge / sheet.width, bottom, across, sheet.map_height / sheet.height)
+    draw_map_layers(figure.add_axes(place), drive)
     _write_title_and_lists(figure, drive, sheet)
     return figure
 
@@ -344,17 +348,6 @@ def _measure_list_inches(columns: list[str]) -> float:
     """Width of a column of the leg lists: at least that of usual ones, else of the longest row with a gap."""
     longest = max((len(row) for text in columns for row in text.split("\n")), default=0)
     return max(_LIST_INCHES, _LETTER_INCHES * (longest + 2))
-
-
-def _create_canvas(layout: _FigureLayout) -> tuple[Figure, Axes]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(layout.width, layout.height))
-    FigureCanvasAgg(figure)
-    left_edge = _EDGE_INCHES if layout.has_lists_beside else 0.5 * (layout.width - layout.map_width)
-    bottom, across = (layout.legend_height + layout.lists_height) / layout.height, layout.map_width / layout.width
-    return figure, figure.add_axes((left_edge / layout.width, bottom, across, layout.map_height / layout.height))
 
 
 def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayout) -> None:

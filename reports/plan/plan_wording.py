@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
-from reports.common.language import mark_text, translate, translate_count, translate_sentence
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
     PlanResult,
+    SlopePlace,
     UnworkedPiece,
     get_ranked_cost,
     get_ranked_s,
@@ -28,9 +29,9 @@ from reports.common.wording import (
     format_deadline,
     format_duration,
     format_end_clock,
+    format_money,
     format_number,
     format_percent,
-    format_price,
     format_tractor_count,
     join_list,
     round_seconds,
@@ -47,17 +48,6 @@ BY_COUNT_HELP = (
     "Median time and 95 %: field work takes no longer in half and in 95 % of the samples, with late starts, stops and "
     "breakdowns."
 )
-COLUMN_HELP = {
-    "Turning": mark_text("of all tractors together"),
-    "Waiting": "of all tractors together",
-    "Worked %": mark_text("of the field"),
-    "Overlap %": "of the field, worked more than once",
-    "Driven over": "finished ground under wheels that drive over it, counted like unworked ground",
-    "Clearance m": "smallest distance between two tractors, implements included",
-    "In time %": "of the samples; a range (95 %) where they are few",
-    "Paid": "of the cost, what is paid; the rest is expected loss on late ground",
-}
-"""What columns of plans hold, where their headings do not say it."""
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -104,8 +94,8 @@ def format_unworked(plan: PlanResult) -> str | None:
     return f"{format_area(plan.missed_m2)} ({percent} %)"
 
 
-def format_ground_place(piece: UnworkedPiece) -> str:
-    """Where a piece of ground is: latitude and longitude, or metres for a field in local metres."""
+def format_ground_place(piece: UnworkedPiece | SlopePlace) -> str:
+    """Where a place of the field is: latitude and longitude, or metres for a field in local metres."""
     if piece.lat is None or piece.lon is None:
         return f"x {piece.x_m:.0f} m, y {piece.y_m:.0f} m"
     return translate("latitude {lat}, longitude {lon}", lat=f"{piece.lat:.5f}", lon=f"{piece.lon:.5f}")
@@ -257,32 +247,25 @@ def _describe_other_plans(
 
 
 def _list_advice(ranking: PlanRanking) -> list[str]:
-    """What the costs of the advice include, and how that of the best plan is made up."""
+    """What the costs of the advice include, how that of the best plan is made up, and what times of samples are."""
     if ranking.advice is None:
         return []
-    return [*ranking.money_sentences, *_divide_cost(ranking), *_describe_stated_time(ranking.best)]
-
-
-def _describe_stated_time(best: PlanResult | None) -> list[str]:
-    """What the times of a ranking with samples are; nothing without samples."""
-    if best is None or best.p50_s is None:
-        return []
-    undelayed = format_duration(best.time_s)
-    return [
-        f"Times are medians of the samples; without late starts, stops and breakdowns the best plan takes {undelayed}."
-    ]
-
-
-def _divide_cost(ranking: PlanRanking) -> list[str]:
-    """What is paid of the cost of the best plan, and what is expected loss; nothing without a loss."""
-    best = ranking.best
-    if best is None or best.expected_cost is None or best.paid_cost is None:
-        return []
-    loss = best.expected_cost - best.paid_cost
-    if loss < LEAST_COST:
-        return []
-    whole, paid, lost = (_format_in_currency(ranking, value) for value in (best.expected_cost, best.paid_cost, loss))
-    return [f"Of the cost of the best plan ({whole}) {paid} is paid and {lost} is expected loss on late ground."]
+    sentences, best = [*ranking.money_sentences], ranking.best
+    if best is not None and best.expected_cost is not None and best.paid_cost is not None:
+        loss = best.expected_cost - best.paid_cost
+        amounts = (best.expected_cost, best.paid_cost, loss)
+        whole, paid, lost = (format_money(value, ranking.currency) for value in amounts)
+        if loss >= LEAST_COST:
+            sentences.append(
+                f"Of the cost of the best plan ({whole}) {paid} is paid and {lost} is expected loss on late ground."
+            )
+    if best is not None and best.p50_s is not None:
+        undelayed = format_duration(best.time_s)
+        sentences.append(
+            "Times are medians of the samples; without late starts, stops and breakdowns the best plan takes "
+            f"{undelayed}."
+        )
+    return sentences
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -291,7 +274,9 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     is_done = abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S
     done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
     leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
-    parts = (_name_plan_variant(plan), done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves)
+    tractors = format_tractor_count(plan.tractors)
+    name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
+    parts = (name, done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves)
     return ", ".join(part for part in parts if part)
 
 
@@ -353,7 +338,7 @@ def _format_added_time(seconds: float) -> str:
 def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     """What finishing the field costs more: ``0.08 EUR``; nothing where that is next to nothing."""
     added = None if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
-    return "" if added is None or added < LEAST_COST else _format_in_currency(ranking, added)
+    return "" if added is None or added < LEAST_COST else format_money(added, ranking.currency)
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:
@@ -387,11 +372,6 @@ def _describe_refused_count(count: int, first: RefusalGroup) -> str:
     return translate("all {count} were refused, {same} of them because", count=count, same=same)
 
 
-def _name_plan_variant(plan: PlanResult) -> str:
-    tractors = format_tractor_count(plan.tractors)
-    return translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
-
-
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
     clock_text = format_end_clock(ranking, by_clock_s)
@@ -405,11 +385,7 @@ def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: floa
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     cost = get_stated_cost(plan)
-    return "" if cost is None else translate("cost {cost}", cost=_format_in_currency(ranking, cost))
-
-
-def _format_in_currency(ranking: PlanRanking, value: float) -> str:
-    return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
+    return "" if cost is None else translate("cost {cost}", cost=format_money(cost, ranking.currency))
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import Points
 from reports.plan.drive_geometry import (
     WORKING,
+    Viewport,
     build_swath_outline,
     choose_round_length_m,
     compute_extent,
@@ -27,31 +24,12 @@ SmallMap = dict[str, Any]
 """Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
 
 
-@dataclass(frozen=True)
-class _SmallViewport:
-    """Converts metres, y north, to whole thousandths of the larger side, y down."""
-
-    west: float
-    north: float
-    scale: float
-
-    def format_path(self, points: Points, is_closed: bool = False) -> str:
-        """SVG path data of a polyline (n, 2)."""
-        flat = np.rint((points - (self.west, self.north)) * (self.scale, -self.scale) + MARGIN).astype(int).tolist()
-        steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
-        return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
-
-    def format_rings(self, rings: Iterable[Points]) -> str:
-        """SVG path data of closed rings."""
-        return "".join(self.format_path(ring, is_closed=True) for ring in rings)
-
-
 def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:
     """The field with headland passes, the path of every tractor, missed ground, and rings of ground `driven_over`."""
     box = compute_extent(drive)
     size_m = box.size or 1.0
     scale = SIDE / size_m
-    view = _SmallViewport(box.west, box.north, scale)
+    view = Viewport(box.west, box.north, scale, MARGIN)
     bar_m = choose_round_length_m(max(box.width, 0.5 * size_m) / 3)
     return {
         "width": round(box.width * scale + 2 * MARGIN),
@@ -71,7 +49,7 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> Sma
     }
 
 
-def _draw_lane(drive: PlanDrive, number: int, view: _SmallViewport, tolerance_m: float) -> dict[str, Any]:
+def _draw_lane(drive: PlanDrive, number: int, view: Viewport, tolerance_m: float) -> dict[str, Any]:
     """The path of a tractor: where it works, and the rest."""
     pieces = split_by_status(drive.xy[number], drive.status[number], tolerance_m)
     lines = {"work": "", "turn": ""}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 
 from reports.common import palette
-from reports.common.rendering import make_json_safe, render_template
+from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_area, format_duration, format_number
 from reports.plan.drive_geometry import MapExtent
@@ -146,7 +145,7 @@ def format_comparison_json(comparison: PlanComparison) -> str:
         "differences": [asdict(one) for one in comparison.differences],
         "notes": list(comparison.notes),
     }
-    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+    return format_json(content)
 
 
 def _build_side_entry(side: ComparisonSide) -> dict[str, Any]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from rich.console import Group, RenderableType
 
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent
 from reports.task_logs.run_results import ImportedRun, LearnedOutcome
@@ -103,7 +102,7 @@ def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
 def format_runs_json(runs: Sequence[ImportedRun], notes: Sequence[str]) -> str:
     """``runs`` with their figures in SI units, and ``notes`` on what could not be read, as JSON."""
     content = {"runs": [_build_run_entry(run) for run in runs], "notes": list(notes)}
-    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+    return format_json(content)
 
 
 def _build_run_entry(run: ImportedRun) -> dict[str, object]:
@@ -145,4 +144,4 @@ def _format_interval(learned: LearnedOutcome) -> str:
 def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> str:
     """``learned``, values with interval, origin and what was done, and ``notes``, as JSON."""
     content = {"learned": [asdict(one) for one in learned], "notes": list(notes)}
-    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+    return format_json(content)

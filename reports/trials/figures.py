@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.common import palette
+from reports.common.notebook import create_figure
 from reports.common.rendering import ReportError
 from vehicle.trials.sheets.sheet import ExperimentSheet, HeatMap, PlotLine, PlotPanel
 
@@ -27,7 +28,7 @@ _FIGURE_COLUMNS = 2
 
 def draw_panel(panel: PlotPanel | HeatMap) -> Figure:
     """One panel on its own."""
-    figure = _create_figure(7.0, _compute_panel_height(panel, 7.0))
+    figure = create_figure(7.0, _compute_panel_height(panel, 7.0), layout="constrained")
     _draw_axes(figure.add_subplot(), panel)
     return figure
 
@@ -41,19 +42,10 @@ def draw_experiment_panels(sheet: ExperimentSheet) -> Figure:
     if not sheet.panels:
         raise ReportError(f"The experiment {sheet.name!r} has no pictures; leave the picture out.")
     rows = -(-len(sheet.panels) // _FIGURE_COLUMNS)
-    figure = _create_figure(13.0, 4.6 * rows)
+    figure = create_figure(13.0, 4.6 * rows, layout="constrained")
     for number, panel in enumerate(sheet.panels):
         _draw_axes(figure.add_subplot(rows, _FIGURE_COLUMNS, number + 1), panel)
     figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=14, color=_INK_COLOUR)
-    return figure
-
-
-def _create_figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
     return figure
 
 

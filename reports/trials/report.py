@@ -1,10 +1,11 @@
-"""Experiments of the thesis, design studies and tractor checks as page, terminal tables and JSON."""
+"""Experiments of the thesis, how closely they agree with it, design studies and tractor checks: page, tables, JSON."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,10 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from reports.common.rendering import make_json_safe, render_template
+from reports.common.rendering import format_json, make_json_safe, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE
+from reports.common.wording import NO_VALUE, join_list
 from reports.plan.map_figure import encode_svg_base64
-from reports.trials.agreement import FAR_PCT, compute_deviation_pct, measure_thesis_agreement
 from reports.trials.figures import draw_panel
 from vehicle.trials.sheets.sheet import (
     DriveCheck,
@@ -28,6 +28,83 @@ from vehicle.trials.sheets.sheet import (
     ThesisComparison,
     TractorVerdict,
 )
+
+NEAR_PCT, FAR_PCT = 5.0, 15.0
+
+
+@dataclass(frozen=True)
+class ThesisAgreement:
+    """The agreement: a headline, further sentences, and a row per experiment under `header`."""
+
+    headline: str
+    sentences: tuple[str, ...]
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class _AgreementCount:
+    """Numbers of the thesis by their deviation here, and those that cannot be compared."""
+
+    title: str
+    near_count: int
+    fair_count: int
+    far_count: int
+    uncompared_count: int
+
+    @property
+    def total(self) -> int:
+        return self.near_count + self.fair_count + self.far_count + self.uncompared_count
+
+
+def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreement | None:
+    """The agreement over some experiments; None when the thesis prints no number for any of them."""
+    counts = [_count_agreement(sheet.title, sheet.comparisons) for sheet in sheets]
+    total = _count_agreement("All", [row for sheet in sheets for row in sheet.comparisons])
+    if not total.total:
+        return None
+    compared = total.total - total.uncompared_count
+    headline = (
+        f"{compared} of {total.total} numbers of the thesis are reproduced: {total.near_count} within {NEAR_PCT:g} %, "
+        f"{total.fair_count} more within {FAR_PCT:g} %; {total.far_count} differ by more."
+    )
+    header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
+    counted = [one for one in counts if one.total]
+    rows = tuple(_build_agreement_row(one) for one in (*counted, *([total] if len(counted) > 1 else [])))
+    return ThesisAgreement(headline, tuple(_describe_agreement(counts, total, sheets)), header, rows)
+
+
+def compute_deviation_pct(row: ThesisComparison) -> float | None:
+    """Deviation from the printed number in percent, rounded to the decimal that tables show."""
+    return None if row.difference_pct is None else round(abs(row.difference_pct), 1)
+
+
+def _count_agreement(title: str, rows: Iterable[ThesisComparison]) -> _AgreementCount:
+    printed = [row for row in rows if row.thesis is not None]
+    off = [value for row in printed if (value := compute_deviation_pct(row)) is not None]
+    near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
+    return _AgreementCount(title, near, fair, len(off) - near - fair, len(printed) - len(off))
+
+
+def _build_agreement_row(count: _AgreementCount) -> tuple[str, ...]:
+    return count.title, *map(
+        str, (count.total, count.near_count, count.fair_count, count.far_count, count.uncompared_count)
+    )
+
+
+def _describe_agreement(
+    counts: Sequence[_AgreementCount], total: _AgreementCount, sheets: Sequence[ExperimentSheet]
+) -> list[str]:
+    sentences = []
+    if total.far_count and len(counts) > 1:
+        named = join_list(f"{one.title} ({one.far_count})" for one in counts if one.far_count)
+        sentences.append(f"Differ by more than {FAR_PCT:g} %: {named}.")
+    if total.uncompared_count:
+        sentences.append(f"{total.uncompared_count} cannot be compared; each is listed with the reason.")
+    ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
+    if ours:
+        sentences.append(f"{ours} further simulated numbers are not in the thesis.")
+    return sentences
 
 
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
@@ -45,7 +122,7 @@ def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
         for sheet in sheets
         for row in sheet.comparisons
     ]
-    return json.dumps(make_json_safe(rows), indent=2, allow_nan=False) + "\n"
+    return format_json(rows)
 
 
 def format_drive_json(driven: SteeredDrive) -> str:
@@ -68,7 +145,7 @@ def format_experiment_json(sheet: ExperimentSheet) -> str:
         "tables": [{"title": t.title, "header": t.header, "rows": t.rows} for t in sheet.tables],
         "panels": [_build_panel_entry(panel) for panel in sheet.panels],
     }
-    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+    return format_json(content)
 
 
 def _build_panel_entry(panel: PlotPanel | HeatMap) -> dict[str, Any]:
@@ -108,7 +185,7 @@ def format_tractor_check_json(proved: TractorVerdict) -> str:
             for proof in proved.checks
         ],
     }
-    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+    return format_json(content)
 
 
 def _compute_difference_pct(proof: DriveCheck) -> float | None:

@@ -21,7 +21,7 @@ from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
-from reports.day.first_screen import build_day_screen
+from reports.day.tables import build_day_screen
 from reports.plan.answer import format_stated_end
 from reports.plan.first_screen import build_first_screen
 from reports.plan.ranking_export import format_ranking_json

@@ -15,6 +15,7 @@ from babel.messages.pofile import read_po, write_po
 
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from planner.request.random_inputs import RANDOM_INPUTS
+from reports.plan.figures import COUNT_DROPS, FIGURES, SCREEN_DROPS, TABLE_DROPS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 
@@ -77,7 +78,8 @@ def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
     texts = {
         *PAGE_WORDS, *FACT_LABELS, *RANDOM_INPUTS, *LABELS.values(), *STRATEGY_LABELS.values(),
-        *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(), *iter_sentences(),
+        *_iter_marked_texts(), *_iter_figure_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
+        *iter_sentences(),
     }  # fmt: skip
     singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
     return frozenset(texts - singulars)
@@ -124,6 +126,13 @@ def _iter_marked_texts() -> Iterator[Text]:
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 yield from _read_call(node)
+
+
+def _iter_figure_texts() -> Iterator[str]:
+    """Headings and notes of figures of plans that a terminal shows."""
+    for key in {*SCREEN_DROPS, *TABLE_DROPS, *COUNT_DROPS}:
+        texts = (FIGURES[key].heading, FIGURES[key].short_heading, FIGURES[key].note)
+        yield from (text for text in texts if re.search(r"[A-Za-z]{2}", text) and key not in ("fuel_l", "energy_kwh"))
 
 
 def _read_call(node: ast.AST) -> Iterator[Text]:

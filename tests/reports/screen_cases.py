@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import Any
 
 from reports.common.plan_results import PlanRanking, PlanResult, PullFigures, Shortfall, SlopePlace
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
-from reports.plan.ranking_export import format_ranking_json
+from reports.plan.many_fields import FieldRecord
 
 HOUR_S = 3600.0
 STRATEGIES = ("split-field", "row-by-row-optimised", "interleaved")
@@ -120,16 +119,14 @@ RANKINGS = {
 }  # fmt: skip
 
 
-def build_records(count: int = 3) -> list[dict[str, Any]]:
+def build_records(count: int = 3) -> list[FieldRecord]:
     """Records of many fields, the last without a plan."""
-    content = json.loads(format_ranking_json(DEADLINE))
-    records: list[dict[str, Any]] = [
-        {"requested_field": f"farm.geojson#{number}", "width_m": 3.0, "refusal": None,
-         "ranking": content | {"field": {"name": f"field {number}", "area_ha": 3.92}}}
+    records = [
+        FieldRecord(f"farm.geojson#{number}", 3.0, replace(DEADLINE, field_name=f"field {number}"))
         for number in range(1, count)
-    ]  # fmt: skip
+    ]
     refusal = "Field 'strip' is nowhere wider than the working width of 3 m; use a narrower implement."
-    return [*records, {"requested_field": "farm.geojson#strip", "width_m": 3.0, "refusal": refusal, "ranking": None}]
+    return [*records, FieldRecord("farm.geojson#strip", 3.0, refusal=refusal)]
 
 
 def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:

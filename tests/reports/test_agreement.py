@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from reports.trials.agreement import measure_thesis_agreement
-from reports.trials.report import build_trials_table, render_trials_page
+from reports.trials.report import build_trials_table, measure_thesis_agreement, render_trials_page
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
 NUMBERS = (

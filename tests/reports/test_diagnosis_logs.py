@@ -14,11 +14,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from reports.diagnosis.first_screen import build_diagnosis_screen
 from reports.diagnosis.log_checks import MOST_RUNS, describe_columns, describe_unsaved
 from reports.diagnosis.notebook import build_diagnosis_view
 from reports.diagnosis.sentences import describe_remaining_error
-from reports.diagnosis.tables import format_diagnosis_json
+from reports.diagnosis.tables import build_diagnosis_screen, format_diagnosis_json
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting
 from vehicle.identification.diagnosis.results import (
     LIKELY,

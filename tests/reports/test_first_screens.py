@@ -24,13 +24,12 @@ from rich.console import Console, RenderableType
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, Shortfall, get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
-from reports.day.first_screen import build_day_screen
 from reports.day.page import render_day_page
-from reports.day.tables import format_day_json
+from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
+from reports.plan.many_fields import FieldRecord, build_many_fields_screen
 from reports.plan.many_fields_page import render_many_fields_page
-from reports.plan.many_fields_screen import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_ranking_table
@@ -232,13 +231,9 @@ def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
 
 
 def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() -> None:
-    (good, _), (bad, _) = build_records(2), build_records(2)
-    content = json.loads(format_ranking_json(RANKINGS["cut off"]))
-    records = [
-        good,
-        bad
-        | {"requested_field": "farm.geojson#north", "ranking": content | {"field": {"name": "north", "area_ha": 3.92}}},
-    ]
+    (good, _) = build_records(2)
+    bad = FieldRecord("farm.geojson#north", 3.0, replace(RANKINGS["cut off"], field_name="north"))
+    records = [good, bad]
     text = " ".join(print_screen(build_many_fields_screen(records)).split())
     assert (
         text.startswith("1 plan is no recommendation. 3 m: 2 of 2 fields") and "EUR (assumed prices) paid and" in text

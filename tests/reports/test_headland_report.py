@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import FieldPartPlan, PlanResult, UnworkedPiece
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, UnworkedPiece
 from reports.plan.headland_comparison import (
     ComparedPlan,
     HeadlandChoice,
@@ -30,9 +30,8 @@ from reports.plan.headland_report import (
     format_headland_csv,
     format_headland_json,
 )
-from reports.plan.many_fields import build_many_fields_table, sum_over_fields
+from reports.plan.many_fields import FieldRecord, build_many_fields_table, sum_over_fields
 from reports.plan.many_fields_page import render_many_fields_page
-from reports.plan.ranking_export import build_plan_entry
 from reports.plan.small_map import build_small_map
 
 BROWSER = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
@@ -292,29 +291,23 @@ def test_a_small_map_is_small_and_in_its_frame(listed_drive: PlanDrive) -> None:
     assert 0 < x < drawn["width"] and 0 < y < drawn["height"]
 
 
-def make_record(name: str, area_ha: float, plan: PlanResult, drawing: dict[str, Any] | None) -> dict[str, Any]:
-    entry = build_plan_entry(replace(plan, rank=1, headland_passes=3, headland_order="last"))
-    return {
-        "requested_field": f"farm.geojson#{name}", "width_m": 3.0, "refusal": None, "map": drawing,
-        "ranking": {
-            "field": {"name": name, "area_ha": area_ha}, "plans": [entry], "best": entry, "unmet": None,
-            "currency": "EUR", "summary": ["2 tractors, split-field: done in 1:00:00."],
-            "scenario": {"tractor": "Yanmar EG105", "width_m": 3.0, "headland_m": 9.0, "bearing_deg": 90.0},
-        },
-    }  # fmt: skip
+def make_record(name: str, area_ha: float, plan: PlanResult, drawing: dict[str, Any] | None) -> FieldRecord:
+    scenario = {"tractor": "Yanmar EG105", "width_m": 3.0, "headland_m": 9.0, "bearing_deg": 90.0}
+    plans = (replace(plan, rank=1, headland_passes=3, headland_order="last"),)
+    ranking = PlanRanking(name, area_ha, 1, plans, currency="EUR", scenario=scenario)
+    return FieldRecord(f"farm.geojson#{name}", 3.0, ranking, map=drawing)
 
 
 @pytest.fixture
-def records(drive: PlanDrive) -> list[dict[str, Any]]:
-    refused = {"requested_field": "farm.geojson#tiny", "width_m": 3.0, "refusal": "It is too small.", "ranking": None}
+def records(drive: PlanDrive) -> list[FieldRecord]:
     return [
         make_record("east", 1.0, make_plan(3600.0, 0.0, 10_000.0), build_small_map(drive)),
         make_record("west", 2.0, make_plan(5400.0, 600.0, 20_000.0), build_small_map(drive)),
-        refused,
+        FieldRecord("farm.geojson#tiny", 3.0, refusal="It is too small."),
     ]
 
 
-def test_totals_of_fields_leave_out_what_has_no_plan(records: list[dict[str, Any]]) -> None:
+def test_totals_of_fields_leave_out_what_has_no_plan(records: list[FieldRecord]) -> None:
     """Three hectares in 9000 s for 90 EUR; 600 m2 of 30,000 are missed."""
     (total,) = sum_over_fields(records)
     assert (total.fields, total.area_ha, total.time_s, total.missed_m2) == (2, 3.0, 9000.0, 600.0)
@@ -351,7 +344,7 @@ class TestPages:
         check_faults(shown)
 
     @pytest.mark.slow
-    def test_many_fields(self, browser: Any, records: list[dict[str, Any]], tmp_path: Path) -> None:
+    def test_many_fields(self, browser: Any, records: list[FieldRecord], tmp_path: Path) -> None:
         shown = open_page(browser, render_many_fields_page(records), tmp_path)
         lead = shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")
         assert "2 of 3 fields, 3.00 ha, 2:30:00 one after the other" in lead

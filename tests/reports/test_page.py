@@ -16,11 +16,11 @@ from reports.common.plan_results import PlanRanking, Points
 from reports.common.rendering import ReportError
 from reports.common.wording import NO_BREAK, format_duration
 from reports.plan.count_charts import build_time_chart
+from reports.plan.drive_geometry import Viewport
 from reports.plan.map_data import (
     MOST_FIRST_KNOTS,
     MOST_OTHER_KNOTS,
     PATH_TOLERANCE_M,
-    Viewport,
     build_page_map,
     build_time_bars,
 )

@@ -14,7 +14,7 @@ from reports.common import units
 from reports.common.language import US, Reader, use_reader
 from reports.plan.answer import write_answer
 from reports.plan.first_screen import build_first_screen
-from reports.plan.many_fields_screen import build_many_fields_screen
+from reports.plan.many_fields import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_json
 from tests.reports.screen_cases import RANKINGS, build_records
 

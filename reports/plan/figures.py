@@ -1,0 +1,281 @@
+"""The figures of plans: each is named, explained, read and printed here; lists say which of them is shown where.
+
+To add one, give it an entry in `_CATALOGUE`, in the order of JSON, and its key in the lists of what is to show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from reports.common.language import translate
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    SlopePlace,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+    get_stated_s,
+)
+from reports.common.text_tables import FittedTable, TableColumn
+from reports.common.units import convert_litres, get_volume_unit
+from reports.common.wording import (
+    NO_VALUE,
+    format_area_or_dash,
+    format_duration,
+    format_number,
+    format_price,
+    format_yes_no,
+    parse_start_time,
+)
+from reports.plan.answer import format_stated_end
+from reports.plan.plan_wording import (
+    format_in_time_probability,
+    get_charged_traffic_m2,
+    get_clearance_m,
+    has_late_ground_loss,
+)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of plans.
+
+    Attributes:
+        key: in JSON and CSV, and the attribute of a plan, unless `read` takes the value from the plan.
+        heading, short_heading: of its column, the latter for narrow consoles; "" for a figure of files only.
+        text: prints a value; `write` prints it from the plan, where the value alone does not say it.
+        help: what it holds, for the page; `note` the same in brief, below a table; "" where the heading says it.
+        unit: follows it where it stands without a heading.
+        parts: keys of what it consists of, each of which has a column in CSV.
+        is_optional: whether its column is left out where no plan has it.
+        is_exported: whether JSON and CSV have it.
+    """
+
+    key: str
+    heading: str = ""
+    short_heading: str = ""
+    text: Callable[[Any], str] = str
+    help: str = ""
+    note: str = ""
+    unit: str = ""
+    read: Callable[[PlanResult], Any] | None = None
+    write: Callable[[PlanResult], str] | None = None
+    parts: tuple[str, ...] = ()
+    is_text: bool = False
+    is_optional: bool = False
+    is_exported: bool = True
+
+    def get_value(self, plan: PlanResult) -> Any:
+        """The value of a plan; None where it is not known."""
+        return getattr(plan, self.key) if self.read is None else self.read(plan)
+
+    def format(self, plan: PlanResult) -> str:
+        """The value of a plan as a cell shows it, without its unit."""
+        return self.text(self.get_value(plan)) if self.write is None else self.write(plan)
+
+    def format_with_unit(self, plan: PlanResult) -> str:
+        """The value of a plan with its unit; a dash where it is not known."""
+        text = self.format(plan)
+        return text if text == NO_VALUE else f"{text} {self.unit}"
+
+    def build_column(self, drop_order: int = 0) -> TableColumn:
+        """Its column on a terminal."""
+        return TableColumn(self.heading, self.short_heading, self.is_text, drop_order, is_unbroken=self.is_text)
+
+
+PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
+SLOPE_KEYS = ("amount", "tractor", "lon", "lat", "x_m", "y_m")
+_WHOLE, _TENTHS, _HUNDREDTHS = (partial(format_number, decimals=count) for count in (0, 1, 2))
+
+
+def _format_slope(place: SlopePlace | None) -> str:
+    return _WHOLE(None if place is None else abs(place.amount))
+
+
+_CATALOGUE = (
+    Figure("rank", "Rank", "#", _WHOLE),
+    Figure("strategy", "Strategy", is_text=True),
+    Figure("tractors", "Tractors", "Trac-\ntors"),
+    Figure("turn", "Turn", is_text=True),
+    Figure("time_s", "As simulated", "", format_duration, "time without late starts, stops and breakdowns"),
+    Figure("tractor_time_s", "Tractor time", "", format_duration,
+           "time of all tractors together, from the start to the end of each"),
+    Figure("cost"),
+    Figure("meets_deadline", "In time", "In\ntime", format_yes_no, "done by the deadline in the simulation",
+           is_optional=True),
+    Figure("feasible"),
+    Figure("worked_pct", "Worked %", "Work\n%", _TENTHS, "share of the field that is worked", "of the field", "%"),
+    Figure("overlap_pct", "Overlap %", "Over-\nlap %", _TENTHS, "", "of the field, worked more than once", "%"),
+    Figure("missed_m2", "Unworked", "Un-\nworked", format_area_or_dash, "ground that no implement worked",
+           is_optional=True),
+    Figure("largest_missed", parts=PIECE_KEYS),
+    Figure("finished_s", "To finish", "", format_duration,
+           "time with the unworked ground finished too, at the plan's own rate"),
+    Figure("finished_cost"),
+    Figure("wheel_traffic_m2", text=_WHOLE, unit="m2"),
+    Figure("outside_m", "Outside m", "", _TENTHS, "the farthest that tractor or implement reach beyond the outline",
+           unit="m"),
+    Figure("outside_along_m", "Outside along m", "", _WHOLE,
+           "driven with tractor or implement farther beyond the outline than allowed"),
+    Figure("turning_s", "Turning", "Turn-\ning", format_duration, "time in turns, all tractors together",
+           "of all tractors together"),
+    Figure("waiting_s", "Waiting", "Wait-\ning", format_duration,
+           "time spent waiting for others, all tractors together", "of all tractors together"),
+    Figure("reversals", "Reversals", "", _WHOLE, "how often a tractor changes between forwards and backwards"),
+    Figure("min_clearance_m", "Clearance m", "Clear\nm", _HUNDREDTHS, "",
+           "smallest distance between two tractors, implements included", "m", get_clearance_m),
+    Figure("collisions", "Collisions", "", _WHOLE, "how often tractors touch each other"),
+    Figure("order_gap_pct", "Order gap %", "", _TENTHS,
+           "how much quicker another order of the tracks can be at most; - where the strategy gives the order"),
+    Figure("formation_pct"),
+    Figure("reason"),
+    Figure("on_pareto_front", "Pareto front", "", format_yes_no, "no plan with as few tractors is faster"),
+    Figure("remark"),
+    Figure("headland_passes"),
+    Figure("headland_s"),
+    Figure("transport_s"),
+    Figure("ready_s"),
+    Figure("done_s"),
+    Figure("home_s"),
+    Figure("finish_probability", "In time %", "In\ntime %", help="share of the samples in which it is done in time",
+           note="of the samples; a range (95 %) where they are few", unit="%", write=format_in_time_probability,
+           is_optional=True),
+    Figure("finish_probability_interval", parts=("low", "high")),
+    Figure("p50_s", "Median time", "Median\ntime", format_duration),
+    Figure("p80_s"),
+    Figure("p95_s", "95 %", "", format_duration),
+    Figure("expected_cost"),
+    Figure("paid_cost", "Paid", "", format_price,
+           note="of the cost, what is paid; the rest is expected loss on late ground", is_optional=True),
+    Figure("bound_s"),
+    Figure("refills", "Refills", "Re-\nfills", _WHOLE, is_optional=True),
+    Figure("refilling_s", "Refilling", "", format_duration, is_optional=True),
+    Figure("over_finished_m"),
+    Figure("over_finished_m2", text=_WHOLE, unit="m2"),
+    Figure("p50_done_s"),
+    Figure("p95_done_s"),
+    Figure("fuel_l", "Fuel l", "", lambda litres: _TENTHS(convert_litres(litres)),
+           "litres of all tractors in the field, by the load of the simulated drive", is_optional=True),
+    Figure("stated_end_s", "Time", "", format_duration,
+           "time to the end of field work, the median of the samples; without samples as simulated",
+           read=lambda plan: get_stated_end_s(plan) if plan.feasible else None),
+    Figure("stated_late_end_s", "95 %", "", format_duration, "it is done sooner in 95 % of the samples",
+           read=get_stated_late_end_s, is_optional=True),
+    Figure("stated_cost", "Cost", "", format_price,
+           "expected cost: what is paid, and the loss on late ground; without samples as simulated",
+           read=get_stated_cost),
+    Figure("headland_order"),
+    Figure("fuel_l_per_ha", "Fuel l/ha", "", _TENTHS, "litres by hectare of the field", is_optional=True),
+    Figure("energy_kwh", "Energy kWh", "", _TENTHS, "from the batteries of all tractors", is_optional=True),
+    Figure("co2_kg", "CO2 kg", "", _WHOLE, "of the fuel burnt, or of making the electricity", is_optional=True),
+    Figure("fuel_l_by_tractor"),
+    Figure("energy_kwh_by_tractor"),
+    Figure("steepest_along", "Along %", "", _format_slope, "the steepest slope that a tractor drives up or down",
+           parts=SLOPE_KEYS, is_optional=True),
+    Figure("steepest_across", "Across %", "", _format_slope, "the steepest slope across the drive of a tractor",
+           parts=SLOPE_KEYS, is_optional=True),
+    Figure("rollover", "To rolling over", "", _format_slope,
+           "degrees that the tractor nearest to rolling over has left", parts=SLOPE_KEYS, is_optional=True),
+    Figure("energy_kwh_per_ha", "Energy kWh/ha", "", _TENTHS, "kilowatt-hours by hectare of the field",
+           is_optional=True),
+    Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
+    Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
+    Figure("stated_s", "Time", "", format_duration, read=get_stated_s, is_exported=False),
+    Figure("charged_traffic_m2", "Driven over", "Driven\nover", format_area_or_dash,
+           note="finished ground under wheels that drive over it, counted like unworked ground", unit="m2",
+           read=get_charged_traffic_m2, is_optional=True, is_exported=False),
+)  # fmt: skip
+FIGURES = {figure.key: figure for figure in _CATALOGUE}
+PLAN_KEYS = tuple(figure.key for figure in _CATALOGUE if figure.is_exported)
+"""Of a plan in JSON and CSV, in this order."""
+FIRST_CSV_KEYS = (
+    "field", "strategy", "tractors", "turn", "width_m", "stated_end_s", "stated_late_end_s", "stated_cost",
+    "worked_pct", "finish_probability", "meets_deadline", "fuel_l", "energy_kwh", "waiting_s", "rank", "feasible",
+    "reason",
+)  # fmt: skip
+"""What a plan is of, the figures of the printed table, and why there are none."""
+HEADLAND_CSV_KEYS = (
+    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
+    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
+)  # fmt: skip
+SCREEN_DROPS = {
+    "tractors": 0, "strategy": 0, "stated_end_s": 0, "stated_late_end_s": 3, "waiting_s": 4, "stated_cost": 1,
+    "fuel_l": 3, "energy_kwh": 3, "worked_pct": 2, "finish_probability": 1, "meets_deadline": 1,
+}  # fmt: skip
+"""Of the first screen, each with the order in which it is dropped where there is no room."""
+TABLE_DROPS = {
+    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_s": 0, "stated_cost": 2, "paid_cost": 6, "fuel_l": 6,
+    "energy_kwh": 6, "refills": 3, "charges": 3, "turning_s": 5, "waiting_s": 6, "worked_pct": 4, "missed_m2": 4,
+    "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7, "finish_probability": 3, "meets_deadline": 3,
+}  # fmt: skip
+"""Of the table of all plans."""
+COUNT_DROPS = {
+    "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_s": 0, "p95_s": 0, "stated_cost": 2, "paid_cost": 6,
+}  # fmt: skip
+"""Of the table of the best plan of every number of tractors."""
+PAGE_KEYS = (
+    "rank", "tractors", "strategy", "stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct",
+    "finish_probability", "meets_deadline",
+)  # fmt: skip
+PAGE_EXTRA_KEYS = (
+    "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
+    "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct", "on_pareto_front",
+    "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg", "steepest_along",
+    "steepest_across", "rollover", "refills", "refilling_s", "charges", "charging_s",
+)  # fmt: skip
+"""Of the page, shown on request."""
+
+
+def choose_figures(
+    ranking: PlanRanking, plans: Sequence[PlanResult], keys: Iterable[str], *, names_currency: bool = True
+) -> list[Figure]:
+    """The figures of some keys for a table of plans, as the reader of a ranking wants them.
+
+    Optional ones that no plan has are left out, that of the deadline where there are probabilities, and what is paid
+    where it is the cost. Ends of work are clock times where the ranking has a start.
+    """
+    skipped = set() if has_late_ground_loss(ranking) else {"paid_cost"}
+    if any(plan.finish_probability is not None for plan in plans):
+        skipped.add("meets_deadline")
+    shown = [
+        figure
+        for figure in (FIGURES[key] for key in keys if key not in skipped)
+        if not figure.is_optional or any(figure.get_value(plan) is not None for plan in plans)
+    ]
+    return [_fit_to_ranking(figure, ranking, names_currency) for figure in shown]
+
+
+def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) -> Figure:
+    if figure.key in ("fuel_l", "energy_kwh"):
+        is_fuel = figure.key == "fuel_l"
+        unit = get_volume_unit() if is_fuel else "kWh"
+        heading = translate("Fuel {unit}", unit=unit) if is_fuel else translate("Energy {unit}", unit=unit)
+        return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
+    if figure.key == "stated_cost" and names_currency and ranking.currency:
+        return replace(figure, heading=translate("Cost {currency}", currency=ranking.currency))
+    if figure.key not in ("stated_end_s", "stated_late_end_s"):
+        return figure
+    figure = replace(figure, text=partial(format_stated_end, ranking))
+    if figure.key == "stated_late_end_s" or parse_start_time(ranking.start) is None:
+        return figure
+    help_text = "end of field work, the median of the samples; without samples as simulated"
+    return replace(figure, heading=translate("Done"), help=help_text)
+
+
+def build_figure_table(
+    ranking: PlanRanking,
+    plans: Sequence[PlanResult],
+    figures: Sequence[Figure],
+    drops: Mapping[str, int],
+    mark: Callable[[PlanResult], str],
+    more_hint: str,
+) -> FittedTable:
+    """A line per plan, the best in bold, whose first cell is that of `mark`; `drops` are by key of the figures."""
+    columns = tuple(figure.build_column(drops[figure.key]) for figure in figures)
+    rows = tuple((mark(plan), *(figure.format(plan) for figure in figures[1:])) for plan in plans)
+    styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
+    return FittedTable(columns, rows, styles, more_hint=more_hint)
