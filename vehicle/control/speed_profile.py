@@ -20,8 +20,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, measure_along
 from vehicle.jit import compile_function
 from vehicle.model.ground import GROUNDS
 from vehicle.model.tractor import Tractor
@@ -36,7 +36,6 @@ MIN_LIMIT_MPS = 0.3  # a kink is driven at least at this speed
 MIN_CORRECTION_MPS = 1.0
 MAX_LIMIT_MPS = 1000.0  # where nothing limits the speed
 UNLIMITED_MPS = math.inf  # a path that is not limited at all
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def compute_speed_limits(points: Floats, limits: DrivingLimits) -> Floats:
     """Largest speeds (n,) at the points of a polyline (n, 2) driven in one gear, braking included."""
     count = len(points)
     speeds = np.empty(count)
-    distances = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    distances = measure_along(points)
     lateral, length = np.full(count, limits.lateral_mps2), np.full(count, limits.length_m)
     limit_by_bends(points, distances, lateral, length, limits.steering_mps, limits.window_m, speeds)
     limit_by_brakes(distances, limits.deceleration_mps2, speeds)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.energy.driveline import ENGINE_TO_SHAFT
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import Tractor
@@ -33,7 +33,6 @@ CO2_KG_PER_L = 2.65
 """Of burnt diesel: IPCC 2006, 74.1 kg per GJ, 43.0 MJ/kg, 0.832 kg/l; without that of making the fuel."""
 W_PER_KW, S_PER_H, J_PER_KWH = 1000.0, 3600.0, 3.6e6
 LITRES, KWH = "l", "kWh"
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

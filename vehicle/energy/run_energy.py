@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats
 from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
@@ -32,7 +32,6 @@ from vehicle.records import FINISHED, GRAVITY_MPS2, REC_PLACE, REC_SPEED, STANDI
 CAUSES = ("grade", "rolling", "draft", "acceleration", "slip", "braking")
 GRADE, ROLLING, DRAFT, ACCELERATION, SLIP, BRAKING = range(len(CAUSES))
 IDLE_MPS = 0.03  # a tractor that waits or stands and is slower idles
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +164,7 @@ def compute_motion_work(
     mass_kg: float,
     load: WorkLoad,
     rolling_shares: Floats,
-    is_working: npt.NDArray[np.bool_],
+    is_working: Booleans,
 ) -> Floats:
     """Work (J) at the driven axles by cause (n, 6) over n pieces of a way.
 

@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.errors import MissionError
 from vehicle.model.ground import list_ground_names
 
@@ -31,7 +31,6 @@ ENTER, LEAVE = "enter", "leave"
 TASKS = (SWATH, HEADLAND_PASS, TURN, ROUTE, DRIVE_IN, DRIVE, ENTER, LEAVE, REFILL)
 MAX_JOINT_GAP_M = 0.1  # ends of consecutive legs may differ by this much
 GATE_MARGIN_M = 0.2  # gates open this far before the end of a leg: tractors stop a little short of it
-Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class Leg:
     seconds before the leg, to refill or unload.
     """
 
-    points: Points
+    points: Floats
     speed_mps: float
     gear: int = 1
     implement: bool = False

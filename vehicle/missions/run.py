@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Integers, Records
 from vehicle.missions.plan import LEAVE, Plan
 from vehicle.records import REC_LEG, REC_POSE, REC_SPEED, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
 
@@ -72,9 +71,9 @@ class SimulationRun:
 
     plan: Plan
     outcome: str
-    time_s: npt.NDArray[np.float64]
-    record: npt.NDArray[np.float64]
-    finish_s: npt.NDArray[np.float64]
+    time_s: Floats
+    record: Floats
+    finish_s: Floats
     contacts: tuple[tuple[float, int, int], ...]
     min_clearance_m: float
     conflict: Conflict | None = None
@@ -102,19 +101,19 @@ class SimulationRun:
             )
         return max(ends)
 
-    def get_poses(self, tractor: int) -> npt.NDArray[np.float64]:
+    def get_poses(self, tractor: int) -> Floats:
         """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
         return self.record[:, tractor, REC_POSE]
 
-    def get_leg_numbers(self, tractor: int) -> npt.NDArray[np.int64]:
+    def get_leg_numbers(self, tractor: int) -> Integers:
         """Number of the leg a tractor is on, shape (t,)."""
         return self.record[:, tractor, REC_LEG].astype(np.int64)
 
-    def get_statuses(self, tractor: int) -> npt.NDArray[np.int64]:
+    def get_statuses(self, tractor: int) -> Integers:
         """Status of a tractor, as the constants of vehicle.records, shape (t,)."""
         return self.record[:, tractor, REC_STATUS].astype(np.int64)
 
-    def sum_seconds(self, status: int) -> npt.NDArray[np.float64]:
+    def sum_seconds(self, status: int) -> Floats:
         """Time per tractor in a status of vehicle.records (tractors,)."""
         step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
         return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
@@ -127,11 +126,11 @@ class SimulationRun:
         return float(speeds[is_slow].sum() * step)
 
     @property
-    def standing_s(self) -> npt.NDArray[np.float64]:
+    def standing_s(self) -> Floats:
         """Seconds per tractor of standing to refill or unload."""
         return self.sum_seconds(STANDING)
 
-    def compute_time_shares(self) -> dict[str, npt.NDArray[Any]]:
+    def compute_time_shares(self) -> dict[str, Records]:
         """Seconds per tractor of working, turning, waiting and reversing."""
         return {
             "working": self.sum_seconds(WORKING),

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from vehicle.arrays import Floats
 
 REFERENCE_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
 INTERVAL_COVERAGE = 0.95
@@ -26,7 +27,6 @@ TYPICAL_INVERSE_PER_G = 4.0  # chosen, 1/g: the first step of a fit, 0.3 of it, 
 PER_SLOPE = "per_slope"  # the value of a drift on a slope that was measured
 ROUNDING_FACTOR = 1.001  # a size that differs from the typical one only by rounding is as fine
 
-Array = npt.NDArray[np.float64]
 Interval = tuple[float, float]
 Values = Mapping[str, float]
 CirclePlace = tuple[float, float, float]
@@ -101,12 +101,14 @@ class EffectKind:
         )
 
     def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+        self, params: Sequence[EffectParameter], coordinates: Floats, place: Sequence[float] = ()
     ) -> dict[str, float]:
         """Values of the effect; `place` holds those that were searched for."""
         return dict(zip([param.name for param in params], [*map(float, coordinates), *place], strict=True))
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(
+        self, params: Sequence[EffectParameter], values: Values
+    ) -> tuple[Floats, tuple[float, ...]]:
         """Coordinates (m,) and place of values: the inverse of compute_values."""
         return np.array([values[params[0].name]]), tuple(values[param.name] for param in params[1:])
 
@@ -114,7 +116,7 @@ class EffectKind:
         """The kind to use when the place of the effect is known beforehand."""
         return self
 
-    def compute_deviation(self, neutral: Sequence[float], coordinates: Array) -> float:
+    def compute_deviation(self, neutral: Sequence[float], coordinates: Floats) -> float:
         """How far coordinates are from neutral."""
         return float(np.linalg.norm(coordinates - np.array(neutral)))
 
@@ -122,8 +124,8 @@ class EffectKind:
         self,
         params: Sequence[EffectParameter],
         box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
+        coordinates: Floats,
+        covariance: Floats,
         finest: float,
     ) -> dict[str, Interval]:
         """95 % interval of the values from the covariance (m, m) of the coordinates, never finer than `finest`.
@@ -138,7 +140,7 @@ class EffectKind:
         """Whether a size of `smallest` is no larger a fault than the `typical` one."""
         return smallest <= ROUNDING_FACTOR * typical
 
-    def compute_smallest_detectable(self, tried: Array, share: float, typical: float, finest: float) -> float:
+    def compute_smallest_detectable(self, tried: Floats, share: float, typical: float, finest: float) -> float:
         """The smallest detectable size, when `tried` coordinates were detected and `share` of the typical would be."""
         return max(finest, share * typical)
 
@@ -185,7 +187,7 @@ class TwoSidedKind(EffectKind):
     """Both sides of a number that is usually fitted on one side."""
 
     def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+        self, params: Sequence[EffectParameter], coordinates: Floats, place: Sequence[float] = ()
     ) -> dict[str, float]:
         """The coordinate."""
         return super().compute_values(params, coordinates)
@@ -203,12 +205,14 @@ class LimitKind(EffectKind):
         )
 
     def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+        self, params: Sequence[EffectParameter], coordinates: Floats, place: Sequence[float] = ()
     ) -> dict[str, float]:
         """The limit, infinite at 0."""
         return {params[0].name: math.inf if coordinates[0] <= 0.0 else 1.0 / float(coordinates[0])}
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(
+        self, params: Sequence[EffectParameter], values: Values
+    ) -> tuple[Floats, tuple[float, ...]]:
         """The inverse; 0 for an infinite limit."""
         return np.array([1.0 / values[params[0].name]]), ()
 
@@ -216,8 +220,8 @@ class LimitKind(EffectKind):
         self,
         params: Sequence[EffectParameter],
         box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
+        coordinates: Floats,
+        covariance: Floats,
         finest: float,
     ) -> dict[str, Interval]:
         """The inverted interval of the inverse, without an upper end where the inverse may be 0."""
@@ -230,7 +234,7 @@ class LimitKind(EffectKind):
         """A larger limit is the finer one: a limit that is never reached is no limit."""
         return smallest >= typical
 
-    def compute_smallest_detectable(self, tried: Array, share: float, typical: float, finest: float) -> float:
+    def compute_smallest_detectable(self, tried: Floats, share: float, typical: float, finest: float) -> float:
         """The limit that was tried: limits that the drive did not reach leave no trace and cannot be distinguished."""
         return 1.0 / float(tried[0])
 
@@ -250,14 +254,16 @@ class SlopeKind(EffectKind):
         return CoordinateBox((0.0, 0.0), (typical, typical), (-high, -high), (high, high), ((0.0, 0.0),))
 
     def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+        self, params: Sequence[EffectParameter], coordinates: Floats, place: Sequence[float] = ()
     ) -> dict[str, float]:
         """Length and bearing of the components; the length is limited to what a tractor can have."""
         size, bearing = params
         length = min(float(np.hypot(coordinates[0], coordinates[1])), size.high)
         return {size.name: length, bearing.name: math.degrees(math.atan2(coordinates[0], coordinates[1])) % 360.0}
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(
+        self, params: Sequence[EffectParameter], values: Values
+    ) -> tuple[Floats, tuple[float, ...]]:
         """The components to east and to north."""
         length, bearing = values[params[0].name], math.radians(values[params[1].name])
         return np.array([length * math.sin(bearing), length * math.cos(bearing)]), ()
@@ -266,8 +272,8 @@ class SlopeKind(EffectKind):
         self,
         params: Sequence[EffectParameter],
         box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
+        coordinates: Floats,
+        covariance: Floats,
         finest: float,
     ) -> dict[str, Interval]:
         """Intervals of size and bearing: the spread of the components along and across the slope."""
@@ -315,7 +321,7 @@ class MeasuredSlopeKind(EffectKind):
         return CoordinateBox((0.0,), (size.typical,), (0.0,), (size.high,), ((0.0,),))
 
     def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+        self, params: Sequence[EffectParameter], coordinates: Floats, place: Sequence[float] = ()
     ) -> dict[str, float]:
         """Size and bearing on the mean slope, and the drift per slope."""
         share = float(coordinates[0]) / self.usual_slope
@@ -325,8 +331,8 @@ class MeasuredSlopeKind(EffectKind):
         self,
         params: Sequence[EffectParameter],
         box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
+        coordinates: Floats,
+        covariance: Floats,
         finest: float,
     ) -> dict[str, Interval]:
         """Intervals of the size and of the drift per slope; the bearing is known from the ground."""
@@ -359,6 +365,6 @@ def _make_single_value_tuples(values: Sequence[float]) -> tuple[tuple[float, ...
     return tuple((value,) for value in values)
 
 
-def _compute_sigmas(covariance: Array) -> Array:
-    out: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+def _compute_sigmas(covariance: Floats) -> Floats:
+    out: Floats = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return out

@@ -13,14 +13,15 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pymunk._chipmunk_cffi import ffi, lib
+
+from vehicle.arrays import Integers
 
 # Rows of the array of offsets.
 AT_X, AT_Y, AT_ANGLE, AT_VX, AT_VY, AT_SPIN, AT_COSINE, AT_SINE, AT_FORCE_X, AT_FORCE_Y, AT_TORQUE = range(11)
 PROBE_BYTES = 1 << 14  # far more than a body takes
 NUMBER_BYTES = 8
-NO_OFFSETS: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+NO_OFFSETS: Integers = np.zeros(0, dtype=np.int64)
 Values = tuple[float, ...]
 
 
@@ -34,7 +35,7 @@ def find_offsets() -> tuple[int, ...]:
     return first if first == second else ()
 
 
-def find_body_offsets(body: Any) -> npt.NDArray[np.int64]:
+def find_body_offsets(body: Any) -> Integers:
     """The offsets (11,) if this body of a space, which may be moving, has its numbers there; else empty."""
     offsets = find_offsets()
     if not offsets:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Records, measure_along
 from vehicle.control.speed_profile import UNLIMITED_MPS, build_driving_limits, limit_by_bends, limit_by_brakes
 from vehicle.copying import copy_row
 from vehicle.energy.traction import (
@@ -31,7 +30,6 @@ SAME_M = 1e-6
 # Measured on paths of 12 kinks of up to 44 degrees at 5 to 15 km/h: with 1.4 times as much, or with less, it weaves.
 LOOKAHEAD_SWING_RAD = math.radians(27.2)
 WEAVE_SHARE = 0.85  # of the steering rate: what the limits of the thesis's tractor come to at 5 km/h
-Array = npt.NDArray[Any]
 
 
 @compile_function
@@ -143,7 +141,7 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
     }
 
 
-def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Array:
+def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Records:
     """One MODEL record."""
     tractor = add_implement_mass(tractor, load)
     model = np.zeros((), dtype=MODEL)
@@ -189,7 +187,7 @@ def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | 
     return model
 
 
-def build_ground_records(load: WorkLoad | None = None) -> Array:
+def build_ground_records(load: WorkLoad | None = None) -> Records:
     """GROUND records in the order of vehicle.model.ground.GROUNDS; a load may say how much they resist rolling."""
     rows = np.zeros(len(GROUNDS), dtype=GROUND)
     for row, ground in zip(rows, GROUNDS, strict=True):
@@ -210,11 +208,11 @@ class CompiledPlan:
     The third column of the points is the largest speed there (m/s), whatever that of the leg is.
     """
 
-    states: Array
-    legs: Array
-    gates: Array
-    points: Array
-    cumulative: Array
+    states: Records
+    legs: Records
+    gates: Records
+    points: Records
+    cumulative: Records
 
 
 def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> CompiledPlan:
@@ -250,7 +248,7 @@ def _compute_start_pose(mission: Mission, tractor: Tractor) -> tuple[float, floa
     return x - reach * math.cos(heading), y - reach * math.sin(heading), heading
 
 
-def _build_leg_rows(plan: Plan, tractor: Tractor) -> Array:
+def _build_leg_rows(plan: Plan, tractor: Tractor) -> Records:
     """LEG records of all legs, without paths and links to other legs."""
     guidance = tractor.guidance
     legs = [leg for mission in plan.missions for leg in mission.legs]
@@ -266,7 +264,7 @@ def _build_leg_rows(plan: Plan, tractor: Tractor) -> Array:
     return rows
 
 
-def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Array, Array]:
+def _fill_joined_paths(plan: Plan, rows: Records, first_legs: Records) -> tuple[Records, Records]:
     """Points of the joined paths and the distances along them; writes ends and segments to the rows."""
     polylines = [leg.points for mission in plan.missions for leg in mission.legs]
     sizes = np.array([len(points) for points in polylines])
@@ -281,7 +279,7 @@ def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Arra
     return path[:size].copy(), along[:size].copy()
 
 
-def _limit_speeds(path: Array, cumulative: Array, rows: Array, tractor: Tractor) -> None:
+def _limit_speeds(path: Records, cumulative: Records, rows: Records, tractor: Tractor) -> None:
     """Write the speed limits of the joined paths."""
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
     lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
@@ -326,7 +324,7 @@ def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]
         for leg in mission.legs:
             row = program.legs[number]
             run = slice(row["first_segment"], row["last_segment"] + 2)
-            along_m = row["end"] - leg.length_m + _measure_distances_m(leg.points)
+            along_m = row["end"] - leg.length_m + measure_along(leg.points)
             limits = np.interp(along_m, program.cumulative[run], program.points[run, 2])
             mission_speeds.append((np.floor(1e3 * np.minimum(limits, leg.speed_mps)) / 1e3).tolist())
             number += 1
@@ -334,12 +332,7 @@ def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]
     return speeds
 
 
-def _measure_distances_m(points: Array) -> Array:
-    """Distances (n,) along a polyline (n, 2)."""
-    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-
-
-def _resolve_leg_references(plan: Plan, states: Array, legs: Array) -> Array:
+def _resolve_leg_references(plan: Plan, states: Records, legs: Records) -> Records:
     """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
     first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()
     gates: list[tuple[int, float]] = []

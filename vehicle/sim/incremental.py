@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Records
 from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
 from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
@@ -37,8 +37,6 @@ SNAPSHOT_INTERVAL_S = 60.0  # of simulated time
 FINE_INTERVAL_S = 1.0  # to find out which of two tractors came first
 MAX_SPEED_RATIO = 1.5  # upper bound of a speed over that of the fastest leg
 AIM_MARGIN_M = 1.0  # upper bound of the distance from the point of progress to the guided point, with position errors
-
-Array = npt.NDArray[Any]
 
 
 class IncrementalSimulator:
@@ -151,7 +149,7 @@ class IncrementalSimulator:
             return []
         return earlier.snapshots[: self._count_shared_snapshots(earlier, plan, tractors)]
 
-    def _find_solo_start(self, plan: Plan, max_time_s: float, models: npt.NDArray[np.void]) -> WorldSnapshot | None:
+    def _find_solo_start(self, plan: Plan, max_time_s: float, models: Records) -> WorldSnapshot | None:
         """The last snapshot up to which the solo runs of the tractors, if known, give the run of a plan."""
         runs_by_tractor = [self._solo_runs.get(number) for number in range(plan.tractors)]
         solo_runs = [
@@ -217,7 +215,7 @@ class IncrementalSimulator:
         """Whether gates opened in a run before the progress of a tractor reached `limit_m`, where it sees them."""
         snapshot_count = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit_m))
 
-        def has_passed(progress: Array) -> bool:
+        def has_passed(progress: Records) -> bool:
             return all(progress[gate.tractor] >= earlier.compute_opening_m(gate) for gate in gates)
 
         if snapshot_count and has_passed(earlier.progress_m[snapshot_count - 1]):
@@ -230,7 +228,7 @@ class IncrementalSimulator:
             if progress_m[tractor] < limit_m
         )
 
-    def _simulate_finely(self, earlier: SimulatedPlan, index: int) -> list[Array]:
+    def _simulate_finely(self, earlier: SimulatedPlan, index: int) -> list[Records]:
         """Progress of each tractor (m) every second until the next snapshot of a run."""
         if index not in earlier.fine_progress_m:
             world = self._build_world(earlier.plan)

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Records
 from vehicle.missions.run import RollOverMargin, Stall
 from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.load_terms import BRAKES, SHORTAGES, STALL_MPS, find_thrust_limit
@@ -40,9 +40,7 @@ def _view(record: Record) -> Any:
     return np.array([record]).view(np.recarray)[0]
 
 
-def build_roll_over_margins(
-    states: npt.NDArray[np.void], track_m: float, centre_height_m: float
-) -> tuple[RollOverMargin, ...]:
+def build_roll_over_margins(states: Records, track_m: float, centre_height_m: float) -> tuple[RollOverMargin, ...]:
     """The least margin of every tractor: where a rigid body on its track would tip, less the largest sideways push."""
     tip_rad = math.atan(0.5 * track_m / centre_height_m)
     return tuple(

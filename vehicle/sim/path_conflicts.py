@@ -6,11 +6,9 @@ the boxes round whole tractors come first, and distances are computed only where
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats, Records
 from vehicle.jit import compile_function, drop_owner
 from vehicle.sim.clearance import (
     PARALLEL_SINE,
@@ -25,10 +23,9 @@ from vehicle.sim.clearance import (
 
 BLOCK_SIZE = 16  # poses under one enclosing circle, and circles under one larger one
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
-Array = npt.NDArray[Any]
 
 
-def build_poses(rows: Array) -> Array:
+def build_poses(rows: Records) -> Records:
     """POSE records (n,) of x, y (m) and angle (rad), shape (n, 3)."""
     poses = np.zeros(len(rows), dtype=POSE)
     for column, name in enumerate(("x", "y", "angle")):
@@ -43,7 +40,7 @@ class PosePath:
     radii of circles round blocks of poses, and round blocks of those circles.
     """
 
-    def __init__(self, poses: Array) -> None:
+    def __init__(self, poses: Records) -> None:
         self.poses = poses
         self.directions = np.column_stack([np.cos(poses["angle"]), np.sin(poses["angle"])])
         self.block_circles = _compute_enclosing_circles(np.column_stack([poses["x"], poses["y"], np.zeros(len(poses))]))
@@ -51,8 +48,8 @@ class PosePath:
 
 
 def find_conflicting_poses(
-    a: PosePath, b: PosePath, models: Array, clearance_m: float, beside_clearance_m: float
-) -> Array:
+    a: PosePath, b: PosePath, models: Records, clearance_m: float, beside_clearance_m: float
+) -> Records:
     """Poses that two tractors cannot take at once: rows (k, 3) of a pose in `a` and a range (first, last) in `b`.
 
     Rows are sorted by the pose in `a`, then by those in `b`. As in vehicle.sim.clearance, two are in conflict within
@@ -67,7 +64,7 @@ def find_conflicting_poses(
         rows = np.empty((count, 3), dtype=np.int64)
 
 
-def _compute_enclosing_circles(circles: Array) -> Array:
+def _compute_enclosing_circles(circles: Records) -> Records:
     """Centre and radius of a circle round each block of circles (m, 3)."""
     starts = np.arange(0, len(circles), BLOCK_SIZE)
     sizes = np.diff(np.append(starts, len(circles)))
@@ -168,7 +165,7 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
 
 
 def find_close_approaches(
-    poses: npt.NDArray[np.float64], on_field: npt.NDArray[np.bool_], model: Array, clearance_m: float, beside_m: float
+    poses: Floats, on_field: Booleans, model: Records, clearance_m: float, beside_m: float
 ) -> list[tuple[int, int, int, float]]:
     """Pairs (i, j, k, metres) of tractors i < j that are too close at step k, the first such step of each pair.
 
@@ -182,10 +179,10 @@ def find_close_approaches(
 
 
 def find_close_approaches_between(
-    own_poses: npt.NDArray[np.float64],
-    own_model: Array,
-    other_poses: npt.NDArray[np.float64],
-    other_models: Array,
+    own_poses: Floats,
+    own_model: Records,
+    other_poses: Floats,
+    other_models: Records,
     clearance_m: float,
     beside_m: float,
 ) -> list[tuple[int, int, int, float]]:
@@ -208,8 +205,8 @@ def find_close_approaches_between(
 
 
 def compute_outline_distances(
-    poses: npt.NDArray[np.float64], other_poses: npt.NDArray[np.float64], model: Array, other_model: Array | None = None
-) -> npt.NDArray[np.float64]:
+    poses: Floats, other_poses: Floats, model: Records, other_model: Records | None = None
+) -> Floats:
     """Metres (steps,) between the outlines of two tractors at poses (steps, 3) of common times.
 
     Both are of `model` unless `other_model` is given for the second.
@@ -220,7 +217,7 @@ def compute_outline_distances(
     return out
 
 
-def _build_pose_records(poses: npt.NDArray[np.float64]) -> Array:
+def _build_pose_records(poses: Floats) -> Records:
     records = np.zeros(poses.shape[:2], dtype=POSE)
     for column, name in enumerate(("x", "y", "angle")):
         records[name] = poses[:, :, column]

@@ -12,8 +12,8 @@ from functools import cached_property, reduce
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Records
 from vehicle.jit import compile_function
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -24,7 +24,6 @@ from vehicle.sim.world import STALL_S, WorldSnapshot
 
 CORNER_SPEED_RATIO = 3.0  # largest speed of a corner over that of its tractor
 ROUNDING_FACTOR = 1.01  # margin for the rounding of sums
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -36,13 +35,13 @@ class SimulatedPlan:
     """
 
     plan: Plan
-    leg_ends_m: Sequence[FloatArray]
+    leg_ends_m: Sequence[Floats]
     snapshots: list[WorldSnapshot] = field(default_factory=list)
-    fine_progress_m: dict[int, list[FloatArray]] = field(default_factory=dict)
+    fine_progress_m: dict[int, list[Floats]] = field(default_factory=dict)
     is_independent: bool = False
 
     @cached_property
-    def progress_m(self) -> FloatArray:
+    def progress_m(self) -> Floats:
         """Progress of each tractor at the snapshots (m), (k, n)."""
         return np.array([snapshot.states["progress"] for snapshot in self.snapshots]).reshape(
             len(self.snapshots), self.plan.tractors
@@ -61,7 +60,7 @@ class SoloRun:
     """
 
     run: SimulationRun
-    leg_ends_m: FloatArray
+    leg_ends_m: Floats
     snapshots: dict[int, tuple[WorldSnapshot, int]]
 
     @property
@@ -73,7 +72,7 @@ class SoloRun:
 def extract_solo_run(
     run: SimulationRun,
     tractor: int,
-    leg_ends_m: FloatArray,
+    leg_ends_m: Floats,
     snapshots: Sequence[tuple[WorldSnapshot, int]],
     max_time_s: float,
 ) -> SoloRun | None:
@@ -146,7 +145,7 @@ def _join_snapshots(parts: Sequence[tuple[WorldSnapshot, int]]) -> WorldSnapshot
     )
 
 
-def _build_progress_clock(snapshot: WorldSnapshot, states: npt.NDArray[np.void]) -> FloatArray:
+def _build_progress_clock(snapshot: WorldSnapshot, states: Records) -> Floats:
     """The clock of a snapshot for other tractors, as if they had made progress at the last check."""
     return np.array([snapshot.clock[0], states["progress"].sum(), snapshot.time_s])
 
@@ -169,7 +168,7 @@ def find_last_independent_snapshot(
     combined: SimulatedPlan,
     solo_runs: Sequence[SoloRun],
     snapshot_count: int,
-    models: npt.NDArray[np.void],
+    models: Records,
     clearance_limits_m: tuple[float, float],
     reach_m: float,
 ) -> WorldSnapshot | None:

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
+from vehicle.arrays import Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import Plan, check_plan
@@ -50,8 +50,6 @@ from vehicle.sim.loop import (
 )
 from vehicle.sim.pymunk_bridge import ContactBoxes, EngineUnavailableError, PymunkEngine, create_body, create_space
 
-Array = npt.NDArray[Any]
-
 
 @dataclass(frozen=True, eq=False)
 class SimulationScene:
@@ -61,19 +59,19 @@ class SimulationScene:
     bodies: list[pymunk.Body]
     boxes: ContactBoxes
     program: CompiledPlan
-    models: Array
-    grounds: Array
-    tables: Array
-    position_errors: Array
+    models: Records
+    grounds: Records
+    tables: Records
+    position_errors: Records
     steps_per_tick: int
-    clock: Array
-    clearances: Array
-    contacts: Array
-    heights: Array
-    frame: Array
+    clock: Records
+    clearances: Records
+    contacts: Records
+    heights: Records
+    frame: Records
 
 
-def _check_heights(terrain: Terrain, points: Array) -> None:
+def _check_heights(terrain: Terrain, points: Records) -> None:
     """Raise VehicleError if a path leads beyond the known heights, where the ground would only seem level."""
     if terrain.covers(points[:, :2], terrain.spacing_m):
         return
@@ -186,12 +184,12 @@ class WorldSnapshot:
     legs after them.
     """
 
-    clock: Array
-    states: Array
-    clearances: Array
-    motion: Array
-    boxes_present: Array
-    chunks: Sequence[Array]
+    clock: Records
+    states: Records
+    clearances: Records
+    motion: Records
+    boxes_present: Records
+    chunks: Sequence[Records]
     rows: int
 
     @property
@@ -204,11 +202,11 @@ class WorldSnapshot:
         """Number of steps before the snapshot."""
         return int(self.clock[0])
 
-    def attach_to_record(self, record: Array) -> WorldSnapshot:
+    def attach_to_record(self, record: Records) -> WorldSnapshot:
         """The same, with its rows as a view of the record of the whole run, so that they are stored once."""
         return replace(self, chunks=(record[: self.rows],))
 
-    def list_record_parts(self) -> list[Array]:
+    def list_record_parts(self) -> list[Records]:
         """The record so far, in parts; there may be more in `chunks`."""
         parts, remaining_rows = [], self.rows
         for chunk in self.chunks:
@@ -234,8 +232,8 @@ class World:
         *,
         terrain: Terrain | None = None,
         load: WorkLoad | None = None,
-        tables: Array | None = None,
-        position_errors: Array | None = None,
+        tables: Records | None = None,
+        position_errors: Records | None = None,
         seed: int = 1,
     ) -> None:
         check_plan(plan)
@@ -261,7 +259,7 @@ class World:
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
         self.rows = 0
-        self._record: Array = np.empty((0, plan.tractors, len(RECORD_COLUMNS)))
+        self._record: Records = np.empty((0, plan.tractors, len(RECORD_COLUMNS)))
         self.outcome = RUNNING
 
     def run(
@@ -341,7 +339,7 @@ class World:
             self._reserve_rows(len(part))[:] = part
             self.rows += len(part)
 
-    def _reserve_rows(self, rows: int, expected_s: float = 0.0) -> Array:
+    def _reserve_rows(self, rows: int, expected_s: float = 0.0) -> Records:
         """Room for `rows` more rows after those of the record.
 
         The expected length of the run is reserved at once: memory that is not written to costs nothing.
@@ -364,17 +362,17 @@ class World:
         return EXPECTED_TIME_FACTOR * max(mission_times_s) + EXPECTED_TIME_MARGIN_S
 
     @property
-    def leg_ends_m(self) -> list[Array]:
+    def leg_ends_m(self) -> list[Records]:
         """Where the legs of each tractor end, counted from its start."""
         first, ends = self.program.states["first_leg"], self.program.legs["end"]
         return np.split(ends, first[1:])
 
-    def _list_first_legs_and_segments(self) -> tuple[Array, Array]:
+    def _list_first_legs_and_segments(self) -> tuple[Records, Records]:
         """The first leg and the first segment of each tractor (n,) in the arrays of the program."""
         legs = self.program.states["first_leg"].copy()
         return legs, self.program.legs["first_segment"][legs]
 
-    def _choose_loop(self, slow: bool) -> Callable[[int, Array, tuple[float, float]], Any]:
+    def _choose_loop(self, slow: bool) -> Callable[[int, Records, tuple[float, float]], Any]:
         if not slow:
             try:
                 engine = PymunkEngine(self.space, self.bodies)
@@ -402,7 +400,7 @@ class World:
         )
         return lambda steps, record, stop: run_slow_loop(scene, steps, DT_S, record, stop, STALL_S)
 
-    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Array, stop: tuple[float, float]) -> Any:
+    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Records, stop: tuple[float, float]) -> Any:
         """Run the compiled loop for `steps` steps, with contact boxes in the space where tractors are near others."""
         program, last, rows = self.program, int(self.clock[0]) + steps, 0
         while True:
@@ -417,7 +415,7 @@ class World:
                 return outcome, rows, first, second
             self.boxes.update_space()
 
-    def _build_run(self, outcome: int, record: Array) -> SimulationRun:
+    def _build_run(self, outcome: int, record: Records) -> SimulationRun:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
         states = self.program.states
         finish = np.where(states["done"] == 1, states["done_time"], np.nan)

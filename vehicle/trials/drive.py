@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
+from vehicle.arrays import Floats, Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.control.speed_profile import UNLIMITED_MPS
 from vehicle.errors import VehicleError
@@ -99,7 +99,6 @@ def write_step(row, body, state) -> None:  # type: ignore[no-untyped-def]
     row[9], row[10], row[11] = state.lateral, float(state.leg - state.first_leg), float(state.done)
 
 
-Array = npt.NDArray[np.float64]
 POINT_SPACING_M = 0.1
 RUN_OUT_M = 6.0  # path after the measured part, so that braking is not measured
 
@@ -131,7 +130,7 @@ def build_sine_mission(amplitude_m: float, omega: float, periods: float, speed_m
     return _build_mission(np.stack([-amplitude_m * np.sin(omega * x), x], axis=1), speed_mps, ground)
 
 
-def _build_mission(points: Array, speed_mps: float, ground: str) -> Mission:
+def _build_mission(points: Floats, speed_mps: float, ground: str) -> Mission:
     return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
 
 
@@ -147,8 +146,8 @@ class Trace:
     (m), and of the controlled point ahead of it.
     """
 
-    time_s: Array
-    rows: Array
+    time_s: Floats
+    rows: Floats
     front_m: float
     rear_m: float
     point_m: float
@@ -157,29 +156,29 @@ class Trace:
         """The trace up to a row."""
         return replace(self, time_s=self.time_s[:row], rows=self.rows[:row])
 
-    def get_column(self, name: str) -> Array:
+    def get_column(self, name: str) -> Floats:
         """One column (t,)."""
         return np.asarray(self.rows[:, TRACE_COLUMNS.index(name)])
 
-    def compute_path(self, ahead_m: float | None = None) -> Array:
+    def compute_path(self, ahead_m: float | None = None) -> Floats:
         """Path (t, 2) of a point of the centre line, by default of the controlled point."""
         reach = self.point_m if ahead_m is None else ahead_m
         angle = self.get_column("angle")[:, None]
         return np.asarray(self.rows[:, BODY_PLACE] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
 
-    def compute_velocity(self) -> tuple[Array, Array, Array]:
+    def compute_velocity(self) -> tuple[Floats, Floats, Floats]:
         """Forward and rightward speed of the centre of mass (m/s) and clockwise spin (rad/s), (t,) each."""
         cosine, sine = np.cos(self.get_column("angle")), np.sin(self.get_column("angle"))
         vx, vy = self.get_column("vx"), self.get_column("vy")
         return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.get_column("spin")
 
-    def compute_slips(self) -> tuple[Array, Array]:
+    def compute_slips(self) -> tuple[Floats, Floats]:
         """Slip angles of front and rear axle (t,), radians, Eq. 4.1 and 4.2."""
         forward, right, spin = self.compute_velocity()
         front = np.arctan2(right + self.front_m * spin, forward) - self.get_column("steering")
         return (front + math.pi) % (2 * math.pi) - math.pi, np.arctan2(right - self.rear_m * spin, forward)
 
-    def compute_radius(self, ahead_m: float | None = None) -> Array:
+    def compute_radius(self, ahead_m: float | None = None) -> Floats:
         """Momentary turning radius (t,) of a point of the centre line: its speed over the spin; inf if straight."""
         reach = self.point_m if ahead_m is None else ahead_m
         forward, right, spin = self.compute_velocity()
@@ -205,7 +204,7 @@ def replace_steering(tractor: Tractor, name: str) -> Tractor:
     return tractor.model_copy(update={"steering": SteeringParameters(**{**steering.model_dump(), **changes[name]})})
 
 
-def build_tyre_ground_records(tyres: Sequence[Tyres]) -> npt.NDArray[Any]:
+def build_tyre_ground_records(tyres: Sequence[Tyres]) -> Records:
     """One GROUND record per set of tyres."""
     rows = np.zeros(len(tyres), dtype=GROUND)
     for row, tyre in zip(rows, tyres, strict=True):
@@ -226,7 +225,7 @@ def build_tyre_ground_records(tyres: Sequence[Tyres]) -> npt.NDArray[Any]:
 def drive_by_steering_commands(
     tractors: Sequence[Tractor],
     tyres: Sequence[Tyres],
-    commands_deg: Array,
+    commands_deg: Floats,
     *,
     speed_mps: float = CIRCLE_SPEED_MPS,
     dt: float = DT_S,
@@ -302,12 +301,12 @@ class _TrialSetup:
     def __init__(
         self,
         tractors: Sequence[Tractor],
-        poses: Array,
-        states: npt.NDArray[Any],
-        legs: npt.NDArray[Any],
-        gates: npt.NDArray[Any] | None = None,
-        points: Array | None = None,
-        cumulative: Array | None = None,
+        poses: Floats,
+        states: Records,
+        legs: Records,
+        gates: Records | None = None,
+        points: Floats | None = None,
+        cumulative: Floats | None = None,
     ) -> None:
         self.tractors, self.states, self.legs = tractors, states, legs
         self.gates = np.zeros(0, dtype=GATE) if gates is None else gates
@@ -332,9 +331,9 @@ class _TrialSetup:
         steps: int,
         dt: float,
         record_every: int,
-        grounds: npt.NDArray[Any],
-        tables: Array,
-        commands: Array,
+        grounds: Records,
+        tables: Floats,
+        commands: Floats,
         position_errors: Table = NO_ERROR,
     ) -> list[Trace]:
         """Drive all tractors; returns one trace each."""

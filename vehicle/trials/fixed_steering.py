@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import ENGINE_CURVE, TYRE_MODELS, FrictionCurve, Tyres, get_tyres
 from vehicle.model.tractor import SpeedParameters, Tractor
@@ -26,7 +26,6 @@ from vehicle.trials.drive import (
     replace_steering,
 )
 
-Array = npt.NDArray[np.float64]
 ANGLES_DEG = (25.0, 30.0, 35.0)
 STRAIGHT_TIME_S, DRIVE_DURATION_S = 1.0, 60.0
 MEASURED_AHEAD_M = 0.6  # the point whose circle is measured: it reproduces the kinematic column of Table 4.1
@@ -53,7 +52,7 @@ class TyreHypothesis:
     radii_m: tuple[float, ...]
 
 
-def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S, dt: float = DT_S) -> Array:
+def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S, dt: float = DT_S) -> Floats:
     """Straight for a second, then one angle per tractor: (steps, n)."""
     commands = np.tile(np.asarray(angles_deg, dtype=np.float64), (round(seconds / dt), 1))
     commands[: round(STRAIGHT_TIME_S / dt)] = 0.0
@@ -185,10 +184,10 @@ class TyreMap:
     axle: str
     slopes_per_deg: tuple[float, ...]
     limits_deg: tuple[float, ...]
-    radius_m: Array
+    radius_m: Floats
 
     @property
-    def stable(self) -> npt.NDArray[np.bool_]:
+    def stable(self) -> Booleans:
         """Whether the tractor settles, per cell."""
         return np.isfinite(self.radius_m)
 
@@ -199,7 +198,7 @@ class CentreOfMassSweep:
 
     front_axle_m: tuple[float, ...]
     angles_deg: tuple[float, ...]
-    radius_m: Array
+    radius_m: Floats
     traces: tuple[Trace, ...]  # at the last angle, one per place
 
 

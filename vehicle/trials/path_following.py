@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.control.steering import SLEW
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission
 from vehicle.model.gnss import NO_ERROR, Table
@@ -33,8 +33,6 @@ from vehicle.trials.drive import (
     follow_mission,
 )
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class PathDeviation:
@@ -42,12 +40,12 @@ class PathDeviation:
     the right) and heading error (rad, positive if the target point lies to the right of the tractor's heading).
     """
 
-    along_m: Array
-    lateral_m: Array
-    heading_rad: Array
+    along_m: Floats
+    lateral_m: Floats
+    heading_rad: Floats
 
 
-def compute_deviation(place: Array, angle: Array, path: Array, lookahead_m: float) -> PathDeviation:
+def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: float) -> PathDeviation:
     """Errors of places (t, 2) with headings (t,) against the polyline `path` (n, 2), searched forwards only.
 
     The heading error is that of section 2.2.3, to the point of the path `lookahead_m` beyond the projection. The search
@@ -73,7 +71,7 @@ def compute_deviation(place: Array, angle: Array, path: Array, lookahead_m: floa
     return PathDeviation(along, lateral, np.arctan2(np.sin(turned), np.cos(turned)))
 
 
-def compute_path_distances(path: Array, other_path: Array) -> Array:
+def compute_path_distances(path: Floats, other_path: Floats) -> Floats:
     """Shortest distance (m) of every sixth point of a path (ten a second at 60 Hz) to another path, as in Tables 3.1
     and 3.2. The other path is reduced to every third point, which moves it by less than a millimetre.
     """
@@ -107,7 +105,7 @@ def build_navigation_mission() -> Mission:
     start = -2.0 * YARD_RADIUS_M
     across = 2.0 * TURN_RADIUS_M - SPACING_M
 
-    def build_leg(points: Array, **more: object) -> Leg:
+    def build_leg(points: Floats, **more: object) -> Leg:
         return Leg(points, **{"speed_mps": speed, "ground": "asphalt", "task": LegTask(TURN), **more})  # type: ignore[arg-type]
 
     yard = np.array([[start, YARD_M], [start, 0.0]])
@@ -148,7 +146,7 @@ def _measure_pass(mission: Mission, trace: Trace, leg: int) -> tuple[float, floa
     return float(lateral.max()), float(lateral.mean()), float(heading.max()), float(heading.mean())
 
 
-def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Array:
+def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Floats:
     angles = np.radians(np.linspace(start_deg, end_deg, max(3, round(abs(end_deg - start_deg) / 3.0)) + 1))
     return np.stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)], axis=1)
 

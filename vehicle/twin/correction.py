@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.records import DT_S
 from vehicle.twin.kalman_filter import STATE_SIZE, PoseFilter, update_by_fix
 from vehicle.twin.mismatch import RESTART_SIGMA_M, JumpDetector, MismatchTest, is_jump
 from vehicle.twin.propagation import CommandBuffer, PropagatedTractor, compute_antenna_place, propagate_with_filters
-from vehicle.twin.step_motion import Array
 
 MAX_LATENESS_STEPS = 240  # 4 s
 OUTLIER_SIGMAS = 8.0  # standard deviations beyond which a fix is an outlier
@@ -39,7 +39,7 @@ class StateAtFix:
         self.empty_means = np.zeros((4, 0))
 
     @property
-    def adaptation(self) -> Array:
+    def adaptation(self) -> Floats:
         """Extra turn (rad per m) and slip (share) over the model's."""
         return self.tracker.estimate[3:5]
 
@@ -70,7 +70,7 @@ class StateAtFix:
         rolled.step = step
         tracker.estimate[:3] = rolled.body[:3]
 
-    def correct_by_fix(self, fix: Array, time_s: float, is_conclusive: bool = True) -> Array:
+    def correct_by_fix(self, fix: Floats, time_s: float, is_conclusive: bool = True) -> Floats:
         """Correct by a fix (4,) of this step; returns measured less predicted (3,): ahead, right (m), turned (rad).
 
         A fix that is not `is_conclusive`, because too little is known of the commands before it, is no evidence about
@@ -95,7 +95,7 @@ class StateAtFix:
             self.test.shifts[:] = 0.0
         return offset
 
-    def _update_tracker(self, fix: Array) -> bool:
+    def _update_tracker(self, fix: Floats) -> bool:
         """Correct the tracker; returns False, unchanged, for an outlier."""
         tracker, rolled, machine = self.tracker, self.rolled, self.rolled.arrays
         return update_by_fix(
@@ -115,7 +115,7 @@ class StateAtFix:
             self.empty_means,
         )
 
-    def _add_evidence_of_fix(self, fix: Array, time_s: float, offset: Array, after_outlier: bool) -> bool:
+    def _add_evidence_of_fix(self, fix: Floats, time_s: float, offset: Floats, after_outlier: bool) -> bool:
         """Correct the monitor and add its innovation to the evidence; returns whether the fix may have jumped.
 
         With `after_outlier` it follows outliers, whose jump is recorded already.
@@ -132,7 +132,7 @@ class StateAtFix:
         test.add_fix(time_s, was_jump)
         return may_be_jump or (after_outlier and is_sudden)
 
-    def _update_monitor(self, fix: Array, whitened: Array, means: Array) -> None:
+    def _update_monitor(self, fix: Floats, whitened: Floats, means: Floats) -> None:
         """Correct the monitor and the shifts by effects; writes `whitened` and `means`."""
         monitor, rolled, machine, test = self.monitor, self.rolled, self.rolled.arrays, self.test
         update_by_fix(
@@ -152,7 +152,7 @@ class StateAtFix:
             means,
         )
 
-    def _compute_offset(self, fix: Array) -> Array:
+    def _compute_offset(self, fix: Floats) -> Floats:
         """Offset of a fix from the prediction: ahead, to the right (m), turned (rad)."""
         body = self.rolled.body
         x, y = compute_antenna_place(self.rolled.arrays, body[:3])
@@ -166,7 +166,7 @@ class StateAtFix:
             ]
         )
 
-    def _handle_outlier(self, fix: Array, time_s: float, offset: Array) -> None:
+    def _handle_outlier(self, fix: Floats, time_s: float, offset: Floats) -> None:
         """Ignore an outlier, unless there are several in a row: then move the twin there."""
         self.rejected_count += 1
         if self._outliers == 0:
@@ -193,11 +193,11 @@ class PredictionCorrector:
 
         self._stale = False
 
-    def add_command(self, step: int, command: Array) -> None:
+    def add_command(self, step: int, command: Floats) -> None:
         """Add a command from a step on; later steps are driven again."""
         self._stale = self._stale or step < self.rolled.step
 
-    def note_correction(self, step: int, fix: Array) -> None:
+    def note_correction(self, step: int, fix: Floats) -> None:
         """Note that the state at the last fix has changed."""
         self._stale = True
 
@@ -208,7 +208,7 @@ class PredictionCorrector:
         self.rolled.propagate_to(step, self.commands, self.state_at_fix.adaptation)
 
     @property
-    def adaptation(self) -> Array:
+    def adaptation(self) -> Floats:
         """Extra turn (rad per m) and slip (share) over the model's."""
         return self.state_at_fix.adaptation
 
@@ -220,15 +220,15 @@ class ThesisCorrector:
         self.rolled = anchor.rolled.copy()
         self.adaptation = NO_ADAPTATION
         self.commands = CommandBuffer(float(commands.held_command[0]), float(commands.held_command[1]))
-        self.applied: list[tuple[int, Array]] = []
-        self._fix: Array | None = None
+        self.applied: list[tuple[int, Floats]] = []
+        self._fix: Floats | None = None
         self._remaining_steps, self._shift = 0, np.zeros(3)
 
-    def add_command(self, step: int, command: Array) -> None:
+    def add_command(self, step: int, command: Floats) -> None:
         """Add a command that has arrived now."""
         self.commands.set_command(self.rolled.step, command)
 
-    def note_correction(self, step: int, fix: Array) -> None:
+    def note_correction(self, step: int, fix: Floats) -> None:
         """Note a fix that has arrived."""
         self._fix = fix
 

@@ -21,8 +21,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.jit import compile_function
-from vehicle.twin.step_motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, Array, TractorNoise
+from vehicle.twin.step_motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, TractorNoise
 
 STATE_SIZE, MEASUREMENT_SIZE = 10, 4
 TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT, COMMAND_DELAY, COMMAND_DELAY_NOW = range(3, 10)
@@ -96,12 +97,12 @@ def build_monitor_parameters(noise: TractorNoise) -> FilterParameters:
 class PoseFilter:
     """Estimate (10,), its covariance (10, 10) and the FilterParameters as an array."""
 
-    def __init__(self, parameters: FilterParameters, pose: Array) -> None:
+    def __init__(self, parameters: FilterParameters, pose: Floats) -> None:
         self.parameters = np.array(astuple(parameters))
         self.estimate, self.covariance = np.zeros(STATE_SIZE), np.zeros((STATE_SIZE, STATE_SIZE))
         self.reset(pose, parameters.start_m, parameters.start_rad)
 
-    def reset(self, pose: Array, position_m: float, heading_rad: float) -> None:
+    def reset(self, pose: Floats, position_m: float, heading_rad: float) -> None:
         """Restart from a pose (x, y, angle) with these standard deviations."""
         parameters = self.parameters
         self.estimate[:] = 0.0

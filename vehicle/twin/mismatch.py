@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 from vehicle.twin.kalman_filter import MEASUREMENT_SIZE, SHIFT_COUNT, STATE_SIZE
-from vehicle.twin.step_motion import Array
 
 JUMP_PROBABILITY = 1e-4  # of a fix: once in 2.8 hours at 1 Hz
 JUMP_SPREAD_SIGMAS = 50.0  # spread of jumps, in standard deviations of a fix
@@ -71,7 +71,7 @@ def compute_noise_probability(east: float, north: float) -> float:
     return 0.0 if apart > 700.0 else 1.0 / (1.0 + math.exp(apart))
 
 
-def is_jump(whitened: Array) -> bool:
+def is_jump(whitened: Floats) -> bool:
     """Whether innovations (4,) in east, north, heading and speed are a jump rather than noise."""
     return bool(compute_noise_probability(float(whitened[0]), float(whitened[1])) < 0.5)
 
@@ -84,7 +84,7 @@ class JumpDetector:
         self._candidate: PositionJump | None = None
         self._in_a_row = 0
 
-    def add_fix(self, time_s: float, offset: Array, is_sudden: bool) -> tuple[bool, bool]:
+    def add_fix(self, time_s: float, offset: Floats, is_sudden: bool) -> tuple[bool, bool]:
         """Add a fix that is `offset` (3,) from the prediction, ahead and right (m); returns whether the fix before is
         now known to have been a jump, and whether this one may be a jump or goes back."""
         jump = PositionJump(time_s, float(offset[0]), float(offset[1]))
@@ -99,7 +99,7 @@ class JumpDetector:
         self._candidate, self._in_a_row = None, 0  # going back is not another jump
         return True, is_sudden
 
-    def add_outlier(self, time_s: float, offset: Array) -> None:
+    def add_outlier(self, time_s: float, offset: Floats) -> None:
         """Add the first of several outliers, which are ignored unless there are several in a row."""
         self._append_jump(PositionJump(time_s, float(offset[0]), float(offset[1])))
         self._candidate, self._in_a_row = None, 0
@@ -131,7 +131,7 @@ SHIFT_EFFECTS = (
 )
 
 
-def compute_shift_sizes(tractor: Tractor) -> Array:
+def compute_shift_sizes(tractor: Tractor) -> Floats:
     """Typical size (13,) of the shift by each effect, in SI, for a tractor.
 
     Wheel angles are converted to curvatures, and right (clockwise) becomes negative.

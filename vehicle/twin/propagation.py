@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from vehicle.arrays import Floats, Records
 from vehicle.jit import compile_function
 from vehicle.records import DT_S
 from vehicle.sim.effect_terms import compute_draft_crab_share
 from vehicle.sim.loop import drive_tractor
 from vehicle.twin.kalman_filter import predict_filter
-from vehicle.twin.step_motion import Array, Records, TractorArrays, move_body, turn_body
+from vehicle.twin.step_motion import TractorArrays, move_body, turn_body
 
 RING_STEPS = 1024  # 17 s of commands, four times as long as any fix may be late
 STEERING_COLUMN, SPEED_COLUMN, WORKING_COLUMN, GAP_COLUMN = range(4)
@@ -52,7 +53,7 @@ class CommandBuffer:
             else:
                 self.ring[start:] = self.ring[:stop] = self.held_command
 
-    def set_command(self, step: int, command: Array) -> None:
+    def set_command(self, step: int, command: Floats) -> None:
         """Set a command from a step on, which may be past; a command older than the last is ignored."""
         if step < self.since:
             return
@@ -199,7 +200,7 @@ def propagate_path(  # type: ignore[no-untyped-def]
 class PropagatedTractor:
     """A tractor at a step: `state` (1,) and `body` (6,), propagated by commands of a CommandBuffer."""
 
-    def __init__(self, arrays: TractorArrays, ground: int, state: Records, body: Array, step: int) -> None:
+    def __init__(self, arrays: TractorArrays, ground: int, state: Records, body: Floats, step: int) -> None:
         self.arrays, self.ground, self.state, self.body, self.step = arrays, ground, state, body, step
 
     def copy(self) -> PropagatedTractor:
@@ -212,7 +213,7 @@ class PropagatedTractor:
         """Models, grounds, ground and tables for the loop."""
         return self.arrays.models, self.arrays.grounds, self.ground, self.arrays.tables
 
-    def propagate_to(self, step: int, commands: CommandBuffer, adaptation: Array) -> None:
+    def propagate_to(self, step: int, commands: CommandBuffer, adaptation: Floats) -> None:
         """Drive up to a step."""
         if step > self.step:
             commands.hold_until(step)
@@ -229,7 +230,7 @@ class PropagatedTractor:
             )
             self.step = step
 
-    def predict_path(self, pieces: int, commands: CommandBuffer, adaptation: Array) -> Array:
+    def predict_path(self, pieces: int, commands: CommandBuffer, adaptation: Floats) -> Floats:
         """Poses (pieces + 1, 3) of the body from now on, 0.1 s apart, under the held command; does not move it."""
         ring = np.tile(commands.held_command, (RING_STEPS, 1))
         copy, out = self.copy(), np.empty((pieces + 1, 3))
@@ -254,7 +255,7 @@ class PropagatedTractor:
         turn_body(self.body, turn_rad)
 
 
-def compute_antenna_place(arrays: TractorArrays, pose: Array) -> tuple[float, float]:
+def compute_antenna_place(arrays: TractorArrays, pose: Floats) -> tuple[float, float]:
     """East and north (m) of the antenna of a body at a pose (x, y, angle)."""
     x, y, angle = (float(value) for value in pose)
     ahead, right = arrays.ahead_m, arrays.right_m

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
@@ -24,8 +23,6 @@ from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.loop import drive_tractor
 
-Array = npt.NDArray[np.float64]
-Records = npt.NDArray[Any]
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # of vehicle.identification.diagnosis.demo_logs
 
 
@@ -61,7 +58,7 @@ class TractorArrays:
 
     models: Records
     grounds: Records
-    tables: Array
+    tables: Floats
     ahead_m: float
     right_m: float
     latency_s: float
@@ -110,7 +107,7 @@ def create_state(steering_rad: float = 0.0, speed_mps: float = 0.0) -> Records:
     return state
 
 
-def create_body(x_m: float, y_m: float, angle_rad: float, speed_mps: float = 0.0) -> Array:
+def create_body(x_m: float, y_m: float, angle_rad: float, speed_mps: float = 0.0) -> Floats:
     """A body (6,) with BODY_COLUMNS: place, angle, velocity, spin."""
     return np.array(
         [x_m, y_m, angle_rad, speed_mps * math.cos(angle_rad), speed_mps * math.sin(angle_rad), 0.0], dtype=np.float64

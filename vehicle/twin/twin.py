@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
@@ -17,7 +18,7 @@ from vehicle.twin.correction import MAX_LATENESS_STEPS, PredictionCorrector, Sta
 from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, build_tracker_parameters
 from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
 from vehicle.twin.propagation import PIECE_STEPS, CommandBuffer, PropagatedTractor, compute_antenna_place
-from vehicle.twin.step_motion import Array, TractorNoise, create_body, create_state, make_tractor_arrays
+from vehicle.twin.step_motion import TractorNoise, create_body, create_state, make_tractor_arrays
 
 if TYPE_CHECKING:
     from vehicle.identification.logs.schema import Log
@@ -273,7 +274,7 @@ class Twin:
         else:
             self._record_applied(fix)
 
-    def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Array:
+    def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Floats:
         """The fix as it would have been at the step before its time, without the known bias of the heading."""
         angle, body = fix.heading_rad - self._arrays.bias_rad, self._anchor.rolled.body
         angle -= float(body[5]) * late_s
@@ -299,7 +300,7 @@ class Twin:
         model = self._arrays.models[0]
         return float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
 
-    def _record_correction(self, time_s: float, arrived_s: float, offset: Array) -> None:
+    def _record_correction(self, time_s: float, arrived_s: float, offset: Floats) -> None:
         self._rows.append((time_s, arrived_s, *(float(value) for value in offset)))
         del self._rows[:-MAX_CORRECTIONS]
 
@@ -329,7 +330,7 @@ class Twin:
     def _compute_speed(self, rolled: PropagatedTractor) -> float:
         return rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
 
-    def predict_path(self, seconds: float) -> Array:
+    def predict_path(self, seconds: float) -> Floats:
         """The predicted path (n, 3) under the held command: antenna east and north (m), heading (rad), every 0.1 s
         from now on."""
         pieces = max(0, round(seconds / (PIECE_STEPS * DT_S)))
@@ -340,7 +341,7 @@ class Twin:
         return poses
 
     @property
-    def corrections(self) -> dict[str, Array]:
+    def corrections(self) -> dict[str, Floats]:
         """The last 36,000 corrections as columns (k,): time of the fix and of its arrival (thesis: of the correction),
         measured less predicted ahead and to the right (m) and in heading (rad).
         """

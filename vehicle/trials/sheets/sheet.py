@@ -7,10 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
+from vehicle.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,11 @@ class PlotLine:
     """A line of a plot: x and y (t,), a colour number, and per point the stage of the steering simulator, if any."""
 
     label: str
-    x: Array
-    y: Array
+    x: Floats
+    y: Floats
     colour: int = 0
     dashed: bool = False
-    stages: Array | None = None
+    stages: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +61,9 @@ class HeatMap:
     x_label: str
     y_label: str
     value_label: str
-    x: Array
-    y: Array
-    values: Array
+    x: Floats
+    y: Floats
+    values: Floats
     missing: str
 
 
@@ -102,7 +99,7 @@ class SteeredDrive:
     stable: bool
     slip_front_deg: float
     slip_rear_deg: float
-    trace_rows: Array
+    trace_rows: Floats
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fields.errors import mark_parameter
+from vehicle.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import Tyres, get_tyres
 from vehicle.model.tractor import Tractor, load_tractor
@@ -111,7 +111,7 @@ def _choose_tyres(request: SteeredDriveRequest) -> Tyres:
     return tyres.model_copy(update=given)
 
 
-def _build_rows(trace: Trace) -> npt.NDArray[np.float64]:
+def _build_rows(trace: Trace) -> Floats:
     place = trace.compute_path()
     heading = (90.0 - np.degrees(trace.get_column("angle"))) % 360.0
     return np.column_stack([trace.time_s, place, heading, np.degrees(trace.get_column("steering"))])

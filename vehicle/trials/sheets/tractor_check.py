@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from vehicle.arrays import Floats
 from vehicle.energy.fuel import S_PER_H, W_PER_KW, ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
@@ -25,7 +25,6 @@ from vehicle.sim.world import simulate
 from vehicle.trials.drive import build_straight_mission, follow_mission
 from vehicle.trials.sheets.sheet import DriveCheck, ExperimentSheet, PlotLine, PlotPanel, TextTable, TractorVerdict
 
-Array = npt.NDArray[np.float64]
 TRIAL_GROUND = "soil"
 LANE_M, LANE_AT_M, LANE_LENGTH_M, LANE_TOLERANCE_M = 1.0, 20.0, 100.0, 0.05
 STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
@@ -54,7 +53,7 @@ class LaneTrial:
     beyond the lane.
     """
 
-    path: Array
+    path: Floats
     weaving_m: float
     settled_m: float | None
     overshoot_m: float
@@ -65,8 +64,8 @@ class HalfCircleTrial:
     """A half circle between two swaths: radius, path, driven path (t, 2), and its largest deviation (None: stuck)."""
 
     radius_m: float
-    path: Array
-    driven_path: Array
+    path: Floats
+    driven_path: Floats
     deviation_m: float | None
 
 

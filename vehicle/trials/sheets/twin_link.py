@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
 from vehicle.model.tractor import Implement, Tractor, load_tractor
 from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, PlotPanel, TextTable, ThesisComparison
@@ -21,7 +21,6 @@ from vehicle.twin.robot_tractor import RobotState, RobotTractor
 from vehicle.twin.step_motion import TractorNoise
 from vehicle.twin.twin import PREDICT, THESIS, PoseFix, Twin
 
-Array = npt.NDArray[np.float64]
 # Fig. 5.4 has no scale; the thesis only gives the time of the corner, 60 to 80 s at 4 km/h (Fig. 5.7).
 FIRST_STRAIGHT_M, CORNER_RADIUS_M, SECOND_STRAIGHT_M = 67.0, 10.0, 50.0
 EXTENSION_M = 5.0
@@ -32,7 +31,7 @@ MASTER_HZ = 30  # divides the rates of the links below and their ages
 class MasterDrive:
     """The drive of a master: the truth (t, 4) of time, antenna and heading, and the states reported at these times."""
 
-    truth: Array
+    truth: Floats
     reported: tuple[RobotState, ...]
 
 
@@ -43,11 +42,11 @@ class LinkDeviation:
     `twin_path` (t, 2) is the path of the twin.
     """
 
-    time_s: Array
-    distance_m: Array
-    heading_rad: Array
-    across_m: Array
-    twin_path: Array
+    time_s: Floats
+    distance_m: Floats
+    heading_rad: Floats
+    across_m: Floats
+    twin_path: Floats
 
 
 def build_corner_mission(speed_mps: float, ground: str = "soil", straight_share: float = 1.0) -> Mission:
@@ -135,7 +134,7 @@ def _deliver_frame(twin: Twin, frame: RobotState, age_s: float, poses: bool) -> 
         twin.add_fix(fix)
 
 
-def _measure_deviation(drive: MasterDrive, real: Array, twin: Array) -> LinkDeviation:
+def _measure_deviation(drive: MasterDrive, real: Floats, twin: Floats) -> LinkDeviation:
     from shapely import LineString, distance, points
 
     line = np.concatenate([drive.truth[:: MASTER_HZ // 10, 1:3], _extend_path(drive.truth)])
@@ -149,7 +148,7 @@ def _measure_deviation(drive: MasterDrive, real: Array, twin: Array) -> LinkDevi
     )
 
 
-def _extend_path(truth: Array) -> Array:
+def _extend_path(truth: Floats) -> Floats:
     """A point (1, 2) straight beyond the end, for a twin that stops later than its master."""
     _, x, y, angle = truth[-1]
     return np.array([[x + EXTENSION_M * math.cos(angle), y + EXTENSION_M * math.sin(angle)]])
@@ -351,7 +350,7 @@ def _build_panels(
 
 
 def _build_lines(
-    deviations: dict[str, LinkDeviation], get_values: Callable[[LinkDeviation], Array]
+    deviations: dict[str, LinkDeviation], get_values: Callable[[LinkDeviation], Floats]
 ) -> tuple[PlotLine, ...]:
     """A line over time per method."""
     return tuple(
