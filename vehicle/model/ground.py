@@ -23,12 +23,7 @@ class GroundType(BaseModel):
 
 # The base model uses the asphalt tyres of section 4.4 on both grounds: the influence of soil on the path is in the
 # measured radii (Eq. 2.10), which the steering table reproduces on top of this base.
-_BASE = {
-    "front_slope_per_deg": 0.15,
-    "front_limit_deg": 5.0,
-    "rear_slope_per_deg": 0.2,
-    "rear_limit_deg": 5.0,
-}
+_BASE = {"front_slope_per_deg": 0.15, "front_limit_deg": 5.0, "rear_slope_per_deg": 0.2, "rear_limit_deg": 5.0}
 GROUNDS = (
     GroundType(name="asphalt", rolling_resistance=0.02, source="thesis, section 4.4; resistance assumed", **_BASE),
     GroundType(name="soil", rolling_resistance=0.06, source="thesis, section 4.4; resistance assumed", **_BASE),

@@ -105,12 +105,10 @@ def compute_distance_below(a, am, b, bm, limit) -> float:  # type: ignore[no-unt
                 return 0.0
             if gap >= min(limit, best) + ROUNDING_M:
                 continue
-            ar, af, ah = box
-            br, bf, bh = other_box
             best = min(
                 best,
-                compute_corner_distance(a.x, a.y, acos, asin, ar, af, ah, b.x, b.y, bcos, bsin, br, bf, bh),
-                compute_corner_distance(b.x, b.y, bcos, bsin, br, bf, bh, a.x, a.y, acos, asin, ar, af, ah),
+                compute_corner_distance(a.x, a.y, acos, asin, *box, b.x, b.y, bcos, bsin, *other_box),
+                compute_corner_distance(b.x, b.y, bcos, bsin, *other_box, a.x, a.y, acos, asin, *box),
             )
     return best
 

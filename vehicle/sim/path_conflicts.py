@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, Records
+from vehicle.arrays import Booleans, Floats, Integers, Records
 from vehicle.jit import compile_function, drop_owner
 from vehicle.sim.clearance import (
     PARALLEL_SINE,
@@ -26,10 +26,10 @@ POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
 
 
 def build_poses(rows: Records) -> Records:
-    """POSE records (n,) of x, y (m) and angle (rad), shape (n, 3)."""
-    poses = np.zeros(len(rows), dtype=POSE)
+    """POSE records (...,) of x, y (m) and angle (rad), shape (..., 3)."""
+    poses = np.zeros(rows.shape[:-1], dtype=POSE)
     for column, name in enumerate(("x", "y", "angle")):
-        poses[name] = rows[:, column]
+        poses[name] = rows[..., column]
     return poses
 
 
@@ -86,17 +86,9 @@ def _is_box_near(a, b, ahead_a, ahead_b, relative_pose, box, other_box, limit): 
     gap = compute_box_gap_m(relative_pose, box, other_box)
     if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
         return gap < 0.0
-    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
-    rear, front, half = box
-    orear, ofront, ohalf = other_box
-    if (
-        compute_corner_distance(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf)
-        < limit
-    ):
-        return True
     return (
-        compute_corner_distance(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half)
-        < limit
+        compute_corner_distance(a.x, a.y, *ahead_a, *box, b.x, b.y, *ahead_b, *other_box) < limit
+        or compute_corner_distance(b.x, b.y, *ahead_b, *other_box, a.x, a.y, *ahead_a, *box) < limit
     )
 
 
@@ -164,18 +156,19 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
     return count
 
 
+Approach = tuple[int, int, int, float]
+
+
 def find_close_approaches(
     poses: Floats, on_field: Booleans, model: Records, clearance_m: float, beside_m: float
-) -> list[tuple[int, int, int, float]]:
+) -> list[Approach]:
     """Pairs (i, j, k, metres) of tractors i < j that are too close at step k, the first such step of each pair.
 
     `poses` (n, steps, 3) are x, y (m) and angle (rad) of the centres of mass at common times, `on_field` (n,) marks the
     tractors on the field, `model` (1,) is their MODEL record. Too close is as in vehicle.sim.clearance.
     """
-    records = _build_pose_records(poses)
-    rows = np.empty((max(len(poses) * (len(poses) - 1) // 2, 1), 4))
-    count = _scan_approaches(records, on_field, model, clearance_m, beside_m, rows)
-    return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
+    pairs = np.argwhere(np.triu(np.outer(on_field, on_field), 1))
+    return _list_approaches(poses, model, poses, np.repeat(model, len(poses)), pairs, (clearance_m, beside_m))
 
 
 def find_close_approaches_between(
@@ -185,22 +178,27 @@ def find_close_approaches_between(
     other_models: Records,
     clearance_m: float,
     beside_m: float,
-) -> list[tuple[int, int, int, float]]:
+) -> list[Approach]:
     """As find_close_approaches, for pairs (i, j) of a tractor i of one group and j of another.
 
     Both groups are poses (n, steps, 3); `own_model` (1,) is the record of the whole first group, `other_models` (m,)
     those of the second.
     """
-    rows = np.empty((max(len(own_poses) * len(other_poses), 1), 4))
-    count = _scan_approaches_between(
-        _build_pose_records(own_poses),
-        own_model,
-        _build_pose_records(other_poses),
-        other_models,
-        clearance_m,
-        beside_m,
-        rows,
-    )
+    pairs = np.argwhere(np.ones((len(own_poses), len(other_poses)), dtype=np.bool_))
+    return _list_approaches(own_poses, own_model, other_poses, other_models, pairs, (clearance_m, beside_m))
+
+
+def _list_approaches(
+    own_poses: Floats,
+    own_model: Records,
+    other_poses: Floats,
+    other_models: Records,
+    pairs: Integers,
+    limits_m: tuple[float, float],
+) -> list[Approach]:
+    rows = np.empty((len(pairs), 4))
+    own, others = build_poses(own_poses), build_poses(other_poses)
+    count = _scan_approaches(own, own_model, others, other_models, pairs, *limits_m, rows)
     return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
 
 
@@ -213,59 +211,31 @@ def compute_outline_distances(
     """
     out = np.empty(len(poses))
     second = model if other_model is None else other_model
-    _fill_distances(_build_pose_records(poses[None])[0], _build_pose_records(other_poses[None])[0], model, second, out)
+    _fill_distances(build_poses(poses), build_poses(other_poses), model, second, out)
     return out
 
 
-def _build_pose_records(poses: Floats) -> Records:
-    records = np.zeros(poses.shape[:2], dtype=POSE)
-    for column, name in enumerate(("x", "y", "angle")):
-        records[name] = poses[:, :, column]
-    return records
-
-
 @compile_function
-def _scan_approaches(poses, on_field, model, clearance, beside_clearance, rows):  # type: ignore[no-untyped-def]
-    count, kind = 0, model[0]
-    reach = 2.0 * kind.reach + clearance
-    for i in range(len(poses)):
-        for j in range(i + 1, len(poses)):
-            if not (on_field[i] and on_field[j]):
-                continue
-            for k in range(poses.shape[1]):
-                a, b = poses[i, k], poses[j, k]
-                dx, dy = a.x - b.x, a.y - b.y
-                if dx * dx + dy * dy >= reach * reach:
-                    continue
-                metres = compute_outline_distance(a, kind, b, kind)
-                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, kind)):
-                    continue
-                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
-                count += 1
-                break
-    return count
-
-
-@compile_function
-def _scan_approaches_between(  # type: ignore[no-untyped-def]
-    own_poses, own_model, other_poses, other_models, clearance, beside_clearance, rows
+def _scan_approaches(  # type: ignore[no-untyped-def]
+    own_poses, own_model, other_poses, other_models, pairs, clearance, beside_clearance, rows
 ):
+    """Number of `pairs` (n, 2) that come too close; of each, pair, first step and metres are written to `rows`."""
     count, kind = 0, own_model[0]
-    for i in range(len(own_poses)):
-        for j in range(len(other_poses)):
-            other_model = other_models[j]
-            reach = kind.reach + other_model.reach + clearance
-            for k in range(own_poses.shape[1]):
-                a, b = own_poses[i, k], other_poses[j, k]
-                dx, dy = a.x - b.x, a.y - b.y
-                if dx * dx + dy * dy >= reach * reach:
-                    continue
-                metres = compute_outline_distance(a, kind, b, other_model)
-                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, other_model)):
-                    continue
-                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
-                count += 1
-                break
+    for pair in range(len(pairs)):
+        i, j = pairs[pair, 0], pairs[pair, 1]
+        other_model = other_models[j]
+        reach = kind.reach + other_model.reach + clearance
+        for k in range(own_poses.shape[1]):
+            a, b = own_poses[i, k], other_poses[j, k]
+            dx, dy = a.x - b.x, a.y - b.y
+            if dx * dx + dy * dy >= reach * reach:
+                continue
+            metres = compute_outline_distance(a, kind, b, other_model)
+            if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, other_model)):
+                continue
+            rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
+            count += 1
+            break
     return count
 
 

@@ -159,11 +159,7 @@ class StateAtFix:
         east, north, turned = fix[0] - x, fix[1] - y, fix[2] - body[2]
         cosine, sine = math.cos(body[2]), math.sin(body[2])
         return np.array(
-            [
-                east * cosine + north * sine,
-                east * sine - north * cosine,
-                math.atan2(math.sin(turned), math.cos(turned)),
-            ]
+            [east * cosine + north * sine, east * sine - north * cosine, math.atan2(math.sin(turned), math.cos(turned))]
         )
 
     def _handle_outlier(self, fix: Floats, time_s: float, offset: Floats) -> None:
