@@ -23,7 +23,7 @@ import numpy as np
 
 from vehicle.arrays import Floats, measure_along
 from vehicle.jit import compile_function
-from vehicle.model.ground import GROUNDS
+from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Tractor
 from vehicle.records import GRAVITY_MPS2
 
@@ -60,24 +60,20 @@ UNLIMITED = DrivingLimits(1e9, 1e9, 0.0, 1.0, 1e9)
 
 def build_driving_limits(tractor: Tractor, ground: str) -> DrivingLimits:
     """The limits of a tractor on a ground."""
-    tyres = next(one for one in GROUNDS if one.name == ground)
+    tyres = GROUNDS[find_ground_index(ground)]
     window_m = STEERING_DISTANCE_FACTOR * tractor.guidance.turn_lookahead_m
+    length_m = tractor.wheelbase_m
+    if ground in tractor.radius:  # wider circles at full lock than without slip
+        lock_m = tractor.compute_smallest_radius_m(ground) * math.tan(math.radians(tractor.max_steering_deg))
+        length_m = max(length_m, lock_m)
     sliding_mps2 = GRAVITY_MPS2 * tyres.front_slope_per_deg * tyres.front_limit_deg
     return DrivingLimits(
         min(tractor.speed.max_lateral_mps2, TYRE_SHARE * sliding_mps2),
         math.radians(tractor.steering.rate_deg_per_s) * window_m,
         window_m,
-        _compute_steering_length_m(tractor, ground),
+        length_m,
         BRAKE_SHARE * tractor.speed.max_acceleration_mps2,
     )
-
-
-def _compute_steering_length_m(tractor: Tractor, ground: str) -> float:
-    """The wheelbase, or more where the radius measured at full lock is wider than without slip."""
-    if ground not in tractor.radius:
-        return tractor.wheelbase_m
-    lock_m = tractor.compute_smallest_radius_m(ground) * math.tan(math.radians(tractor.max_steering_deg))
-    return max(tractor.wheelbase_m, lock_m)
 
 
 def compute_speed_limits(points: Floats, limits: DrivingLimits) -> Floats:

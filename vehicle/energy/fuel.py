@@ -21,7 +21,7 @@ import numpy as np
 
 from vehicle.arrays import Floats
 from vehicle.energy.driveline import ENGINE_TO_SHAFT
-from vehicle.errors import VehicleError
+from vehicle.errors import check_range
 from vehicle.model.tractor import Tractor
 
 USE_L_PER_KWH, NO_LOAD_L_PER_KWH = 0.22, 0.096
@@ -60,13 +60,13 @@ class DieselEngine:
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
 
     def __post_init__(self) -> None:
-        _check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
-        _check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
-        _check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0, "")
-        _check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0, "")
-        _check_range("The factor of the fuel", self.factor, 0.1, 10.0, "")
-        _check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
-        _check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
+        check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
+        check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
+        check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0)
+        check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0)
+        check_range("The factor of the fuel", self.factor, 0.1, 10.0)
+        check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
+        check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
 
     @property
     def unit(self) -> str:
@@ -119,12 +119,12 @@ class ElectricDrive:
     change_s: float | None = None
 
     def __post_init__(self) -> None:
-        _check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
-        _check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
-        _check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0, "")
-        _check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0, "")
-        _check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
-        _check_range("The reserve of the battery", self.reserve, 0.0, 0.9, "")
+        check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
+        check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
+        check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0)
+        check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0)
+        check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
+        check_range("The reserve of the battery", self.reserve, 0.0, 0.9)
 
     @property
     def unit(self) -> str:
@@ -206,9 +206,3 @@ def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
     use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
     rated_kw = power_w * ENGINE_TO_SHAFT / W_PER_KW
     return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)
-
-
-def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        words = f" {unit}" if unit else ""
-        raise VehicleError(f"{what} is {value:g}{words}; give {low:g} to {high:g}{words}.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +20,8 @@ from vehicle.energy.traction import (
     compute_traction_envelope,
 )
 from vehicle.jit import compile_function
-from vehicle.missions.plan import Mission, Plan
-from vehicle.model.ground import GROUNDS, find_ground_index
+from vehicle.missions.plan import Plan
+from vehicle.model.ground import GROUNDS, Tyres, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, get_log_corrections
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, MODEL, STATE
@@ -81,7 +82,7 @@ def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, las
 def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, float]:
     """Contact boxes of tractor and implement, forward of the centre of mass (m)."""
     tool = -(tractor.rear_axle_m + implement.hitch_m)
-    boxes = {
+    return {
         "nose": tractor.length_m - tractor.rear_end_m,
         "tail": -tractor.rear_end_m,
         "half_width": tractor.width_m / 2,
@@ -89,7 +90,6 @@ def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, f
         "tool_tail": tool - implement.length_m / 2,
         "tool_half_width": implement.contact_width_m / 2,
     }
-    return boxes
 
 
 def compute_lateral_ease(tractor: Tractor) -> float:
@@ -116,13 +116,9 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
     """Fields of MODEL for a load, of a tractor with the mass of its implement."""
     constant, linear, square = load.draft_n
     fields = {
-        "loaded": 1.0,
-        "draft_constant": constant,
-        "draft_linear": linear,
-        "draft_square": square,
-        "axle_power": load.axle_power_w,
-        "brake_limit": tractor.speed.max_drive_n,
-    }
+        "loaded": 1.0, "axle_power": load.axle_power_w, "brake_limit": tractor.speed.max_drive_n,
+        "draft_constant": constant, "draft_linear": linear, "draft_square": square,
+    }  # fmt: skip
     mobility = load.mobility_number
     if mobility is None:
         return fields
@@ -189,15 +185,26 @@ def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | 
 
 def build_ground_records(load: WorkLoad | None = None) -> Records:
     """GROUND records in the order of vehicle.model.ground.GROUNDS; a load may say how much they resist rolling."""
-    rows = np.zeros(len(GROUNDS), dtype=GROUND)
-    for row, ground in zip(rows, GROUNDS, strict=True):
-        row["front_slope"] = math.degrees(ground.front_slope_per_deg)
-        row["front_limit"] = math.radians(ground.front_limit_deg)
-        row["rear_slope"] = math.degrees(ground.rear_slope_per_deg)
-        row["rear_limit"] = math.radians(ground.rear_limit_deg)
-        row["rolling"] = ground.rolling_resistance
+    rows = build_tyre_ground_records(GROUNDS)
     if load is not None and load.rolling_share is not None:
         rows["rolling"] = load.rolling_share
+    return rows
+
+
+def build_tyre_ground_records(tyres: Sequence[Tyres]) -> Records:
+    """One GROUND record per set of tyres."""
+    rows = np.zeros(len(tyres), dtype=GROUND)
+    for row, tyre in zip(rows, tyres, strict=True):
+        row["front_slope"] = math.degrees(tyre.front_slope_per_deg)
+        row["front_limit"] = math.radians(tyre.front_limit_deg)
+        row["rear_slope"] = math.degrees(tyre.rear_slope_per_deg)
+        row["rear_limit"] = math.radians(tyre.rear_limit_deg)
+        row["rolling"], row["grip"] = tyre.rolling_resistance, tyre.grip or 1e6
+        row["shaped"] = float(tyre.curve is not None or tyre.grip is not None)
+        if tyre.curve is not None:
+            row["peak_slip"], row["peak"] = tyre.curve.peak_slip_rad, tyre.curve.peak
+            row["slide_slip"], row["slide"] = tyre.curve.slide_slip_rad, tyre.curve.slide
+            row["ease"] = tyre.curve.ease_mps
     return rows
 
 
@@ -230,7 +237,11 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     states["away"] = [mission.enters for mission in plan.missions]
     states["leaves"] = [mission.leaves for mission in plan.missions]
     for state, mission in zip(states, plan.missions, strict=True):
-        state["x"], state["y"], state["angle"] = _compute_start_pose(mission, tractor)
+        # The guided point stands on the first point of the path.
+        x, y, heading = mission.start
+        reach = (tractor.antenna_forward_m if mission.legs[0].gear > 0 else 0.0) - tractor.rear_axle_m
+        state["x"], state["y"] = x - reach * math.cos(heading), y - reach * math.sin(heading)
+        state["angle"] = heading
     legs = _build_leg_rows(plan, tractor)
     points, cumulative = _fill_joined_paths(plan, legs, states["first_leg"])
     if limits_speed:
@@ -238,14 +249,6 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     states["segment"] = legs["first_segment"][states["first_leg"]]
     gates = _resolve_leg_references(plan, states, legs)
     return CompiledPlan(states, legs, gates, points, cumulative)
-
-
-def _compute_start_pose(mission: Mission, tractor: Tractor) -> tuple[float, float, float]:
-    """Pose of the centre of mass so that the guided point stands on the first path point."""
-    x, y, heading = mission.start
-    forward = mission.legs[0].gear > 0
-    reach = (tractor.antenna_forward_m if forward else 0.0) - tractor.rear_axle_m
-    return x - reach * math.cos(heading), y - reach * math.sin(heading), heading
 
 
 def _build_leg_rows(plan: Plan, tractor: Tractor) -> Records:
@@ -282,13 +285,10 @@ def _fill_joined_paths(plan: Plan, rows: Records, first_legs: Records) -> tuple[
 def _limit_speeds(path: Records, cumulative: Records, rows: Records, tractor: Tractor) -> None:
     """Write the speed limits of the joined paths."""
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
-    lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
-    one = limits[0]
-    first, last, grounds = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
-    limit_runs(
-        path, cumulative, first, last, grounds, lateral, length,
-        one.steering_mps, one.window_m, one.deceleration_mps2,
-    )  # fmt: skip
+    by_ground = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
+    legs = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
+    shared = limits[0].steering_mps, limits[0].window_m, limits[0].deceleration_mps2
+    limit_runs(path, cumulative, *legs, *by_ground, *shared)
 
 
 @compile_function

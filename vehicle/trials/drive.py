@@ -23,9 +23,15 @@ from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.model.gnss import NO_ERROR, Table, draw_error, make_error_keys
 from vehicle.model.ground import Tyres
 from vehicle.model.tractor import Implement, SteeringParameters, Tractor
-from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, GROUND, LEG, STATE
+from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, LEG, STATE
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS, build_identity_table, build_steering_tables
-from vehicle.sim.compile import CompiledPlan, build_ground_records, build_model_record, compile_plan
+from vehicle.sim.compile import (
+    CompiledPlan,
+    build_ground_records,
+    build_model_record,
+    build_tyre_ground_records,
+    compile_plan,
+)
 from vehicle.sim.compiled_access import apply_force, get_motion, read_motions, step_space
 from vehicle.sim.loop import compute_tractor_force
 from vehicle.sim.pymunk_bridge import PymunkEngine, create_space
@@ -202,24 +208,6 @@ def replace_steering(tractor: Tractor, name: str) -> Tractor:
         "unlatched": {"latch": False},
     }
     return tractor.model_copy(update={"steering": SteeringParameters(**{**steering.model_dump(), **changes[name]})})
-
-
-def build_tyre_ground_records(tyres: Sequence[Tyres]) -> Records:
-    """One GROUND record per set of tyres."""
-    rows = np.zeros(len(tyres), dtype=GROUND)
-    for row, tyre in zip(rows, tyres, strict=True):
-        row["front_slope"] = math.degrees(tyre.front_slope_per_deg)
-        row["front_limit"] = math.radians(tyre.front_limit_deg)
-        row["rear_slope"] = math.degrees(tyre.rear_slope_per_deg)
-        row["rear_limit"] = math.radians(tyre.rear_limit_deg)
-        row["rolling"] = tyre.rolling_resistance
-        row["shaped"] = float(tyre.curve is not None or tyre.grip is not None)
-        row["grip"] = tyre.grip or 1e6
-        if tyre.curve is not None:
-            row["peak_slip"], row["peak"] = tyre.curve.peak_slip_rad, tyre.curve.peak
-            row["ease"] = tyre.curve.ease_mps
-            row["slide_slip"], row["slide"] = tyre.curve.slide_slip_rad, tyre.curve.slide
-    return rows
 
 
 def drive_by_steering_commands(

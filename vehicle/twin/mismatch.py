@@ -115,20 +115,10 @@ WIDENING_FACTOR = 1.5  # of innovations that are only too large
 MIN_FIXES_IN_A_ROW = 3
 # The effect of each shift of vehicle.twin.kalman_filter, in the order of its columns there.
 SHIFT_EFFECTS = (
-    "steering_offset",
-    "steering_gain",
-    "steering_asymmetry",
-    "steering_dead_time",
-    "wheel_slip",
-    "cross_slope_drift",
-    "cross_slope_drift",
-    "implement_side_draft",
-    "implement_slip",
-    "heading_bias",
-    "antenna_forward",
-    "antenna_right",
-    "gnss_latency",
-)
+    "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip",
+    "cross_slope_drift", "cross_slope_drift", "implement_side_draft", "implement_slip",
+    "heading_bias", "antenna_forward", "antenna_right", "gnss_latency",
+)  # fmt: skip
 
 
 def compute_shift_sizes(tractor: Tractor) -> Floats:
@@ -224,19 +214,8 @@ class MismatchTest:
 
     def add_fix(self, time_s: float, has_jumped: bool = False) -> None:
         """Add the innovations in `whitened` and `means` of a fix. `has_jumped` means that the fix before was a jump."""
-        waited = max(time_s - self.time_s, 1e-3)
-        accumulate_evidence(
-            self.whitened,
-            self.means,
-            SIZE_FACTORS,
-            waited,
-            time_s,
-            WIDENING_FACTOR,
-            self.logs,
-            self.best,
-            self.since,
-            self.fits,
-        )
+        waited, sums = max(time_s - self.time_s, 1e-3), (self.logs, self.best, self.since, self.fits)
+        accumulate_evidence(self.whitened, self.means, SIZE_FACTORS, waited, time_s, WIDENING_FACTOR, *sums)
         self.time_s = time_s
         if has_jumped:
             self.squares[0] -= self._last_square
@@ -254,22 +233,15 @@ class MismatchTest:
             return None
         kind, column = np.unravel_index(int(np.argmax(self.logs)), self.logs.shape)
         times = math.sqrt(self.squares[0] / max(self.squares[1], 1))
-        since = float(self.since[kind, column])
+        name, amount = "", 0.0
+        sentence = "The corrections exceed what noise explains"
         if kind == SHIFT_COUNT:
-            return ModelMismatch(since, self.detected_s, self.evidence_s, times, "", 0.0, _describe_mismatch("", 0.0))
-        share = self.fits[kind, 0] / max(self.fits[kind, 1], 1e-12)
-        name = SHIFT_EFFECTS[kind]
-        size = get_effect(name).size
-        amount = float(share) * size.typical + (size.neutral or 0.0)
-        return ModelMismatch(
-            since, self.detected_s, self.evidence_s, times, name, amount, _describe_mismatch(name, amount)
-        )
-
-
-def _describe_mismatch(name: str, amount: float) -> str:
-    sentence = "The corrections exceed what noise explains"
-    if not name:
-        return f"{sentence}, and no simple effect predicts them."
-    effect = get_effect(name)
-    unit = f" {effect.size.unit}" if effect.size.unit else ""
-    return f"{sentence}; they look most like {effect.label} (about {amount:.2g}{unit})."
+            sentence += ", and no simple effect predicts them."
+        else:
+            name, share = SHIFT_EFFECTS[kind], self.fits[kind, 0] / max(self.fits[kind, 1], 1e-12)
+            effect = get_effect(name)
+            amount = float(share) * effect.size.typical + (effect.size.neutral or 0.0)
+            unit = f" {effect.size.unit}" if effect.size.unit else ""
+            sentence += f"; they look most like {effect.label} (about {amount:.2g}{unit})."
+        since = float(self.since[kind, column])
+        return ModelMismatch(since, self.detected_s, self.evidence_s, times, name, amount, sentence)
