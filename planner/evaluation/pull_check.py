@@ -10,7 +10,7 @@ from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
 from reports.common.plan_results import PullFigures
 from vehicle.energy.draft import KMH_PER_MPS, DraftRule
-from vehicle.energy.driveline import find_drawbar_share, get_engine_power_kw
+from vehicle.energy.load import find_drawbar_share, get_engine_power_kw
 from vehicle.model.soil import Soil, Texture
 from vehicle.model.tractor import Tractor
 

@@ -15,12 +15,12 @@ same line until it needs nothing, and one that idles needs IDLE_SHARE.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from vehicle.arrays import Floats
-from vehicle.energy.driveline import ENGINE_TO_SHAFT
+from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.errors import check_range
 from vehicle.model.tractor import Tractor
 
@@ -51,6 +51,8 @@ class DieselEngine:
         VehicleError: a value that no engine has.
     """
 
+    unit: ClassVar[str] = LITRES
+    """What `compute_rate` counts per second."""
     power_w: float
     shaft_share: float = ENGINE_TO_SHAFT
     reduction_pct: float = 0.0
@@ -67,11 +69,6 @@ class DieselEngine:
         check_range("The factor of the fuel", self.factor, 0.1, 10.0)
         check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
         check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
-
-    @property
-    def unit(self) -> str:
-        """What `compute_rate` counts per second."""
-        return LITRES
 
     @property
     def idle_rate(self) -> float:
@@ -109,6 +106,8 @@ class ElectricDrive:
         VehicleError: a value that no drive has.
     """
 
+    unit: ClassVar[str] = KWH
+    """What `compute_rate` counts per second."""
     battery_kwh: float
     charger_kw: float = 50.0
     efficiency: float = 0.85
@@ -125,11 +124,6 @@ class ElectricDrive:
         check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0)
         check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
         check_range("The reserve of the battery", self.reserve, 0.0, 0.9)
-
-    @property
-    def unit(self) -> str:
-        """What `compute_rate` counts per second."""
-        return KWH
 
     @property
     def usable_kwh(self) -> float:
@@ -186,10 +180,9 @@ def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
     Raises:
         VehicleError: the power of the engine is not known, or the fuel points are those of no engine.
     """
-    battery = tractor.battery
-    if battery is None:
+    if tractor.battery is None:
         return build_diesel_engine(tractor, power_w)
-    values = battery.model_dump()
+    values = tractor.battery.model_dump()
     return ElectricDrive(battery_kwh=values.pop("capacity_kwh"), **values)
 
 

@@ -92,14 +92,18 @@ class SimulationRun:
             return self.duration_s
         ends = []
         for tractor, mission in enumerate(self.plan.missions):
+            end_s = self.finish_s[tractor]
             leave_leg = next((n for n, leg in enumerate(mission.legs) if leg.task.kind == LEAVE), None)
-            leave_row = None if leave_leg is None else int(np.searchsorted(self.get_leg_numbers(tractor), leave_leg))
-            ends.append(
-                float(
-                    self.finish_s[tractor] if leave_row is None else self.time_s[min(leave_row, len(self.time_s) - 1)]
-                )
-            )
+            if leave_leg is not None:
+                leave_row = int(np.searchsorted(self.get_leg_numbers(tractor), leave_leg))
+                end_s = self.time_s[min(leave_row, len(self.time_s) - 1)]
+            ends.append(float(end_s))
         return max(ends)
+
+    @property
+    def step_s(self) -> float:
+        """Seconds between two rows of the record; 0 where there is only one."""
+        return float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
 
     def get_poses(self, tractor: int) -> Floats:
         """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
@@ -115,15 +119,13 @@ class SimulationRun:
 
     def sum_seconds(self, status: int) -> Floats:
         """Time per tractor in a status of vehicle.records (tractors,)."""
-        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
+        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * self.step_s)
 
     def sum_slow_work_m(self, speed_mps: float) -> float:
         """Metres of all tractors worked more slowly than at a speed."""
         speeds = np.abs(self.record[:, :, REC_SPEED])
         is_slow = (self.record[:, :, REC_STATUS] == WORKING) & (speeds < speed_mps)
-        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return float(speeds[is_slow].sum() * step)
+        return float(speeds[is_slow].sum() * self.step_s)
 
     @property
     def standing_s(self) -> Floats:
@@ -132,9 +134,5 @@ class SimulationRun:
 
     def compute_time_shares(self) -> dict[str, Records]:
         """Seconds per tractor of working, turning, waiting and reversing."""
-        return {
-            "working": self.sum_seconds(WORKING),
-            "turning": self.sum_seconds(TURNING),
-            "waiting": self.sum_seconds(WAITING),
-            "reversing": self.sum_seconds(REVERSING),
-        }
+        statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
+        return {name: self.sum_seconds(status) for name, status in statuses.items()}

@@ -50,17 +50,8 @@ def drive_circle_with_tables(
     states["stage"] = 1
     steps = round(seconds / DT_S)
     body_rows = np.empty((steps, BODY_WIDTH))
-    run_fixed(
-        steps,
-        DT_S,
-        engine.bridge,
-        states,
-        np.array([build_model_record(tractor, Implement())]),
-        build_ground_records(),
-        ground,
-        tables,
-        body_rows,
-    )
+    models, grounds = np.array([build_model_record(tractor, Implement())]), build_ground_records()
+    run_fixed(steps, DT_S, engine.bridge, states, models, grounds, ground, tables, body_rows)
     return _measure_circle(body_rows, tractor.antenna_forward_m - tractor.rear_axle_m)
 
 
@@ -69,9 +60,8 @@ def _measure_circle(body_rows: Records, antenna_reach_m: float) -> SteeringCircl
     angle, last_rows = body_rows[:, BODY_ANGLE], body_rows[-MEASURED_STEPS:]
     antenna = body_rows[:, BODY_PLACE] + antenna_reach_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     spin, facing = last_rows[:, BODY_SPIN], last_rows[:, BODY_ANGLE]
-    velocity = last_rows[:, BODY_VELOCITY] + antenna_reach_m * spin[:, None] * np.stack(
-        [-np.sin(facing), np.cos(facing)], axis=1
-    )
+    aside = np.stack([-np.sin(facing), np.cos(facing)], axis=1)
+    velocity = last_rows[:, BODY_VELOCITY] + antenna_reach_m * spin[:, None] * aside
     radius = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
     return SteeringCircle(antenna, float(radius.mean()))
 
@@ -121,7 +111,9 @@ def build_steering_table(tractor: Tractor, ground: int) -> Floats:
 
 def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
     """Base-model angles (radians, positive) whose circles have these radii (m), by bisection of the measured curve."""
-    samples, ratios = _measure_base_radius_ratios(_build_cache_key(tractor), ground)
+    # Without names, measured radii and corrections from logs, which change nothing here, as a key of the cache.
+    bare = remove_log_corrections(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
+    samples, ratios = _measure_base_radius_ratios(bare.model_dump_json(), ground)
 
     def compute_radius(angle: Floats) -> Floats:
         return compute_kinematic_radius(tractor, angle) * np.interp(np.degrees(angle), samples, ratios)
@@ -138,12 +130,6 @@ def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
         is_too_wide = compute_radius(middle) > radius
         low, high = np.where(is_too_wide, middle, low), np.where(is_too_wide, high, middle)
     return np.where(np.isinf(radius), 0.0, 0.5 * (low + high))
-
-
-def _build_cache_key(tractor: Tractor) -> str:
-    """The tractor without names, measured radii and corrections from logs, as a cache key."""
-    bare = remove_log_corrections(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
-    return bare.model_dump_json()
 
 
 def build_steering_tables(tractor: Tractor) -> Floats:
@@ -185,6 +171,5 @@ def drive_circle(
     index = find_ground_index(ground)
     if not corrected:
         return drive_base_circle(tractor, steering_deg, index, seconds, speed_mps)
-    return drive_circle_with_tables(
-        tractor, steering_deg, index, build_steering_tables(tractor), seconds=seconds, speed_mps=speed_mps
-    )
+    tables = build_steering_tables(tractor)
+    return drive_circle_with_tables(tractor, steering_deg, index, tables, seconds=seconds, speed_mps=speed_mps)

@@ -140,42 +140,27 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
 def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Records:
     """One MODEL record."""
     tractor = add_implement_mass(tractor, load)
-    model = np.zeros((), dtype=MODEL)
-    boxes = compute_contact_boxes(tractor, implement)
-    rate = math.radians(tractor.steering.rate_deg_per_s)
+    model, boxes = np.zeros((), dtype=MODEL), compute_contact_boxes(tractor, implement)
+    steering, guidance, speed = tractor.steering, tractor.guidance, tractor.speed
+    rate = math.radians(steering.rate_deg_per_s)
+    reach = max(
+        math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
+        math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
+    )
     values = {
-        "mass": tractor.mass_kg,
-        "inertia": tractor.inertia_kg_m2,
-        "front": tractor.front_axle_m,
-        "rear": tractor.rear_axle_m,
-        "track": tractor.track_m,
-        "guide": tractor.antenna_forward_m - tractor.rear_axle_m,
-        "guide_reverse": -tractor.rear_axle_m,
-        "lock": math.radians(tractor.max_steering_deg),
-        "dead_band": math.radians(tractor.steering.dead_band_deg),
-        "switch": math.radians(tractor.steering.switch_deg),
-        "rate": rate,
-        "lag": tractor.steering.lag_s,
-        "gain": tractor.steering.gain,
-        "latch": float(tractor.steering.latch),
-        "lateral_gain": math.radians(tractor.guidance.lateral_gain_deg_per_m),
-        "heading_gain": tractor.guidance.heading_gain,
-        "lateral_limit": tractor.guidance.lateral_limit_m,
-        "lateral_ease": compute_lateral_ease(tractor),
-        "wheel_pace": rate * tractor.guidance.turn_lookahead_m,
-        "lookahead_s": LOOKAHEAD_SWING_RAD / rate,
-        "kp": tractor.speed.proportional_n_s_per_m,
-        "ki": tractor.speed.integral_n_per_m,
-        "kd": tractor.speed.derivative_n_s2_per_m,
-        "max_drive": tractor.speed.max_drive_n,
-        "acceleration": tractor.speed.max_acceleration_mps2,
-        "shift_time": tractor.speed.shift_time_s,
-        "reach": max(
-            math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
-            math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
-        ),
-        **boxes,
-    }
+        "mass": tractor.mass_kg, "inertia": tractor.inertia_kg_m2,
+        "front": tractor.front_axle_m, "rear": tractor.rear_axle_m, "track": tractor.track_m,
+        "guide": tractor.antenna_forward_m - tractor.rear_axle_m, "guide_reverse": -tractor.rear_axle_m,
+        "lock": math.radians(tractor.max_steering_deg), "dead_band": math.radians(steering.dead_band_deg),
+        "switch": math.radians(steering.switch_deg), "rate": rate,
+        "lag": steering.lag_s, "gain": steering.gain, "latch": float(steering.latch),
+        "lateral_gain": math.radians(guidance.lateral_gain_deg_per_m), "heading_gain": guidance.heading_gain,
+        "lateral_limit": guidance.lateral_limit_m, "lateral_ease": compute_lateral_ease(tractor),
+        "wheel_pace": rate * guidance.turn_lookahead_m, "lookahead_s": LOOKAHEAD_SWING_RAD / rate,
+        "kp": speed.proportional_n_s_per_m, "ki": speed.integral_n_per_m, "kd": speed.derivative_n_s2_per_m,
+        "max_drive": speed.max_drive_n, "acceleration": speed.max_acceleration_mps2, "shift_time": speed.shift_time_s,
+        "reach": reach, **boxes,
+    }  # fmt: skip
     if load is not None:
         values |= build_load_fields(tractor, load)
     for name, value in (values | get_log_corrections(tractor).fields).items():
@@ -285,10 +270,10 @@ def _fill_joined_paths(plan: Plan, rows: Records, first_legs: Records) -> tuple[
 def _limit_speeds(path: Records, cumulative: Records, rows: Records, tractor: Tractor) -> None:
     """Write the speed limits of the joined paths."""
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
-    by_ground = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
-    legs = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
-    shared = limits[0].steering_mps, limits[0].window_m, limits[0].deceleration_mps2
-    limit_runs(path, cumulative, *legs, *by_ground, *shared)
+    lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
+    first, last, grounds = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
+    steering, window, deceleration = limits[0].steering_mps, limits[0].window_m, limits[0].deceleration_mps2
+    limit_runs(path, cumulative, first, last, grounds, lateral, length, steering, window, deceleration)
 
 
 @compile_function

@@ -87,16 +87,15 @@ def _is_box_near(a, b, ahead_a, ahead_b, relative_pose, box, other_box, limit): 
     if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
         return gap < 0.0
     return (
-        compute_corner_distance(a.x, a.y, *ahead_a, *box, b.x, b.y, *ahead_b, *other_box) < limit
-        or compute_corner_distance(b.x, b.y, *ahead_b, *other_box, a.x, a.y, *ahead_a, *box) < limit
+        compute_corner_distance(a, ahead_a, box, b, ahead_b, other_box) < limit
+        or compute_corner_distance(b, ahead_b, other_box, a, ahead_a, box) < limit
     )
 
 
 @compile_function
 def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
     """Whether two poses cannot be taken at once; distances are computed only where needed."""
-    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
-    relative_pose = compute_relative_pose(a, b, acos, asin, bcos, bsin)
+    relative_pose = compute_relative_pose(a, b, ahead_a, ahead_b)
     whole, body, tool = boxes
     gap = compute_box_gap_m(relative_pose, whole, whole)
     limit = clearance
@@ -196,7 +195,7 @@ def _list_approaches(
     pairs: Integers,
     limits_m: tuple[float, float],
 ) -> list[Approach]:
-    rows = np.empty((len(pairs), 4))
+    rows, pairs = np.empty((len(pairs), 4)), np.ascontiguousarray(pairs)
     own, others = build_poses(own_poses), build_poses(other_poses)
     count = _scan_approaches(own, own_model, others, other_models, pairs, *limits_m, rows)
     return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]

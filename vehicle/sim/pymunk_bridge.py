@@ -141,35 +141,22 @@ class PymunkEngine:
         self.addresses = self._resolve_addresses()
         self.ids = np.array([body.id for body in bodies], dtype=np.uint64)
         offsets = self._check_memory_layout()
+        places = NO_OFFSETS
+        if len(offsets):  # addresses of the bodies (n,), valid as long as the bodies live
+            places = np.array([int(ffi.cast("uintptr_t", body._body)) for body in bodies], dtype=np.int64)
         self.bridge = PymunkBridge(
-            self.addresses,
-            self._read_body_addresses() if len(offsets) else NO_OFFSETS,
-            offsets,
-            self.read,
-            self.write,
-            self.touching,
-            self.read_count,
-            self.write_count,
-            self.touch_count,
-        )
-
-    def _read_body_addresses(self) -> Integers:
-        """Addresses of the bodies (n,), valid as long as the bodies live."""
-        return np.array([int(ffi.cast("uintptr_t", body._body)) for body in self.bodies], dtype=np.int64)
+            self.addresses, places, offsets, self.read, self.write, self.touching,
+            self.read_count, self.write_count, self.touch_count,
+        )  # fmt: skip
 
     def _resolve_addresses(self) -> Integers:
-        self._data = [
-            _create_batch(buffer, fields.value)
-            for buffer, fields in zip(self._buffers, (READ, WRITE, TOUCH), strict=True)
-        ]
+        self._data = [ffi.new("pmBatchedData *") for _ in self._buffers]
+        for data, buffer, fields in zip(self._data, self._buffers, (READ, WRITE, TOUCH), strict=True):
+            data.fields, data.floatArray, data.intArray = fields.value, buffer._float_arr, buffer._int_arr
         functions = (
-            "cpSpaceStep",
-            "cpSpaceEachBody",
-            "cpSpaceEachCachedArbiter",
-            "pmSpaceBodyGetIteratorFuncBatched",
-            "pmSpaceBodySetIteratorFuncBatched",
-            "pmSpaceArbiterIteratorFuncBatched",
-        )
+            "cpSpaceStep", "cpSpaceEachBody", "cpSpaceEachCachedArbiter", "pmSpaceBodyGetIteratorFuncBatched",
+            "pmSpaceBodySetIteratorFuncBatched", "pmSpaceArbiterIteratorFuncBatched",
+        )  # fmt: skip
         try:
             pointers = [ffi.addressof(lib, name) for name in functions]
         except AttributeError as error:
@@ -219,12 +206,6 @@ class PymunkEngine:
         wrong = written != self.write[:count].tolist()
         self.write[:count] = 0.0
         return "the batch write has another order" if wrong else ""
-
-
-def _create_batch(buffer: pymunk.batch.Buffer, fields: int) -> Any:
-    data = ffi.new("pmBatchedData *")
-    data.fields, data.floatArray, data.intArray = fields, buffer._float_arr, buffer._int_arr
-    return data
 
 
 def _view_batch_counts(array: Any) -> npt.NDArray[np.int32]:

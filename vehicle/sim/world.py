@@ -28,8 +28,7 @@ from vehicle.records import DT_S, RECORD_COLUMNS
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.clearance import find_too_close
 from vehicle.sim.compile import add_implement_mass, build_ground_records, build_model_record, compile_plan
-from vehicle.sim.load_report import build_roll_over_margins, build_stall
-from vehicle.sim.load_terms import STALL_AFTER_S
+from vehicle.sim.load_terms import STALL_AFTER_S, build_roll_over_margins, build_stall
 from vehicle.sim.loop import (
     ALL_DONE,
     IGNORE_CLEARANCE_M,
