@@ -70,10 +70,9 @@ def drive_fixed_steering(
     ahead_m: float = MEASURED_AHEAD_M,
 ) -> tuple[FixedSteeringDrive, ...]:
     """One drive per angle, with the step applied to the wheels at once as in Fig. 4.4."""
-    direct = replace_steering(tractor, "none")
-    commands = build_step_commands(angles_deg, seconds)
-    count = len(angles_deg)
-    traces = drive_by_steering_commands([direct] * count, [tyres] * count, commands, speed_mps=speed_mps)
+    commands, count = build_step_commands(angles_deg, seconds), len(angles_deg)
+    direct = [replace_steering(tractor, "none")] * count
+    traces = drive_by_steering_commands(direct, [tyres] * count, commands, speed_mps=speed_mps)
     return tuple(
         FixedSteeringDrive(model, angle, compute_settled_radius(trace, ahead_m), is_sideslip_settled(trace), trace)
         for angle, trace in zip(angles_deg, traces, strict=True)
@@ -93,10 +92,8 @@ def drive_changing_steering(tractor: Tractor) -> dict[str, Trace]:
     """Section 4.3.2: one drive per model, with a sine of the steering applied to the wheels at once."""
     time = DT_S * np.arange(round(WAVE_SECONDS / DT_S))
     commands = np.tile(WAVE_DEG * np.sin(2.0 * math.pi * time / WAVE_PERIOD_S)[:, None], (1, len(TYRE_MODELS)))
-    direct = replace_steering(tractor, "none")
-    traces = drive_by_steering_commands(
-        [direct] * len(TYRE_MODELS), [get_tyres("soil", model) for model in TYRE_MODELS], commands
-    )
+    direct = [replace_steering(tractor, "none")] * len(TYRE_MODELS)
+    traces = drive_by_steering_commands(direct, [get_tyres("soil", model) for model in TYRE_MODELS], commands)
     return dict(zip(TYRE_MODELS, traces, strict=True))
 
 
@@ -191,6 +188,10 @@ class TyreMap:
         """Whether the tractor settles, per cell."""
         return np.isfinite(self.radius_m)
 
+    def get_stable(self, slope_per_deg: float, limit_deg: float) -> bool:
+        """Whether the tractor settles with these tyres, which must be among those tried."""
+        return bool(self.stable[self.slopes_per_deg.index(slope_per_deg), self.limits_deg.index(limit_deg)])
+
 
 @dataclass(frozen=True, eq=False)
 class CentreOfMassSweep:
@@ -200,6 +201,11 @@ class CentreOfMassSweep:
     angles_deg: tuple[float, ...]
     radius_m: Floats
     traces: tuple[Trace, ...]  # at the last angle, one per place
+
+    @property
+    def stable(self) -> Booleans:
+        """Whether the tractor settles, per cell."""
+        return np.isfinite(self.radius_m)
 
 
 def compute_tyre_maps(
@@ -225,12 +231,9 @@ def compute_tyre_maps(
         cells = [add_friction_circle(cell) for cell in cells]
     traces = _drive_constant_angles([tractor] * len(cells), cells, [steering_deg] * len(cells), speed_mps)
     radii = np.array([compute_settled_radius(track, 0.0) for track in traces])
-    shape = (len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
-    front, rear = radii.reshape(shape)
-    return (
-        TyreMap(AXLES[0], STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG, front),
-        TyreMap(AXLES[1], STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG, rear),
-    )
+    front, rear = radii.reshape(len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
+    grids = STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG
+    return TyreMap(AXLES[0], *grids, front), TyreMap(AXLES[1], *grids, rear)
 
 
 def sweep_centre_of_mass(

@@ -5,6 +5,7 @@ TABLE_3_1 to TABLE_4_3 are the numbers that the thesis prints, in centimetres, m
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from vehicle.arrays import Floats
@@ -51,6 +52,21 @@ class PlotPanel:
     lines: tuple[PlotLine, ...]
     equal_axes: bool = False
     missing: str = ""
+
+
+def build_map_panel(title: str, lines: Iterable[PlotLine]) -> PlotPanel:
+    """Lines on a map, to scale."""
+    return PlotPanel(title, "East (m)", "North (m)", tuple(lines), equal_axes=True)
+
+
+def build_time_panel(title: str, y_label: str, lines: Iterable[PlotLine]) -> PlotPanel:
+    """Lines over time."""
+    return PlotPanel(title, "Time (s)", y_label, tuple(lines))
+
+
+def build_track_line(label: str, place: Floats, colour: int) -> PlotLine:
+    """A path (t, 2) on a map, from its own start."""
+    return PlotLine(label, place[:, 0] - place[0, 0], place[:, 1] - place[0, 1], colour)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +183,14 @@ TABLE_3_3 = {
     ("traditional", 5): (5.1, 3.2, 2.5, 3.3, 4.3, 3.9, 4.6, 4.4),
 }
 # Physical space; the column of the digital twin is lost.
+_ERRORS = (
+    ("lateral error, maximum", "cm"), ("lateral error, average", "cm"),
+    ("heading error, maximum", "deg"), ("heading error, average", "deg"),
+)  # fmt: skip
 TABLE_3_4 = {
-    (1, "lateral error, maximum", "cm"): 13.9,
-    (1, "lateral error, average", "cm"): 5.2,
-    (1, "heading error, maximum", "deg"): 3.8,
-    (1, "heading error, average", "deg"): 1.49,
-    (2, "lateral error, maximum", "cm"): 11.7,
-    (2, "lateral error, average", "cm"): 2.3,
-    (2, "heading error, maximum", "deg"): 2.2,
-    (2, "heading error, average", "deg"): 0.52,
+    (path, *error): value
+    for path, values in ((1, (13.9, 5.2, 3.8, 1.49)), (2, (11.7, 2.3, 2.2, 0.52)))
+    for error, value in zip(_ERRORS, values, strict=True)
 }
 # From the text of section 3.4 about the lost column: twin less physical, per pass.
 TWIN_DIFFERENCES = {("lateral error, average", "cm"): (2.0, 0.4), ("heading error, average", "deg"): (0.2, 0.14)}
