@@ -29,7 +29,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
         "reports", "fields.errors", "fields.formats", "fields.documents.reader",
-        "vehicle.model", "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
+        "vehicle.arrays", "vehicle.model",
+        "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
         "vehicle.trials.sheets",
     ),
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),

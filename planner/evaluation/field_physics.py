@@ -21,8 +21,7 @@ from vehicle.energy.load import build_work_load
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import SLOPE_DRIFT, get_effect
 from vehicle.model.ground import GROUNDS, find_ground_index
-from vehicle.model.soil import Soil, find_soil, get_soil_rows, load_soils
-from vehicle.model.soil_effects import replace_soil_effects
+from vehicle.model.soil import Soil, find_soil, get_soil_rows, load_soils, replace_soil_effects
 from vehicle.model.soil_water import MoistureEstimate, build_estimated_soil, estimate_moisture
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import EffectSetting, Tractor

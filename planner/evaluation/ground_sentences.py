@@ -6,8 +6,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, split_soil_name
 from planner.risk.costs import get_grid_factor
 from reports.common.language import mark_text
-from vehicle.energy.grip_at_work import compute_grip_at_work
-from vehicle.energy.trafficability import compute_trafficability, describe_trafficability
+from vehicle.energy.trafficability import compute_grip_at_work, compute_trafficability, describe_trafficability
 from vehicle.model.soil import Soil
 from vehicle.model.soil_water import MoistureEstimate
 from vehicle.model.work_load import WorkLoad

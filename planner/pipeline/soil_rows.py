@@ -15,8 +15,7 @@ from reports.diagnosis.log_checks import describe_unsaved
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, NAMED, Diagnosis, Finding
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
-from vehicle.model.soil import SoilRow, load_soils
-from vehicle.model.soil_effects import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects
+from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, SoilRow, load_soils
 
 USUAL_TABLE = Path("soils.csv")
 DIGITS = 4  # of a value: its interval is far wider

@@ -9,13 +9,13 @@ opened just before the tractor arrived, the delay is taken from the run.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.arrays import find_true_spans
 from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.plan import LEAVE, SWATH, FollowOrder, Leg, Mission
@@ -178,7 +178,7 @@ def _read_leg_record(run: SimulationRun, tractor: int) -> _LegRecord:
     gears = np.array([leg.gear for leg in legs])[leg_of_row]
     is_slow = (speed < CRUISE_SHARE * planned_speed) & ~is_waiting & (run.get_statuses(tractor)[:count] != STANDING)
     max_rows = round(MAX_ACCELERATION_S / step_s) if step_s else 0
-    for start, end in _find_true_spans(is_waiting):
+    for start, end in find_true_spans(is_waiting).tolist():
         if start and gears[start] == gears[start - 1]:
             braking_start = _find_true_span_start(is_slow & (gears == gears[start]), start, max_rows)
             braking[braking_start:start] = lost_s[braking_start:start]
@@ -193,12 +193,6 @@ def _read_leg_record(run: SimulationRun, tractor: int) -> _LegRecord:
     return _LegRecord(
         begin_rows, time, seconds, speed * seconds, seconds * is_waiting, braking, starting, standing_s, restart_s
     )
-
-
-def _find_true_spans(flags: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First row and end row of every run of true rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).tolist()
-    return zip(edges[::2], edges[1::2], strict=True)
 
 
 def _find_true_span_start(flags: npt.NDArray[np.bool_], row: int, max_rows: int) -> int:

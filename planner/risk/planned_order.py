@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from vehicle.arrays import measure_along
 from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -120,7 +121,7 @@ def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
     """A leg in parts; gates and standing stay with the first."""
     if not cuts_m:
         return [leg]
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
+    along = measure_along(leg.points)
     edges = [0.0, *cuts_m, float(along[-1])]
     parts = []
     for number, (start, end) in enumerate(pairwise(edges)):

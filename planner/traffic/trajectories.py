@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.arrays import measure_along
 from vehicle.missions.plan import GATE_MARGIN_M, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_ANGLE, REC_PLACE
@@ -157,7 +158,7 @@ def _build_trajectory(mission: Mission, run: SimulationRun) -> SoloTrajectory:
     rows = np.searchsorted(legs, holds)
     rows[0] = 0
     poses = run.get_poses(0)
-    driven_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(poses[:, REC_PLACE], axis=0).T))))
+    driven_m = measure_along(poses[:, REC_PLACE])
     turned_rad = np.abs((np.diff(poses[:, REC_ANGLE]) + np.pi) % (2.0 * np.pi) - np.pi)
     travel_m = driven_m + TURN_WEIGHT_M * np.concatenate(([0.0], np.cumsum(turned_rad)))
     sample_rows = np.searchsorted(travel_m, np.arange(0.0, travel_m[-1], POSE_STEP_M))

@@ -13,12 +13,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from strategies.lines.work_line import cut_line, locate_at, measure_along
+from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import StandingCheck
 from strategies.site.site import Site
+from vehicle.arrays import measure_along
 from vehicle.sim.path_conflicts import PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]

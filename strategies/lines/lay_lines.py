@@ -21,10 +21,10 @@ from strategies.lines.work_line import (
     cut_line,
     extend_line,
     locate_at,
-    measure_along,
 )
 from strategies.site.ground import measure_rooms
 from strategies.site.site import Site
+from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
 
 STATION_M = 0.25  # between the places on a line where the body's room is measured
@@ -191,8 +191,8 @@ def _find_spans(site: Site, path: Floats, length_m: float) -> list[Span]:
     stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / STATION_M) + 1))
     places = (locate_at(path, along, stations), locate_at(path, along, stations + site.rules.tool_m))
     rooms = _measure_rooms_at(site, *places)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], (rooms >= LINE_MARGIN_M).astype(int), [0]])))
-    spans = [(float(stations[first]), float(stations[end - 1])) for first, end in edges.reshape(-1, 2)]
+    roomy = find_true_spans(rooms >= LINE_MARGIN_M)
+    spans = [(float(stations[first]), float(stations[end - 1])) for first, end in roomy]
     return [span for span in spans if span[1] - span[0] >= MIN_PIECE_M]
 
 

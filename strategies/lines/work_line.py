@@ -12,17 +12,13 @@ import numpy.typing as npt
 import shapely
 
 from strategies.path_planning.paths import Pose
+from vehicle.arrays import measure_along
 from vehicle.missions.plan import LegTask
 
 Floats = npt.NDArray[np.float64]
 
 SAME_POINT_M = 1e-6
 JOINT_M = 0.05  # points of a line this close to a cut are left out
-
-
-def measure_along(points: Floats) -> Floats:
-    """Distance (n,) of the points (n, 2) of a polyline from its begin, along it (m)."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:

@@ -14,9 +14,10 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from strategies.lines.work_line import cut_line, locate_at, measure_along
+from strategies.lines.work_line import cut_line, locate_at
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
+from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
 

@@ -28,8 +28,8 @@ from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S
+from vehicle.sim.compile import build_tyre_ground_records
 from vehicle.sim.world import World
-from vehicle.trials.drive import build_tyre_ground_records
 
 SIZES = (1, 9, 25, 50)
 SPEED_MPS = 5.0 / 3.6

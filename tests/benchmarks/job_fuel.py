@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from tests.benchmarks.terrain_logs import J_PER_KWH, Machine, PassLog
 from tests.benchmarks.time_logs import AREA_M2, SPEED, WORK_STATE, TimeLog, read_folder
-from vehicle.energy.driveline import ENGINE_TO_SHAFT
 from vehicle.energy.fuel import NO_LOAD_L_PER_KWH, USE_L_PER_KWH, DieselEngine
+from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.model.work_load import WorkLoad
 
 FUEL_ML, FUEL_MM3_PER_S, MASS_KG, LOAD_PCT = "0094", "0095", "005A", "EA6A"

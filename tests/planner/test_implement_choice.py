@@ -21,7 +21,7 @@ from planner.pipeline.ranking import export_request
 from planner.request.plan_request import PlanRequest
 from reports.plan.shortfall_wording import question_pull
 from vehicle.energy.draft import find_draft_rule, load_draft_rules
-from vehicle.energy.driveline import find_drawbar_share
+from vehicle.energy.load import find_drawbar_share
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan
 from vehicle.model.soil import find_soil

@@ -16,7 +16,7 @@ from planner.request.plan_request import PlanRequest
 from reports.plan.shortfall_wording import question_pull
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.energy.draft import find_draft_rule
-from vehicle.energy.driveline import find_drawbar_share
+from vehicle.energy.load import find_drawbar_share
 from vehicle.model.soil import find_soil
 from vehicle.model.tractor import load_tractor
 

@@ -11,7 +11,6 @@ from vehicle.sim.calibration import drive_circle
 from vehicle.trials.sheets.sheet import DriveCheck
 from vehicle.trials.sheets.tractor_check import (
     check_tractor,
-    compute_ackermann_radius_m,
     drive_half_circle,
     drive_lane_change,
 )
@@ -43,7 +42,7 @@ def test_the_values_of_shipped_tractors_fit_together(name: str) -> None:
 
 
 def test_ackermann_by_hand(eg105: Tractor) -> None:
-    assert compute_ackermann_radius_m(eg105) == pytest.approx(math.hypot(1.1, 2.4 / math.tan(math.radians(35.0))))
+    assert eg105.ackermann_radius_m == pytest.approx(math.hypot(1.1, 2.4 / math.tan(math.radians(35.0))))
 
 
 def test_a_lane_is_reached_and_held(eg105: Tractor) -> None:

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from vehicle.errors import VehicleError
 from vehicle.model.ground import TYRE_GROUNDS, TYRE_MODELS, FrictionCurve, Tyres, get_tyres
 from vehicle.records import GRAVITY_MPS2
+from vehicle.sim.compile import build_tyre_ground_records
 from vehicle.sim.dynamics import compute_friction_circle_share, compute_friction_share, step_body
-from vehicle.trials.drive import build_tyre_ground_records
 
 DT = 1.0 / 60.0
 ENGINE = (0.2, 1.0, 0.5, 0.75)

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.energy.grip_at_work import compute_grip_at_work
 from vehicle.energy.load import build_work_load
 from vehicle.energy.traction import compute_net_traction, compute_traction_envelope
+from vehicle.energy.trafficability import compute_grip_at_work
 from vehicle.model.soil import find_soil
 from vehicle.model.tractor import Implement, Tractor, load_tractor
 from vehicle.model.work_load import WorkLoad

@@ -295,7 +295,7 @@ def test_paths_beyond_the_heights_are_refused(eg105: Tractor) -> None:
     [
         ({"draft_n": (1.0, 2.0)}, "three forces"),
         ({"draft_n": (-1.0, 0.0, 0.0)}, "three forces"),
-        ({"engine_power_w": 0.0}, "power of the engine is 0.0 W; give 1 to inf W"),
+        ({"engine_power_w": 0.0}, "power of the engine is 0 W; give 1 to inf W"),
         ({"driven_share": 1.2}, "give 0.05 to 1"),
         ({"mobility_number": math.nan}, "mobility number is nan"),
         ({"mobility_number": 10.0}, "that of each ground, and a soil with the mobility number 10 takes 0.1 alone"),

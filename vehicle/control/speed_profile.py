@@ -20,10 +20,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, measure_along
 from vehicle.jit import compile_function
-from vehicle.model.ground import GROUNDS
+from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Tractor
 from vehicle.records import GRAVITY_MPS2
 
@@ -36,7 +36,6 @@ MIN_LIMIT_MPS = 0.3  # a kink is driven at least at this speed
 MIN_CORRECTION_MPS = 1.0
 MAX_LIMIT_MPS = 1000.0  # where nothing limits the speed
 UNLIMITED_MPS = math.inf  # a path that is not limited at all
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -61,31 +60,27 @@ UNLIMITED = DrivingLimits(1e9, 1e9, 0.0, 1.0, 1e9)
 
 def build_driving_limits(tractor: Tractor, ground: str) -> DrivingLimits:
     """The limits of a tractor on a ground."""
-    tyres = next(one for one in GROUNDS if one.name == ground)
+    tyres = GROUNDS[find_ground_index(ground)]
     window_m = STEERING_DISTANCE_FACTOR * tractor.guidance.turn_lookahead_m
+    length_m = tractor.wheelbase_m
+    if ground in tractor.radius:  # wider circles at full lock than without slip
+        lock_m = tractor.compute_smallest_radius_m(ground) * math.tan(math.radians(tractor.max_steering_deg))
+        length_m = max(length_m, lock_m)
     sliding_mps2 = GRAVITY_MPS2 * tyres.front_slope_per_deg * tyres.front_limit_deg
     return DrivingLimits(
         min(tractor.speed.max_lateral_mps2, TYRE_SHARE * sliding_mps2),
         math.radians(tractor.steering.rate_deg_per_s) * window_m,
         window_m,
-        _compute_steering_length_m(tractor, ground),
+        length_m,
         BRAKE_SHARE * tractor.speed.max_acceleration_mps2,
     )
-
-
-def _compute_steering_length_m(tractor: Tractor, ground: str) -> float:
-    """The wheelbase, or more where the radius measured at full lock is wider than without slip."""
-    if ground not in tractor.radius:
-        return tractor.wheelbase_m
-    lock_m = tractor.compute_smallest_radius_m(ground) * math.tan(math.radians(tractor.max_steering_deg))
-    return max(tractor.wheelbase_m, lock_m)
 
 
 def compute_speed_limits(points: Floats, limits: DrivingLimits) -> Floats:
     """Largest speeds (n,) at the points of a polyline (n, 2) driven in one gear, braking included."""
     count = len(points)
     speeds = np.empty(count)
-    distances = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    distances = measure_along(points)
     lateral, length = np.full(count, limits.lateral_mps2), np.full(count, limits.length_m)
     limit_by_bends(points, distances, lateral, length, limits.steering_mps, limits.window_m, speeds)
     limit_by_brakes(distances, limits.deceleration_mps2, speeds)

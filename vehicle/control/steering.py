@@ -11,17 +11,9 @@ HOLD, FOLLOW, SLEW = 1, 2, 3
 
 @compile_function
 def step_steering_simulator(
-    angle: float,
-    command: float,
-    stage: int,
-    dt: float,
-    dead_band: float,
-    switch: float,
-    rate: float,
-    lag: float,
-    gain: float,
-    latch: float = 1.0,
-) -> tuple[float, int]:
+    angle: float, command: float, stage: int, dt: float,
+    dead_band: float, switch: float, rate: float, lag: float, gain: float, latch: float = 1.0,
+) -> tuple[float, int]:  # fmt: skip
     """One step of the steering system simulator, Eq. 2.8.
 
     Stage 1 holds, stage 2 follows as a first-order lag, stage 3 slews at `rate` towards the command and never

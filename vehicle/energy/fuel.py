@@ -15,13 +15,13 @@ same line until it needs nothing, and one that idles needs IDLE_SHARE.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.energy.driveline import ENGINE_TO_SHAFT
-from vehicle.errors import VehicleError
+from vehicle.arrays import Floats
+from vehicle.energy.load import ENGINE_TO_SHAFT
+from vehicle.errors import check_range
 from vehicle.model.tractor import Tractor
 
 USE_L_PER_KWH, NO_LOAD_L_PER_KWH = 0.22, 0.096
@@ -33,7 +33,6 @@ CO2_KG_PER_L = 2.65
 """Of burnt diesel: IPCC 2006, 74.1 kg per GJ, 43.0 MJ/kg, 0.832 kg/l; without that of making the fuel."""
 W_PER_KW, S_PER_H, J_PER_KWH = 1000.0, 3600.0, 3.6e6
 LITRES, KWH = "l", "kWh"
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,8 @@ class DieselEngine:
         VehicleError: a value that no engine has.
     """
 
+    unit: ClassVar[str] = LITRES
+    """What `compute_rate` counts per second."""
     power_w: float
     shaft_share: float = ENGINE_TO_SHAFT
     reduction_pct: float = 0.0
@@ -61,18 +62,13 @@ class DieselEngine:
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
 
     def __post_init__(self) -> None:
-        _check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
-        _check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
-        _check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0, "")
-        _check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0, "")
-        _check_range("The factor of the fuel", self.factor, 0.1, 10.0, "")
-        _check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
-        _check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
-
-    @property
-    def unit(self) -> str:
-        """What `compute_rate` counts per second."""
-        return LITRES
+        check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
+        check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
+        check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0)
+        check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0)
+        check_range("The factor of the fuel", self.factor, 0.1, 10.0)
+        check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
+        check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
 
     @property
     def idle_rate(self) -> float:
@@ -110,6 +106,8 @@ class ElectricDrive:
         VehicleError: a value that no drive has.
     """
 
+    unit: ClassVar[str] = KWH
+    """What `compute_rate` counts per second."""
     battery_kwh: float
     charger_kw: float = 50.0
     efficiency: float = 0.85
@@ -120,17 +118,12 @@ class ElectricDrive:
     change_s: float | None = None
 
     def __post_init__(self) -> None:
-        _check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
-        _check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
-        _check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0, "")
-        _check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0, "")
-        _check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
-        _check_range("The reserve of the battery", self.reserve, 0.0, 0.9, "")
-
-    @property
-    def unit(self) -> str:
-        """What `compute_rate` counts per second."""
-        return KWH
+        check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
+        check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
+        check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0)
+        check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0)
+        check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
+        check_range("The reserve of the battery", self.reserve, 0.0, 0.9)
 
     @property
     def usable_kwh(self) -> float:
@@ -187,10 +180,9 @@ def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
     Raises:
         VehicleError: the power of the engine is not known, or the fuel points are those of no engine.
     """
-    battery = tractor.battery
-    if battery is None:
+    if tractor.battery is None:
         return build_diesel_engine(tractor, power_w)
-    values = battery.model_dump()
+    values = tractor.battery.model_dump()
     return ElectricDrive(battery_kwh=values.pop("capacity_kwh"), **values)
 
 
@@ -207,9 +199,3 @@ def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
     use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
     rated_kw = power_w * ENGINE_TO_SHAFT / W_PER_KW
     return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)
-
-
-def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        words = f" {unit}" if unit else ""
-        raise VehicleError(f"{what} is {value:g}{words}; give {low:g} to {high:g}{words}.")

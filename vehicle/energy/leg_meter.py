@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, measure_along
 from vehicle.energy.fuel import ElectricDrive, build_power_source
 from vehicle.energy.run_energy import ACCELERATION, compute_consumption, compute_motion_work, list_rolling_shares
 from vehicle.missions.plan import Leg
@@ -15,7 +15,6 @@ from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
 
 STEP_M = 4.0  # between heights along a leg
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ def build_leg_meter(tractor: Tractor, load: WorkLoad, terrain: Terrain | None) -
 
 def _cut_into_steps(points: Floats) -> Floats:
     """The same polyline (n, 2) with points at most STEP_M apart."""
-    places = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    places = measure_along(points)
     count = max(int(np.ceil(places[-1] / STEP_M)), 1)
     wanted = np.union1d(np.linspace(0.0, places[-1], count + 1), places)
     return np.column_stack([np.interp(wanted, places, points[:, axis]) for axis in (0, 1)])

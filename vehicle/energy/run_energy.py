@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats
 from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
@@ -32,7 +32,6 @@ from vehicle.records import FINISHED, GRAVITY_MPS2, REC_PLACE, REC_SPEED, STANDI
 CAUSES = ("grade", "rolling", "draft", "acceleration", "slip", "braking")
 GRADE, ROLLING, DRAFT, ACCELERATION, SLIP, BRAKING = range(len(CAUSES))
 IDLE_MPS = 0.03  # a tractor that waits or stands and is slower idles
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,53 +108,27 @@ def compute_run_energy(
         VehicleError: the power of the engine is not known.
     """
     source = source or build_power_source(tractor, load.engine_power_w)
-    tractors = (
-        _compute_tractor_energy(run, number, tractor, load, terrain, source, shaft_power_w)
-        for number in range(run.plan.tractors)
-    )
+    tractors = []
+    for number, mission in enumerate(run.plan.missions):
+        legs, statuses = mission.legs, run.get_statuses(number)[:-1]
+        row_legs = np.clip(run.get_leg_numbers(number)[:-1], 0, len(legs) - 1)
+        seconds, is_working = np.diff(run.time_s) * (statuses != FINISHED), statuses == WORKING
+        places, speeds = np.ascontiguousarray(run.record[:, number, REC_PLACE]), run.record[:, number, REC_SPEED]
+        metres = np.hypot(*np.diff(places, axis=0).T)
+        rises_m = np.zeros(len(metres)) if terrain is None else np.diff(terrain.compute_heights(places))
+        rolling_shares = list_rolling_shares(legs, load)[row_legs]
+        work = compute_motion_work(metres, rises_m, speeds, tractor.mass_kg, load, rolling_shares, is_working)
+        work *= (seconds > 0.0)[:, None]
+        shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
+        is_idle = np.isin(statuses, (WAITING, STANDING)) & (np.abs(speeds[:-1]) < IDLE_MPS)
+        taken = compute_consumption(work, shaft, seconds, load, source)
+        taken = np.where(is_idle, source.idle_rate * seconds, taken)
+        columns = (*work.T, taken, np.where(is_idle, taken, 0.0), shaft)
+        *by_cause, consumption, idle, shaft_j = (
+            np.bincount(row_legs, weights=column, minlength=len(legs)).astype(np.float64) for column in columns
+        )
+        tractors.append(TractorEnergy(np.column_stack(by_cause), consumption, idle, shaft_j))
     return RunEnergy(tuple(tractors), source.unit)
-
-
-def _compute_tractor_energy(
-    run: SimulationRun,
-    number: int,
-    tractor: Tractor,
-    load: WorkLoad,
-    terrain: Terrain | None,
-    source: PowerSource,
-    shaft_power_w: float,
-) -> TractorEnergy:
-    legs = run.plan.missions[number].legs
-    row_legs, statuses = run.get_leg_numbers(number)[:-1], run.get_statuses(number)[:-1]
-    row_legs = np.clip(row_legs, 0, len(legs) - 1)
-    seconds = np.diff(run.time_s) * (statuses != FINISHED)
-    is_working = statuses == WORKING
-    places = np.ascontiguousarray(run.record[:, number, REC_PLACE])
-    work = compute_motion_work(
-        np.hypot(*np.diff(places, axis=0).T),
-        np.zeros(len(places) - 1) if terrain is None else np.diff(terrain.compute_heights(places)),
-        run.record[:, number, REC_SPEED],
-        tractor.mass_kg,
-        load,
-        list_rolling_shares(legs, load)[row_legs],
-        is_working,
-    )
-    work *= (seconds > 0.0)[:, None]
-    shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
-    speeds = np.abs(run.record[:-1, number, REC_SPEED])
-    is_idle = np.isin(statuses, (WAITING, STANDING)) & (speeds < IDLE_MPS)
-    taken = compute_consumption(work, shaft, seconds, load, source)
-    taken = np.where(is_idle, source.idle_rate * seconds, taken)
-
-    def sum_by_leg(values: Floats) -> Floats:
-        return np.bincount(row_legs, weights=values, minlength=len(legs)).astype(np.float64)
-
-    return TractorEnergy(
-        work_j=np.column_stack([sum_by_leg(work[:, cause]) for cause in range(len(CAUSES))]),
-        consumption=sum_by_leg(taken),
-        idle=sum_by_leg(np.where(is_idle, taken, 0.0)),
-        shaft_j=sum_by_leg(shaft),
-    )
 
 
 def compute_motion_work(
@@ -165,7 +138,7 @@ def compute_motion_work(
     mass_kg: float,
     load: WorkLoad,
     rolling_shares: Floats,
-    is_working: npt.NDArray[np.bool_],
+    is_working: Booleans,
 ) -> Floats:
     """Work (J) at the driven axles by cause (n, 6) over n pieces of a way.
 

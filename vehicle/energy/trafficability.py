@@ -1,4 +1,4 @@
-"""From which moisture a soil is too wet: to be worked without harm, to pull on, and to drive on at all.
+"""What a soil gives to the tyres of a tractor, and from which moisture it is too wet to work, to pull or to drive on.
 
     Worked without harm   up to 7.5 + 1.91 organic matter + 0.34 clay, in % (Terzaghi, Hoogmoed and Miedema 1988); two
                           fields measured in Berlin differ from that by 3 % of moisture
@@ -9,6 +9,10 @@
 
 The first is about compaction: wetter soil smears and is compacted by usual tyres. Cone indices have intervals, and so
 have the last two.
+
+A wheel pushes the soil with at most 0.88 (1 - exp(-0.1 Bn)) of its load, the gross traction that slip could reach
+(Brixius 1987, as in ASABE D497), and is taken to do so in any direction; of a driven wheel the friction circle leaves
+sqrt(1 - u^2) of it across, u the share that its thrust takes. The simulation does the same (vehicle.sim.dynamics).
 """
 
 from __future__ import annotations
@@ -18,7 +22,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vehicle.energy.load import compute_axle_loads_n, compute_driven_share, compute_mobility, compute_weight_n
-from vehicle.energy.traction import compute_best_pull_slip, compute_motion_resistance, compute_net_traction
+from vehicle.energy.traction import (
+    compute_best_pull_slip,
+    compute_friction_circle_share,
+    compute_motion_resistance,
+    compute_net_traction,
+    compute_traction_envelope,
+    compute_tractive_efficiency,
+    solve_slip,
+)
 from vehicle.model.soil import Soil, SoilRow, get_soil_rows, interpolate_soil
 from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
@@ -88,26 +100,17 @@ def compute_trafficability(
     weight_n = compute_weight_n(tractor, load.implement_mass_kg)
     needed_n = load.compute_draft_n(speed_mps) + grade * weight_n
 
-    def can_pull(soil: Soil) -> bool:
-        return bool(compute_pull_n(tractor, load, soil) >= needed_n)
+    def find_pull_limit(max_slip: float | None) -> MoistureLimit:
+        return _find_limit(rows, lambda soil: bool(compute_pull_n(tractor, load, soil, max_slip) >= needed_n))
 
-    def can_pull_with_little_slip(soil: Soil) -> bool:
-        return bool(compute_pull_n(tractor, load, soil, MUCH_SLIP) >= needed_n)
-
+    work = sink = None
+    if rows[0].clay_pct is not None:
+        work_pct, error_pct = compute_tillage_limit_pct(rows[0].clay_pct), TILLAGE_LIMIT_ERROR_PCT
+        work = MoistureLimit(work_pct, work_pct - error_pct, work_pct + error_pct)
     index_kpa = compute_vehicle_cone_index(tractor, load.implement_mass_kg)
-
-    def can_stay(soil: Soil) -> bool:
-        return index_kpa is None or (soil.cone_index_kpa or 0.0) >= index_kpa
-
-    search = _SoilSearch(rows)
-    work_pct = None if rows[0].clay_pct is None else compute_tillage_limit_pct(rows[0].clay_pct)
-    error_pct = TILLAGE_LIMIT_ERROR_PCT
-    return Trafficability(
-        work=None if work_pct is None else MoistureLimit(work_pct, work_pct - error_pct, work_pct + error_pct),
-        slip=search.find_limit(can_pull_with_little_slip),
-        pull=search.find_limit(can_pull),
-        sink=None if index_kpa is None else search.find_limit(can_stay),
-    )
+    if index_kpa is not None:
+        sink = _find_limit(rows, lambda soil: (soil.cone_index_kpa or 0.0) >= index_kpa)
+    return Trafficability(work, find_pull_limit(MUCH_SLIP), find_pull_limit(None), sink)
 
 
 def compute_tillage_limit_pct(clay_pct: float, organic_pct: float = USUAL_ORGANIC_PCT) -> float:
@@ -136,11 +139,10 @@ def compute_vehicle_cone_index(tractor: Tractor, implement_mass_kg: float = 0.0)
     if tyres is None or tyres.driven_wheels == "2wd":
         return None
     front_n, rear_n = compute_axle_loads_n(tractor, implement_mass_kg)
-    sizes = (
-        (front_n, tyres.front_width_m, tyres.front_diameter_m),
-        (rear_n, tyres.rear_width_m, tyres.rear_diameter_m),
+    return max(
+        compute_cone_index_of_passes(front_n, tyres.front_width_m, tyres.front_diameter_m),
+        compute_cone_index_of_passes(rear_n, tyres.rear_width_m, tyres.rear_diameter_m),
     )
-    return max(compute_cone_index_of_passes(load_n, width_m, diameter_m) for load_n, width_m, diameter_m in sizes)
 
 
 def compute_cone_index_of_passes(
@@ -184,42 +186,75 @@ def _describe_limit(limit: MoistureLimit, what: str, moisture_pct: float | None)
     start, low, high = limit.from_pct, limit.low_pct, limit.high_pct
     if start is None:
         return f"{what} from {low:.0f} % of moisture at the earliest."
-    sentence = (
-        f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, or not at all)."
-        if high is None
-        else f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {high:.0f} % at the latest)."
-    )
+    latest = "or not at all" if high is None else f"{high:.0f} % at the latest"
+    sentence = f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {latest})."
     if moisture_pct is None or moisture_pct < start:
         return sentence
     return f"{sentence} At present it has {moisture_pct:.0f} %."
 
 
+def _find_limit(rows: tuple[SoilRow, ...], is_possible: Callable[[Soil], bool]) -> MoistureLimit:
+    """The limit at the cone index and at both ends of its interval; softer soil must never be better."""
+    return MoistureLimit(
+        _find_end(rows, is_possible),
+        _find_end(rows, lambda soil: is_possible(replace(soil, cone_index_kpa=soil.low_kpa))),
+        _find_end(rows, lambda soil: is_possible(replace(soil, cone_index_kpa=soil.high_kpa))),
+    )
+
+
+def _find_end(rows: tuple[SoilRow, ...], is_possible: Callable[[Soil], bool]) -> float | None:
+    """The moisture (%) at which something ends to be possible; None if it does not."""
+    low, high = rows[0].moisture_pct or 0.0, rows[-1].moisture_pct or 0.0
+    if is_possible(interpolate_soil(rows, high)):
+        return None
+    if not is_possible(interpolate_soil(rows, low)):
+        return low
+    for _ in range(MOISTURE_STEPS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if is_possible(interpolate_soil(rows, middle)) else (low, middle)
+    return high
+
+
+OTHER_LIMIT = 0.8
+"""Of the load, on any soil: radial tyres of MAVS, the simulator of Mississippi State University (its Brixius class)."""
+
+
 @dataclass(frozen=True)
-class _SoilSearch:
-    """Looks for the moisture of a soil at which something ends."""
+class GripAtWork:
+    """What the driven wheels have on level ground at working speed.
 
-    rows: tuple[SoilRow, ...]
+    Attributes:
+        slip: of the wheels; that of the best pull where the soil does not give what work needs.
+        pulling_share: of the power at the axles that pushes the tractor: (1 - s) NT / GT.
+        side_limit: largest side force over load, of a wheel that rolls freely.
+        side_low, side_high: its interval, with the bounds at both ends of the cone index and OTHER_LIMIT.
+        side_at_work: what work leaves of it.
+    """
 
-    def find_limit(self, is_possible: Callable[[Soil], bool]) -> MoistureLimit:
-        """The limit at the cone index and at both ends of its interval; softer soil must never be better."""
+    slip: float
+    pulling_share: float
+    side_limit: float
+    side_low: float
+    side_high: float
+    side_at_work: float
 
-        def is_possible_at_low(soil: Soil) -> bool:
-            return is_possible(replace(soil, cone_index_kpa=soil.low_kpa))
 
-        def is_possible_at_high(soil: Soil) -> bool:
-            return is_possible(replace(soil, cone_index_kpa=soil.high_kpa))
-
-        return MoistureLimit(
-            self._find_end(is_possible), self._find_end(is_possible_at_low), self._find_end(is_possible_at_high)
-        )
-
-    def _find_end(self, is_possible: Callable[[Soil], bool]) -> float | None:
-        low, high = self.rows[0].moisture_pct or 0.0, self.rows[-1].moisture_pct or 0.0
-        if is_possible(interpolate_soil(self.rows, high)):
-            return None
-        if not is_possible(interpolate_soil(self.rows, low)):
-            return low
-        for _ in range(MOISTURE_STEPS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if is_possible(interpolate_soil(self.rows, middle)) else (low, middle)
-        return high
+def compute_grip_at_work(tractor: Tractor, load: WorkLoad, soil: Soil, speed_mps: float) -> GripAtWork | None:
+    """What a soil gives on level ground; None on a ground without a cone index."""
+    mobility, rolling = load.mobility_number, load.rolling_share
+    if mobility is None or rolling is None:
+        return None
+    weight_n = compute_weight_n(tractor, load.implement_mass_kg)
+    driven_n = load.driven_share * weight_n
+    draft_n = load.compute_draft_n(speed_mps)
+    slip = solve_slip((draft_n + rolling * (weight_n - driven_n)) / driven_n, mobility, load.max_slip)
+    limit = compute_traction_envelope(mobility)
+    share = compute_friction_circle_share(draft_n + rolling * weight_n, driven_n * limit)
+    limits = [OTHER_LIMIT]
+    for index_kpa in (soil.low_kpa, soil.high_kpa):
+        end = soil if index_kpa is None else replace(soil, cone_index_kpa=index_kpa)
+        end_mobility = compute_mobility(tractor, end, load.implement_mass_kg)
+        assert end_mobility is not None  # the soil has a cone index
+        limits.append(float(compute_traction_envelope(end_mobility)))
+    efficiency = compute_tractive_efficiency(slip, mobility)
+    return GripAtWork(slip, efficiency, limit, min(limits), max(limits), limit * share)

@@ -13,25 +13,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.errors import MissionError
 from vehicle.model.ground import list_ground_names
 
-SWATH, HEADLAND_PASS, TURN, ROUTE, DRIVE_IN, DRIVE, REFILL = (
-    "track",
-    "round",
-    "turn",
-    "way",
-    "drive-in",
-    "drive",
-    "refill",
-)
-ENTER, LEAVE = "enter", "leave"
+SWATH, HEADLAND_PASS, TURN, ROUTE = "track", "round", "turn", "way"
+DRIVE_IN, DRIVE, REFILL, ENTER, LEAVE = "drive-in", "drive", "refill", "enter", "leave"
 TASKS = (SWATH, HEADLAND_PASS, TURN, ROUTE, DRIVE_IN, DRIVE, ENTER, LEAVE, REFILL)
 MAX_JOINT_GAP_M = 0.1  # ends of consecutive legs may differ by this much
 GATE_MARGIN_M = 0.2  # gates open this far before the end of a leg: tractors stop a little short of it
-Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -86,7 +77,7 @@ class Leg:
     seconds before the leg, to refill or unload.
     """
 
-    points: Points
+    points: Floats
     speed_mps: float
     gear: int = 1
     implement: bool = False
@@ -111,7 +102,7 @@ class Leg:
     @cached_property
     def fault(self) -> str:
         """Why the leg cannot be driven, whatever the legs around it; "" if it can."""
-        return _find_leg_fault(self) or _find_task_fault(self.task)
+        return _find_leg_fault(self)
 
     def copy_with_length(self, length_m: float) -> Leg:
         """This leg with a length that is known already, such as after cutting it, instead of one to be measured."""
@@ -178,9 +169,8 @@ class Plan:
 
     def copy_with_gate(self, tractor: int, leg: int, gate: LegGate) -> Plan:
         """The same plan with one more gate."""
-        legs = list(self.missions[tractor].legs)
+        legs, missions = list(self.missions[tractor].legs), list(self.missions)
         legs[leg] = legs[leg].copy_with_gates([gate])
-        missions = list(self.missions)
         missions[tractor] = Mission(tuple(legs))
         return replace(self, missions=tuple(missions))
 
@@ -193,21 +183,17 @@ def check_plan(plan: Plan) -> None:
         if not mission.legs:
             raise MissionError(f"Tractor {number} has no legs; give it at least one or leave it out.")
         for index, leg in enumerate(mission.legs):
+            where = f"Tractor {number}, leg {index}"
             if leg.fault:
-                raise MissionError(f"{_describe_leg_position(number, index)}: {leg.fault}")
+                raise MissionError(f"{where}: {leg.fault}")
             if leg.gates or leg.follow:
-                _check_leg_references(plan, number, leg, _describe_leg_position(number, index))
-            gap_m = _compute_gap_m(mission.legs[index - 1], leg) if index else 0.0
+                _check_leg_references(plan, number, leg, where)
+            gap_m = math.dist(mission.legs[index - 1].ends[2:], leg.ends[:2]) if index else 0.0
             if gap_m > MAX_JOINT_GAP_M:
                 raise MissionError(
-                    f"{_describe_leg_position(number, index)}: starts {gap_m:.2f} m "
-                    f"from where the leg before ends; they must "
-                    f"meet within {MAX_JOINT_GAP_M} m."
+                    f"{where}: starts {gap_m:.2f} m from where the leg before ends; they must meet within "
+                    f"{MAX_JOINT_GAP_M} m."
                 )
-
-
-def _describe_leg_position(tractor: int, leg: int) -> str:
-    return f"Tractor {tractor}, leg {leg}"
 
 
 def _find_leg_fault(leg: Leg) -> str:
@@ -230,20 +216,12 @@ def _find_leg_fault(leg: Leg) -> str:
         return f"ground {leg.ground!r} is unknown; use one of: {', '.join(list_ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
         return f"a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0."
-    return ""
-
-
-def _find_task_fault(task: LegTask) -> str:
+    task = leg.task
     if task.kind not in TASKS:
         return f"task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}."
     if (task.number is not None and task.number < 0) or task.piece < 0:
         return f"task {task.kind!r} has number {task.number} and piece {task.piece}; both count from 0."
     return ""
-
-
-def _compute_gap_m(before: Leg, after: Leg) -> float:
-    """Distance from the end of a leg to the start of the next."""
-    return math.dist(before.ends[2:], after.ends[:2])
 
 
 def _check_leg_references(plan: Plan, tractor: int, leg: Leg, where: str) -> None:

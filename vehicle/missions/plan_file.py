@@ -19,13 +19,9 @@ FORMAT_VERSION = 1
 VERSION_KEY = "format_version"
 WHOLE_PLAN = "The plan"
 TYPE_WORDS = {
-    dict: "an object",
-    list: "a list",
-    str: "a text",
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-}
+    dict: "an object", list: "a list", str: "a text",
+    bool: "true or false", int: "a whole number", float: "a number",
+}  # fmt: skip
 LARGEST_NUMBER, SHOWN_LETTERS = 1e300, 40
 FARTHEST_M = 1e8  # from the origin of any coordinate system of the earth
 
@@ -118,15 +114,9 @@ def parse_saved_plan(text: str) -> SavedPlan:
 
 def _build_saved_plan(data: Any) -> SavedPlan:
     _check_version(_get_checked_entry({"plan": data}, "plan", dict, "The text").get(VERSION_KEY))
-    crs = (
-        None
-        if _get_checked_entry(data, "crs", None, WHOLE_PLAN) is None
-        else _get_checked_entry(data, "crs", str, WHOLE_PLAN)
-    )
-    scenario, notes = (
-        _get_checked_entry(data, "scenario", dict, WHOLE_PLAN),
-        _get_checked_entry(data, "notes", dict, WHOLE_PLAN),
-    )
+    crs = _get_checked_entry(data, "crs", str, WHOLE_PLAN, optional=True)
+    scenario = _get_checked_entry(data, "scenario", dict, WHOLE_PLAN)
+    notes = _get_checked_entry(data, "notes", dict, WHOLE_PLAN)
     ground = _get_checked_entry({"ground": {}} | data, "ground", dict, WHOLE_PLAN)
     origin_m = _get_checked_entry(data, "origin_m", list, WHOLE_PLAN)
     if len(origin_m) != 2 or not all(type(metres) in (int, float) and abs(metres) <= FARTHEST_M for metres in origin_m):
@@ -155,13 +145,9 @@ def _check_version(version: Any) -> None:
 
 
 def _build_leg(entry: Any, where: str) -> Leg:
-    task, number = _get_checked_entry(entry, "task", dict, where), None
-    if _get_checked_entry(task, "number", None, f"{where}, task") is not None:
-        number = _get_checked_entry(task, "number", int, f"{where}, task")
-    gates = [
-        _build_gate(gate, f"{where}, gate {k}")
-        for k, gate in enumerate(_get_checked_entry(entry, "gates", list, where))
-    ]
+    task = _get_checked_entry(entry, "task", dict, where)
+    number = _get_checked_entry(task, "number", int, f"{where}, task", optional=True)
+    gates, follow = _get_checked_entry(entry, "gates", list, where), entry.get("follow")
     return Leg(
         points=_build_points(entry, where),
         speed_mps=_get_checked_entry(entry, "speed_mps", float, where),
@@ -174,8 +160,8 @@ def _build_leg(entry: Any, where: str) -> Leg:
             _get_checked_entry(task, "piece", int, f"{where}, task"),
         ),
         may_wait=_get_checked_entry(entry, "may_wait", bool, where),
-        gates=tuple(gates),
-        follow=_build_follow_order(entry["follow"], f"{where}, follow") if entry.get("follow") else None,
+        gates=tuple(LegGate(*_build_link(gate, "after_m", f"{where}, gate {k}")) for k, gate in enumerate(gates)),
+        follow=FollowOrder(*_build_link(follow, "gap_m", f"{where}, follow")) if follow else None,
         stand_s=_get_checked_entry({"stand_s": 0.0} | entry, "stand_s", float, where),
     )
 
@@ -191,24 +177,23 @@ def _build_points(entry: dict[str, Any], where: str) -> np.ndarray[Any, np.dtype
     return array
 
 
-def _build_gate(entry: Any, where: str) -> LegGate:
+def _build_link(entry: Any, metres_key: str, where: str) -> tuple[int, int, float]:
+    """Tractor, leg and metres of a gate or an order to follow."""
     number, leg = _get_checked_entry(entry, "tractor", int, where), _get_checked_entry(entry, "leg", int, where)
-    return LegGate(number, leg, _get_checked_entry(entry, "after_m", float, where))
+    return number, leg, _get_checked_entry(entry, metres_key, float, where)
 
 
-def _build_follow_order(entry: Any, where: str) -> FollowOrder:
-    number, leg = _get_checked_entry(entry, "tractor", int, where), _get_checked_entry(entry, "leg", int, where)
-    return FollowOrder(number, leg, _get_checked_entry(entry, "gap_m", float, where))
+def _get_checked_entry(entries: Any, key: str, kind: type, where: str, *, optional: bool = False) -> Any:
+    """An entry of an object in the file, checked for its type; an `optional` one may be null.
 
-
-def _get_checked_entry(entries: Any, key: str, kind: type | None, where: str) -> Any:
-    """An entry of an object in the file, checked for its type if `kind` is given. Raises MissionError with `where`."""
+    Raises MissionError with `where`.
+    """
     if not isinstance(entries, dict):
         raise MissionError(f"{where} is {_shorten(entries)}, not an object with {key!r}.")
     if key not in entries:
         raise MissionError(f"{where} has no {key!r}; save the plan again.")
     value = entries[key]
-    if kind is None or type(value) is kind:
+    if type(value) is kind or (optional and value is None):
         return value
     if kind is float and type(value) is int and abs(value) < LARGEST_NUMBER:
         return float(value)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Integers, Records
 from vehicle.missions.plan import LEAVE, Plan
 from vehicle.records import REC_LEG, REC_POSE, REC_SPEED, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
 
@@ -72,9 +71,9 @@ class SimulationRun:
 
     plan: Plan
     outcome: str
-    time_s: npt.NDArray[np.float64]
-    record: npt.NDArray[np.float64]
-    finish_s: npt.NDArray[np.float64]
+    time_s: Floats
+    record: Floats
+    finish_s: Floats
     contacts: tuple[tuple[float, int, int], ...]
     min_clearance_m: float
     conflict: Conflict | None = None
@@ -93,49 +92,47 @@ class SimulationRun:
             return self.duration_s
         ends = []
         for tractor, mission in enumerate(self.plan.missions):
+            end_s = self.finish_s[tractor]
             leave_leg = next((n for n, leg in enumerate(mission.legs) if leg.task.kind == LEAVE), None)
-            leave_row = None if leave_leg is None else int(np.searchsorted(self.get_leg_numbers(tractor), leave_leg))
-            ends.append(
-                float(
-                    self.finish_s[tractor] if leave_row is None else self.time_s[min(leave_row, len(self.time_s) - 1)]
-                )
-            )
+            if leave_leg is not None:
+                leave_row = int(np.searchsorted(self.get_leg_numbers(tractor), leave_leg))
+                end_s = self.time_s[min(leave_row, len(self.time_s) - 1)]
+            ends.append(float(end_s))
         return max(ends)
 
-    def get_poses(self, tractor: int) -> npt.NDArray[np.float64]:
+    @property
+    def step_s(self) -> float:
+        """Seconds between two rows of the record; 0 where there is only one."""
+        return float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
+
+    def get_poses(self, tractor: int) -> Floats:
         """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
         return self.record[:, tractor, REC_POSE]
 
-    def get_leg_numbers(self, tractor: int) -> npt.NDArray[np.int64]:
+    def get_leg_numbers(self, tractor: int) -> Integers:
         """Number of the leg a tractor is on, shape (t,)."""
         return self.record[:, tractor, REC_LEG].astype(np.int64)
 
-    def get_statuses(self, tractor: int) -> npt.NDArray[np.int64]:
+    def get_statuses(self, tractor: int) -> Integers:
         """Status of a tractor, as the constants of vehicle.records, shape (t,)."""
         return self.record[:, tractor, REC_STATUS].astype(np.int64)
 
-    def sum_seconds(self, status: int) -> npt.NDArray[np.float64]:
+    def sum_seconds(self, status: int) -> Floats:
         """Time per tractor in a status of vehicle.records (tractors,)."""
-        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
+        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * self.step_s)
 
     def sum_slow_work_m(self, speed_mps: float) -> float:
         """Metres of all tractors worked more slowly than at a speed."""
         speeds = np.abs(self.record[:, :, REC_SPEED])
         is_slow = (self.record[:, :, REC_STATUS] == WORKING) & (speeds < speed_mps)
-        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return float(speeds[is_slow].sum() * step)
+        return float(speeds[is_slow].sum() * self.step_s)
 
     @property
-    def standing_s(self) -> npt.NDArray[np.float64]:
+    def standing_s(self) -> Floats:
         """Seconds per tractor of standing to refill or unload."""
         return self.sum_seconds(STANDING)
 
-    def compute_time_shares(self) -> dict[str, npt.NDArray[Any]]:
+    def compute_time_shares(self) -> dict[str, Records]:
         """Seconds per tractor of working, turning, waiting and reversing."""
-        return {
-            "working": self.sum_seconds(WORKING),
-            "turning": self.sum_seconds(TURNING),
-            "waiting": self.sum_seconds(WAITING),
-            "reversing": self.sum_seconds(REVERSING),
-        }
+        statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
+        return {name: self.sum_seconds(status) for name, status in statuses.items()}

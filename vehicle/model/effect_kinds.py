@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from vehicle.arrays import Floats
 
 REFERENCE_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
 INTERVAL_COVERAGE = 0.95
@@ -26,10 +27,10 @@ TYPICAL_INVERSE_PER_G = 4.0  # chosen, 1/g: the first step of a fit, 0.3 of it, 
 PER_SLOPE = "per_slope"  # the value of a drift on a slope that was measured
 ROUNDING_FACTOR = 1.001  # a size that differs from the typical one only by rounding is as fine
 
-Array = npt.NDArray[np.float64]
 Interval = tuple[float, float]
 Values = Mapping[str, float]
 CirclePlace = tuple[float, float, float]
+Place = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,11 @@ class EffectParameter:
         """The same parameter for a vehicle of another size: lengths and curvatures scale with the wheelbase."""
         factor = (wheelbase_m / REFERENCE_WHEELBASE_M) ** self.length_power
         wider = max(factor, 1.0)
-        return replace(
-            self,
-            typical=self.typical * factor,
-            finest=self.finest * factor,
-            low=self.low * wider,
-            high=self.high * wider,
-        )
+        typical, finest = self.typical * factor, self.finest * factor
+        return replace(self, typical=typical, finest=finest, low=self.low * wider, high=self.high * wider)
+
+
+Parameters = Sequence[EffectParameter]
 
 
 class CoordinateBox(NamedTuple):
@@ -96,17 +95,14 @@ class EffectKind:
 
     def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
         """Coordinates for a size (of the vehicle at hand) that is neutral at `zero`; `starts` are values to try."""
-        return CoordinateBox(
-            (zero,), (size.typical,), (size.low,), (size.high,), _make_single_value_tuples(starts or (zero,))
-        )
+        values = tuple((start,) for start in starts or (zero,))
+        return CoordinateBox((zero,), (size.typical,), (size.low,), (size.high,), values)
 
-    def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
-    ) -> dict[str, float]:
+    def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Values of the effect; `place` holds those that were searched for."""
         return dict(zip([param.name for param in params], [*map(float, coordinates), *place], strict=True))
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
         """Coordinates (m,) and place of values: the inverse of compute_values."""
         return np.array([values[params[0].name]]), tuple(values[param.name] for param in params[1:])
 
@@ -114,36 +110,31 @@ class EffectKind:
         """The kind to use when the place of the effect is known beforehand."""
         return self
 
-    def compute_deviation(self, neutral: Sequence[float], coordinates: Array) -> float:
+    def compute_deviation(self, neutral: Sequence[float], coordinates: Floats) -> float:
         """How far coordinates are from neutral."""
         return float(np.linalg.norm(coordinates - np.array(neutral)))
 
     def compute_interval(
-        self,
-        params: Sequence[EffectParameter],
-        box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
-        finest: float,
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
     ) -> dict[str, Interval]:
         """95 % interval of the values from the covariance (m, m) of the coordinates, never finer than `finest`.
 
         The place of an effect was searched for and not fitted: it has no interval.
         """
         name, value = params[0].name, float(coordinates[0])
-        half_width = math.hypot(INTERVAL_SIGMAS * float(_compute_sigmas(covariance)[0]), finest)
+        half_width = math.hypot(_compute_half_width(covariance), finest)
         return {name: (max(value - half_width, float(box.low[0])), min(value + half_width, float(box.high[0])))}
 
     def is_no_larger_fault(self, smallest: float, typical: float) -> bool:
         """Whether a size of `smallest` is no larger a fault than the `typical` one."""
         return smallest <= ROUNDING_FACTOR * typical
 
-    def compute_smallest_detectable(self, tried: Array, share: float, typical: float, finest: float) -> float:
+    def compute_smallest_detectable(self, tried: Floats, share: float, typical: float, finest: float) -> float:
         """The smallest detectable size, when `tried` coordinates were detected and `share` of the typical would be."""
         return max(finest, share * typical)
 
     def sample_values(
-        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+        self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator
     ) -> dict[str, float]:
         """Values of an effect to hide, to either side of neutral where a tractor can have both."""
         size = params[0]
@@ -174,7 +165,7 @@ class OneSidedKind(EffectKind):
         return box._replace(low=(zero,)) if self.sign > 0.0 else box._replace(high=(zero,))
 
     def sample_values(
-        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+        self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator
     ) -> dict[str, float]:
         """Values on the side that is fitted."""
         size = params[0]
@@ -184,9 +175,7 @@ class OneSidedKind(EffectKind):
 class TwoSidedKind(EffectKind):
     """Both sides of a number that is usually fitted on one side."""
 
-    def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
-    ) -> dict[str, float]:
+    def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """The coordinate."""
         return super().compute_values(params, coordinates)
 
@@ -198,31 +187,23 @@ class LimitKind(EffectKind):
 
     def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
         """One coordinate from 0; `starts` are inverses."""
-        return CoordinateBox(
-            (0.0,), (TYPICAL_INVERSE_PER_G,), (0.0,), (1.0 / size.low,), _make_single_value_tuples(starts)
-        )
+        values = tuple((start,) for start in starts)
+        return CoordinateBox((0.0,), (TYPICAL_INVERSE_PER_G,), (0.0,), (1.0 / size.low,), values)
 
-    def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
-    ) -> dict[str, float]:
+    def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """The limit, infinite at 0."""
         return {params[0].name: math.inf if coordinates[0] <= 0.0 else 1.0 / float(coordinates[0])}
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
         """The inverse; 0 for an infinite limit."""
         return np.array([1.0 / values[params[0].name]]), ()
 
     def compute_interval(
-        self,
-        params: Sequence[EffectParameter],
-        box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
-        finest: float,
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
     ) -> dict[str, Interval]:
         """The inverted interval of the inverse, without an upper end where the inverse may be 0."""
         middle = float(coordinates[0])
-        half_width = max(INTERVAL_SIGMAS * float(_compute_sigmas(covariance)[0]), KNEE_SHARE * middle)
+        half_width = max(_compute_half_width(covariance), KNEE_SHARE * middle)
         most, least = middle + half_width, middle - half_width
         return {params[0].name: (1.0 / most if most > 0.0 else math.inf, 1.0 / least if least > 0.0 else math.inf)}
 
@@ -230,12 +211,12 @@ class LimitKind(EffectKind):
         """A larger limit is the finer one: a limit that is never reached is no limit."""
         return smallest >= typical
 
-    def compute_smallest_detectable(self, tried: Array, share: float, typical: float, finest: float) -> float:
+    def compute_smallest_detectable(self, tried: Floats, share: float, typical: float, finest: float) -> float:
         """The limit that was tried: limits that the drive did not reach leave no trace and cannot be distinguished."""
         return 1.0 / float(tried[0])
 
     def sample_values(
-        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+        self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator
     ) -> dict[str, float]:
         """A limit lower than the typical one by the share of the sample."""
         return {params[0].name: round(params[0].typical / sample.share, 3)}
@@ -249,26 +230,19 @@ class SlopeKind(EffectKind):
         typical, high = size.typical, size.high
         return CoordinateBox((0.0, 0.0), (typical, typical), (-high, -high), (high, high), ((0.0, 0.0),))
 
-    def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
-    ) -> dict[str, float]:
+    def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Length and bearing of the components; the length is limited to what a tractor can have."""
         size, bearing = params
         length = min(float(np.hypot(coordinates[0], coordinates[1])), size.high)
         return {size.name: length, bearing.name: math.degrees(math.atan2(coordinates[0], coordinates[1])) % 360.0}
 
-    def compute_coordinates(self, params: Sequence[EffectParameter], values: Values) -> tuple[Array, tuple[float, ...]]:
+    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
         """The components to east and to north."""
         length, bearing = values[params[0].name], math.radians(values[params[1].name])
         return np.array([length * math.sin(bearing), length * math.cos(bearing)]), ()
 
     def compute_interval(
-        self,
-        params: Sequence[EffectParameter],
-        box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
-        finest: float,
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
     ) -> dict[str, Interval]:
         """Intervals of size and bearing: the spread of the components along and across the slope."""
         ratio, bearing = self.compute_values(params, coordinates).values()
@@ -290,7 +264,7 @@ class SlopeKind(EffectKind):
         return MeasuredSlopeKind(*place) if place else self
 
     def sample_values(
-        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+        self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator
     ) -> dict[str, float]:
         """A size, and any bearing."""
         values = super().sample_values(params, neutral, sample, rng)
@@ -314,27 +288,18 @@ class MeasuredSlopeKind(EffectKind):
         """One coordinate from 0: no tractor drifts uphill."""
         return CoordinateBox((0.0,), (size.typical,), (0.0,), (size.high,), ((0.0,),))
 
-    def compute_values(
-        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
-    ) -> dict[str, float]:
+    def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Size and bearing on the mean slope, and the drift per slope."""
         share = float(coordinates[0]) / self.usual_slope
         return {params[0].name: share * self.mean_slope, params[1].name: self.bearing_deg, PER_SLOPE: share}
 
     def compute_interval(
-        self,
-        params: Sequence[EffectParameter],
-        box: CoordinateBox,
-        coordinates: Array,
-        covariance: Array,
-        finest: float,
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
     ) -> dict[str, Interval]:
         """Intervals of the size and of the drift per slope; the bearing is known from the ground."""
-        half_width = math.hypot(INTERVAL_SIGMAS * float(_compute_sigmas(covariance)[0]), finest)
-        low, high = (
-            max(float(coordinates[0]) - half_width, 0.0) / self.usual_slope,
-            (float(coordinates[0]) + half_width) / self.usual_slope,
-        )
+        half_width = math.hypot(_compute_half_width(covariance), finest)
+        low = max(float(coordinates[0]) - half_width, 0.0) / self.usual_slope
+        high = (float(coordinates[0]) + half_width) / self.usual_slope
         return {params[0].name: (low * self.mean_slope, high * self.mean_slope), PER_SLOPE: (low, high)}
 
 
@@ -344,7 +309,7 @@ class CircleKind(EffectKind):
     is_searched = True
 
     def sample_values(
-        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+        self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator
     ) -> dict[str, float]:
         """A size inside the circle of the sample."""
         values = super().sample_values(params, neutral, sample, rng)
@@ -355,10 +320,6 @@ SIZE, LIMIT, SLOPE, CIRCLE = EffectKind(), LimitKind(), SlopeKind(), CircleKind(
 ABOVE, BELOW = OneSidedKind(1.0), OneSidedKind(-1.0)
 
 
-def _make_single_value_tuples(values: Sequence[float]) -> tuple[tuple[float, ...], ...]:
-    return tuple((value,) for value in values)
-
-
-def _compute_sigmas(covariance: Array) -> Array:
-    out: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return out
+def _compute_half_width(covariance: Floats) -> float:
+    """Half of the 95 % interval of the first coordinate, from the covariance (m, m)."""
+    return INTERVAL_SIGMAS * math.sqrt(max(float(covariance[0, 0]), 0.0))

@@ -92,10 +92,6 @@ def _name_left_or_right(value: float) -> str:
     return "right" if value > 0 else "left"
 
 
-def _name_more_or_less(difference: float) -> str:
-    return "more" if difference > 0 else "less"
-
-
 def _describe_turn_gain(value: float) -> str:
     return f"{100 * abs(value - 1):.0f} % {'tighter' if value > 1 else 'wider'}"
 
@@ -104,11 +100,6 @@ def _build_angle_param(
     name: str, typical: float, finest: float, limit: float, neutral: float | None = 0.0
 ) -> EffectParameter:
     return EffectParameter(name, "deg", neutral, typical, finest, -limit if neutral == 0.0 else 0.0, limit)
-
-
-def _name_direction(bearing: float) -> str:
-    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-    return names[round(bearing / 45.0) % 8]
 
 
 def _describe_limit(v: Values) -> str:
@@ -121,18 +112,9 @@ def _describe_slope(v: Values) -> str:
     if PER_SLOPE in v:
         drift = f"{10 * v[PER_SLOPE]:.1f} cm downhill per metre driven across a slope of 10 %"
         return f"The tractor drifts {drift}, {BY_ROLL}."
-    towards = _name_direction(v["bearing_deg"])
+    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    towards = names[round(v["bearing_deg"] / 45.0) % 8]
     return f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {towards} per metre driven across it."
-
-
-def _compute_slope_fields(v: Values) -> Fields:
-    bearing = math.radians(v["bearing_deg"])
-    return {"slope_east": v["ratio"] * math.sin(bearing), "slope_north": v["ratio"] * math.cos(bearing)}
-
-
-def _compute_patch_fields(v: Values) -> Fields:
-    place = {"patch_east": v["east_m"], "patch_north": v["north_m"], "patch_radius": v["radius_m"]}
-    return {"patch": v["ratio"], **place}
 
 
 _CLOCK_STARTS = (0.1, -0.1, 0.25, -0.25, 0.5, -0.5)
@@ -155,6 +137,18 @@ def _build_clock_effect(
                   "another clock than that of the other columns.",
         "changes of speed and steering", "turns at several speeds, stops and starts",
         plot=plot, starts=_CLOCK_STARTS, kind=kind, also_shows_in=also_shows_in, is_of_log_alone=True,
+    )  # fmt: skip
+
+
+def _build_delay_effect(
+    name: str, field: str, sentence: str, regressor: str = "changes of speed and turning rate",
+    drive: str = "turns at several speeds, stops and starts", starts: tuple[float, ...] = (0.1, 0.25, 0.5),
+) -> Effect:  # fmt: skip
+    """The effect of a receiver or compass that is late."""
+    return Effect(
+        name, POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
+        lambda v: {field: v["time_s"] * STEP_HZ}, lambda v: sentence.format(v["time_s"]),
+        regressor, drive, plot=(CRAB, TURNING), starts=starts,
     )  # fmt: skip
 
 
@@ -237,7 +231,8 @@ CATALOGUE: tuple[Effect, ...] = (
         SLOPE_DRIFT, PATH,
         (EffectParameter("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5),
          EffectParameter("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
-        _compute_slope_fields,
+        lambda v: {"slope_east": v["ratio"] * math.sin(math.radians(v["bearing_deg"])),
+                   "slope_north": v["ratio"] * math.cos(math.radians(v["bearing_deg"]))},
         _describe_slope,
         "direction of travel", "the same line there and back, and one across it",
         plot=(CRAB, DIRECTION), kind=SLOPE,
@@ -294,12 +289,8 @@ CATALOGUE: tuple[Effect, ...] = (
         "turning rate", "tight turns to both sides",
         plot=(CRAB, TURNING),
     ),
-    Effect(
-        "gnss_latency", POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
-        lambda v: {"latency": v["time_s"] * STEP_HZ},
-        lambda v: f"Position and heading reach the log {v['time_s']:.2f} s late.",
-        "changes of speed and turning rate", "turns at several speeds, stops and starts",
-        plot=(CRAB, TURNING), starts=(0.1, 0.25),
+    _build_delay_effect(
+        "gnss_latency", "latency", "Position and heading reach the log {:.2f} s late.", starts=(0.1, 0.25)
     ),
     Effect(
         "heading_bias", POSITION, (_build_angle_param("angle_deg", 1.5, 0.25, 20.0),),
@@ -309,19 +300,10 @@ CATALOGUE: tuple[Effect, ...] = (
         "always, in every direction", "straight ahead, there and back",
         plot=(CRAB, DIRECTION),
     ),
-    Effect(
-        "position_delay", POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
-        lambda v: {"position_late": v["time_s"] * STEP_HZ},
-        lambda v: f"Positions reach the log {v['time_s']:.2f} s late, headings do not.",
-        "changes of speed and turning rate", "turns at several speeds, stops and starts",
-        plot=(CRAB, TURNING), starts=(0.1, 0.25, 0.5),
-    ),
-    Effect(
-        "heading_delay", POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
-        lambda v: {"heading_late": v["time_s"] * STEP_HZ},
-        lambda v: f"Headings reach the log {v['time_s']:.2f} s late, positions do not.",
+    _build_delay_effect("position_delay", "position_late", "Positions reach the log {:.2f} s late, headings do not."),
+    _build_delay_effect(
+        "heading_delay", "heading_late", "Headings reach the log {:.2f} s late, positions do not.",
         "changes of turning rate", "turns at several speeds, into and out of bends",
-        plot=(CRAB, TURNING), starts=(0.1, 0.25, 0.5),
     ),
     Effect(
         "heading_filter", POSITION, (EffectParameter("time_s", "s", 0.0, 0.3, 0.1, 0.0, 3.0),),
@@ -333,7 +315,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         "speed_scale", POSITION, (EffectParameter("ratio", "", 1.0, 0.06, 0.015, 0.4, 2.5),),
         lambda v: {"speed_scale": v["ratio"]},
-        lambda v: f"The measured speed reads {100 * abs(v['ratio'] - 1):.0f} % {_name_more_or_less(v['ratio'] - 1)} "
+        lambda v: f"The measured speed reads {100 * abs(v['ratio'] - 1):.0f} % {'more' if v['ratio'] > 1 else 'less'} "
                   "than the tractor drives.",
         "speed", "straight ahead at several speeds, implement up",
         plot=(PACE, TARGET), also_shows_in=(SPEED,), is_of_log_alone=True,
@@ -358,7 +340,8 @@ CATALOGUE: tuple[Effect, ...] = (
             EffectParameter("north_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf, True),
             EffectParameter("radius_m", "m", 0.0, 5.0, 0.0, 0.0, 500.0, True),
         ),
-        _compute_patch_fields,
+        lambda v: {"patch": v["ratio"], "patch_east": v["east_m"], "patch_north": v["north_m"],
+                   "patch_radius": v["radius_m"]},
         lambda v: f"Within {v['radius_m']:.0f} m of east {v['east_m']:.0f}, north {v['north_m']:.0f} the tractor turns "
                   f"{_describe_turn_gain(v['ratio'])} than elsewhere.",
         "place in the field", "the same bends over the whole field",
@@ -379,26 +362,24 @@ _STEERING_KEYS = {"steering_lag": "lag_s", "steering_rate": "rate_deg_per_s", "s
 
 def get_effect(name: str) -> Effect:
     """The entry of an effect. Raises VehicleError for an unknown id."""
-    try:
-        return EFFECTS_BY_ID[name]
-    except KeyError:
-        raise VehicleError(f"The effect {name!r} is unknown; use one of: {', '.join(EFFECTS_BY_ID)}.") from None
+    if name not in EFFECTS_BY_ID:
+        raise VehicleError(f"The effect {name!r} is unknown; use one of: {', '.join(EFFECTS_BY_ID)}.")
+    return EFFECTS_BY_ID[name]
 
 
 def get_neutral_values(name: str, steering: object) -> dict[str, float]:
     """Neutral values of an effect; `steering` is the section of the tractor file that holds its nominal times."""
-    values = {}
-    for param in get_effect(name).params:
-        values[param.name] = getattr(steering, _STEERING_KEYS[name]) if param.neutral is None else param.neutral
-    return values
+    return {
+        param.name: getattr(steering, _STEERING_KEYS[name]) if param.neutral is None else param.neutral
+        for param in get_effect(name).params
+    }
 
 
 def check_effect(name: str, values: Values, wheelbase_m: float = REFERENCE_WHEELBASE_M) -> None:
     """Raise VehicleError unless the values belong to the effect and are possible on a vehicle of that size."""
     entry = get_effect(name)
-    known_params = {
-        param.name: param.scale_to_wheelbase(wheelbase_m) for param in (*entry.params, *entry.optional_params)
-    }
+    params = (*entry.params, *entry.optional_params)
+    known_params = {param.name: param.scale_to_wheelbase(wheelbase_m) for param in params}
     required_names = [param.name for param in entry.params]
     if set(values) - {param.name for param in entry.optional_params} != set(required_names):
         raise VehicleError(

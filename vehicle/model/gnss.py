@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.text_files import check_header, read_text
+from vehicle.arrays import Floats, Integers
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 
@@ -77,13 +78,13 @@ def draw_errors(key: int, count: int, table: Table) -> Table:
     return errors_mm
 
 
-def make_error_keys(seed: int, tractors: int) -> npt.NDArray[np.int64]:
+def make_error_keys(seed: int, tractors: int) -> Integers:
     """One key per tractor, so that each draws its own errors."""
     spread = np.random.SeedSequence(seed).generate_state(tractors, dtype=np.uint64)
     return spread.view(np.int64)
 
 
-def build_error_table(east_mm: npt.NDArray[np.float64], north_mm: npt.NDArray[np.float64]) -> Table:
+def build_error_table(east_mm: Floats, north_mm: Floats) -> Table:
     """Count fixes (n,) on the 1 mm grid about their mean, which lies in cell (16, 16) of 32.
 
     Raises VehicleError for fewer than 100 fixes or fixes that do not fit the grid.
@@ -104,13 +105,13 @@ def build_error_table(east_mm: npt.NDArray[np.float64], north_mm: npt.NDArray[np
     return np.column_stack([places - CENTRE_CELL, ends - counts, ends]).astype(np.int64)
 
 
-def _compute_cells(values: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+def _compute_cells(values: Floats) -> Integers:
     """Grid cell of each value; whole millimetres stay apart whatever the fraction of their mean."""
     cells = np.round(values) - math.floor(float(np.mean(values)) + 0.5) + CENTRE_CELL
     return np.clip(cells, -1e9, 1e9).astype(np.int64)
 
 
-def simulate_static_fixes() -> npt.NDArray[np.float64]:
+def simulate_static_fixes() -> Floats:
     """8000 synthetic static fixes of an RTK receiver, (8000, 2) in mm east and north.
 
     Generated, not measured: a slow wander of the solution (a first-order Gauss-Markov process, 60 s at 10 Hz) and white
@@ -161,7 +162,7 @@ def _parse_error_table(text: str, where: str) -> Table:
     return table
 
 
-def load_static_fixes(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def load_static_fixes(path: str | Path) -> tuple[Floats, Floats]:
     """East and north (mm) of a file of static fixes: columns x_m, y_m or longitude, latitude in degrees.
 
     Raises VehicleError for unreadable files, missing columns, too few rows and values that are not numbers.
@@ -185,7 +186,7 @@ def load_static_fixes(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.ND
     return values[:, 0], values[:, 1]
 
 
-def _project_to_metres(degrees: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _project_to_metres(degrees: Floats) -> Floats:
     """Metres about the first fix on the WGS 84 ellipsoid; over a few centimetres the plane is exact."""
     phi = math.radians(float(degrees[0, 1]))
     a, e2 = 6378137.0, 6.69437999014e-3
@@ -194,7 +195,7 @@ def _project_to_metres(degrees: npt.NDArray[np.float64]) -> npt.NDArray[np.float
     return np.asarray((degrees - degrees[0]) * scale)
 
 
-def _parse_csv_columns(text: str, columns: tuple[str, ...], where: str) -> npt.NDArray[np.float64]:
+def _parse_csv_columns(text: str, columns: tuple[str, ...], where: str) -> Floats:
     """The named columns of a CSV text, (n, columns); raises VehicleError for a row that is not finite numbers."""
     check_header(text, where, VehicleError)
     reader = csv.DictReader(text.splitlines())

@@ -101,14 +101,9 @@ def compute_guidance_pose(state, model) -> tuple[float, float, float]:  # type: 
     """
     x, y, true, shown = show_late_pose(state, model, state.x, state.y, state.angle)
     heading = add_heading_bias(shown, model.heading_bias)
-    east, north = apply_lever_arm(
-        -model.guide * math.cos(heading),
-        -model.guide * math.sin(heading),
-        math.cos(true),
-        math.sin(true),
-        model.guide + model.shift_forward,
-        model.shift_right,
-    )
+    back_x, back_y = -model.guide * math.cos(heading), -model.guide * math.sin(heading)
+    ahead, aside = model.guide + model.shift_forward, model.shift_right
+    east, north = apply_lever_arm(back_x, back_y, math.cos(true), math.sin(true), ahead, aside)
     return x + east, y + north, heading
 
 

@@ -2,9 +2,10 @@
 
 The table vehicle/data/work/soils.csv has a line per soil and moisture: the three grounds of the thesis, whose tyres
 stand in vehicle.model.ground, the classes of ASABE D497, and nine textures. A user's table has the same columns, and
-those of vehicle.model.soil_effects for what measured logs said. The
-cone indices of the textures are the middle of three published formulas, with the lowest and the highest as interval;
-above 2068 kPa (300 psi) a penetrometer's dial ends. They hold for settled ground: freshly tilled soil is weaker.
+those of MeasuredEffects for what measured logs said, which holds for the tractor of the logs and for others as far as
+their tyres and loads are alike. The cone indices of the textures are the middle of three published formulas, with the
+lowest and the highest as interval; above 2068 kPa (300 psi) a penetrometer's dial ends. They hold for settled ground:
+freshly tilled soil is weaker.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fields.errors import suggest_name
 from vehicle.errors import VehicleError
 from vehicle.model.data_table import load_table
+from vehicle.model.effects import check_effect, get_effect
 from vehicle.model.ground import TYRE_GROUNDS, get_tyres
-from vehicle.model.soil_effects import MeasuredEffects, interpolate_effects
-from vehicle.model.tractor import EffectSetting
+from vehicle.model.tractor import EffectSetting, Tractor
 
 Texture = Literal["fine", "medium", "coarse"]
 USUAL_STATE = "field capacity"
@@ -30,12 +31,76 @@ MEASURED_ERROR = 0.3
 """Of a cone index without an interval of its own: as far as published formulas lie apart where they were fitted."""
 
 
-def _define_share(description: str) -> Any:
-    return Field(default=None, ge=0, le=100, allow_inf_nan=False, description=description)
+SOIL_EFFECTS = ("wheel_slip", "implement_slip", "side_slip", "understeer", "steering_gain")
+"""Effects of one number that change with the soil: slip, the limit of side forces, and the correction of steering."""
+LOW, HIGH = "_low", "_high"
 
 
-def _define_strength() -> Any:
-    return Field(default=None, ge=10, le=20_000, allow_inf_nan=False, description="kPa, usually 200 to 2000")
+def _define_value(description: str, low: float | None = None, high: float | None = None) -> Any:
+    return Field(default=None, ge=low, le=high, allow_inf_nan=False, description=description)
+
+
+class MeasuredEffects(BaseModel):
+    """Values of SOIL_EFFECTS, units as in a tractor file, with their 95 % intervals; None where logs do not say it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    wheel_slip: float | None = _define_value("share of the speed lost")
+    wheel_slip_low: float | None = _define_value("lower bound")
+    wheel_slip_high: float | None = _define_value("upper bound")
+    implement_slip: float | None = _define_value("share of the speed lost at work")
+    implement_slip_low: float | None = _define_value("lower bound")
+    implement_slip_high: float | None = _define_value("upper bound")
+    side_slip: float | None = _define_value("limit, g")
+    side_slip_low: float | None = _define_value("lower bound")
+    side_slip_high: float | None = _define_value("upper bound")
+    understeer: float | None = _define_value("deg per m/s2")
+    understeer_low: float | None = _define_value("lower bound")
+    understeer_high: float | None = _define_value("upper bound")
+    steering_gain: float | None = _define_value("curvature over that of the tractor file")
+    steering_gain_low: float | None = _define_value("lower bound")
+    steering_gain_high: float | None = _define_value("upper bound")
+
+    @model_validator(mode="after")
+    def _check_effects(self) -> MeasuredEffects:
+        for name in SOIL_EFFECTS:
+            value, low, high = self.get_value(name)
+            if value is None:
+                if low is not None or high is not None:
+                    raise ValueError(f"{name} has an interval and no value")
+                continue
+            check_effect(name, {get_effect(name).size.name: value})
+            if not (value if low is None else low) <= value <= (value if high is None else high):
+                raise ValueError(f"{name} {value:g} lies outside of {name}{LOW} to {name}{HIGH}")
+        return self
+
+    def get_value(self, name: str) -> tuple[float | None, float | None, float | None]:
+        """Value and interval of an effect."""
+        return getattr(self, name), getattr(self, name + LOW), getattr(self, name + HIGH)
+
+
+def interpolate_effects(first: MeasuredEffects, second: MeasuredEffects, share: float) -> dict[str, EffectSetting]:
+    """Effects `share` (0 to 1) of the way between two lines, values and intervals; those that both lines know.
+
+    At 0 and at 1 the line alone counts.
+    """
+    lines = (first, first) if share == 0.0 else (second, second) if share == 1.0 else (first, second)
+    settings = {}
+    for name in SOIL_EFFECTS:
+        value, low, high = (
+            None if one is None or other is None else one + share * (other - one)
+            for one, other in zip(*(line.get_value(name) for line in lines), strict=True)
+        )
+        if value is not None:
+            key = get_effect(name).size.name
+            interval = {} if low is None or high is None else {key: (low, high)}
+            settings[name] = EffectSetting(value={key: value}, interval=interval)
+    return settings
+
+
+def replace_soil_effects(tractor: Tractor, effects: Mapping[str, EffectSetting]) -> Tractor:
+    """The tractor on a soil: what was measured on it stands in for the same effects of the tractor file."""
+    return tractor.model_copy(update={"effects": {**tractor.effects, **effects}}) if effects else tractor
 
 
 class SoilRow(MeasuredEffects):
@@ -55,12 +120,12 @@ class SoilRow(MeasuredEffects):
 
     name: str = Field(min_length=1, max_length=80)
     state: str = ""
-    moisture_pct: float | None = _define_share("% of dry weight")
-    clay_pct: float | None = _define_share("% of dry weight")
+    moisture_pct: float | None = _define_value("% of dry weight", 0, 100)
+    clay_pct: float | None = _define_value("% of dry weight", 0, 100)
     draft: Texture = "medium"
-    cone_index_kpa: float | None = _define_strength()
-    low_kpa: float | None = _define_strength()
-    high_kpa: float | None = _define_strength()
+    cone_index_kpa: float | None = _define_value("kPa, usually 200 to 2000", 10, 20_000)
+    low_kpa: float | None = _define_value("kPa, usually 200 to 2000", 10, 20_000)
+    high_kpa: float | None = _define_value("kPa, usually 200 to 2000", 10, 20_000)
     ground: str | None = None
     source: str = ""
 
@@ -179,18 +244,9 @@ def _build_soil(drier: SoilRow, wetter: SoilRow, share: float, moisture_pct: flo
         None if first is None or second is None else first * math.exp(share * math.log(second / first))
         for first, second in zip(_list_strengths(drier), _list_strengths(wetter), strict=True)
     )
-    return Soil(
-        name=drier.name,
-        moisture_pct=moisture_pct,
-        clay_pct=drier.clay_pct,
-        draft=drier.draft,
-        cone_index_kpa=index,
-        low_kpa=low,
-        high_kpa=high,
-        ground=drier.ground,
-        source=source,
-        effects=interpolate_effects(drier, wetter, share),
-    )
+    effects = interpolate_effects(drier, wetter, share)
+    kind = drier.clay_pct, drier.draft
+    return Soil(drier.name, moisture_pct, *kind, index, low, high, drier.ground, source, effects)
 
 
 def _list_strengths(row: SoilRow) -> tuple[float | None, float | None, float | None]:

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function, inline_function
 
 MIN_NODES = 2  # along each side
 NO_TERRAIN = np.zeros((0, 0))
 """The grid of a world without heights."""
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

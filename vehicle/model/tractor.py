@@ -176,15 +176,6 @@ class EffectSetting(_FrozenModel):
     logs: tuple[str, ...] = ()
 
 
-def _check_intervals(name: str, setting: EffectSetting) -> None:
-    for key, (low, high) in setting.interval.items():
-        if key not in setting.value or not low <= high:
-            raise VehicleError(
-                f"The effect {name} has the interval {key} = [{low:g}, {high:g}]; name one of its values and give the "
-                "lower bound first."
-            )
-
-
 SeenSpeed = Annotated[float, _make_number_type(0.0, 1000.0, "m/s")]
 SeenAngle = Annotated[float, _make_number_type(-360.0, 360.0, "degrees")]
 
@@ -260,31 +251,32 @@ class Tractor(_FrozenModel):
         """How far the body reaches behind the centre of mass."""
         return self.rear_axle_m + self.rear_overhang_m
 
+    @property
+    def ackermann_radius_m(self) -> float:
+        """Radius of the antenna's circle at full lock, from wheelbase and wheel angle alone."""
+        return math.hypot(self.antenna_forward_m, self.wheelbase_m / math.tan(math.radians(self.max_steering_deg)))
+
     def compute_smallest_radius_m(self, ground: str) -> float:
         """Radius of the antenna's circle at full lock on its weaker side.
 
         Without measured radii on any ground, the circle of the wheels without slip (Ackermann), on every ground.
         """
         if not self.radius:
-            lock_m = self.wheelbase_m / math.tan(math.radians(self.max_steering_deg))
-            return math.hypot(self.antenna_forward_m, lock_m)
+            return self.ackermann_radius_m
         law = self.get_power_law(ground)
         return max(law.compute_radius_m(self.max_steering_deg), law.compute_radius_m(-self.max_steering_deg))
 
     def get_power_law(self, ground: str) -> PowerLaw:
         """Measured radii on a ground. Raises VehicleError for a ground without measurements."""
-        try:
-            return self.radius[ground]
-        except KeyError:
-            if not self.radius:
-                raise VehicleError(
-                    f"The file of {self.name} has no measured turning radii; add them as radius.{ground}, or leave the "
-                    "wheels to turn without slip."
-                ) from None
-            known = ", ".join(sorted(self.radius))
+        if not self.radius:
             raise VehicleError(
-                f"No turning radii of {self.name} are known on {ground!r}; use one of: {known}."
-            ) from None
+                f"The file of {self.name} has no measured turning radii; add them as radius.{ground}, or leave the "
+                "wheels to turn without slip."
+            )
+        if ground not in self.radius:
+            known = ", ".join(sorted(self.radius))
+            raise VehicleError(f"No turning radii of {self.name} are known on {ground!r}; use one of: {known}.")
+        return self.radius[ground]
 
     @model_validator(mode="after")
     def _check_drive(self) -> Tractor:
@@ -306,7 +298,12 @@ class Tractor(_FrozenModel):
     def _check_consistency(self) -> Tractor:
         for name, setting in self.effects.items():
             check_effect(name, setting.value, self.wheelbase_m)
-            _check_intervals(name, setting)
+            for key, (low, high) in setting.interval.items():
+                if key not in setting.value or not low <= high:
+                    raise VehicleError(
+                        f"The effect {name} has the interval {key} = [{low:g}, {high:g}]; name one of its values and "
+                        "give the lower bound first."
+                    )
         if self.wheelbase_m > self.length_m:
             raise ValueError(f"wheelbase {self.wheelbase_m} m is longer than length_m {self.length_m}")
         if self.track_m > self.width_m + 0.5:

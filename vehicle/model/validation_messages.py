@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -13,6 +12,7 @@ from fields.errors import shorten_value, suggest_name
 
 MAX_FAULTS, MAX_MISSING = 6, 16
 Model = type[BaseModel]
+Place = tuple[str | int, ...]
 
 
 def describe_validation_errors(error: ValidationError, model: Model, max_count: int = MAX_FAULTS) -> str:
@@ -34,10 +34,10 @@ def _is_missing(fault: Any) -> bool:
     return fault["type"] == "missing" and not isinstance(fault["loc"][-1], int)
 
 
-def _describe_missing(place: tuple[str | int, ...], model: Model) -> str:
+def _describe_missing(place: Place, model: Model) -> str:
     info = _find_field(place, model)
-    words = info.description if info is not None else None
-    return f"{_join_keys(place)} ({words})" if words else _join_keys(place)
+    words = f" ({info.description})" if info is not None and info.description else ""
+    return f"{_join_keys(place)}{words}"
 
 
 def _describe_fault(fault: Any, model: Model) -> str:
@@ -50,14 +50,15 @@ def _describe_fault(fault: Any, model: Model) -> str:
         return f"{_join_keys(place)} is not known{_suggest_fix(place, model)}"
     if kind == "missing":
         return f"{_join_keys(place[:-1])} = {shorten_value(value)}: give two numbers"
-    if kind == "tuple_type" and _is_list(_find_field(place, model)):
+    info = _find_field(place, model)
+    if kind == "tuple_type" and info is not None and Ellipsis in get_args(info.annotation):
         return f"{_join_keys(place)} = {shorten_value(value)}: give a list in brackets"
     if kind in ("too_long", "too_short", "tuple_type"):
         return f"{_join_keys(place)} = {shorten_value(value)}: give two numbers"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         keys = _join_keys(place)
         return f"{keys} = {shorten_value(value)}: make it a section, [{keys}], with its own keys"
-    return f"{_join_keys(place)} = {shorten_value(value)}: {_describe_rule(fault, _find_field(place, model))}"
+    return f"{_join_keys(place)} = {shorten_value(value)}: {_describe_rule(fault, info)}"
 
 
 def _describe_rule(fault: Any, info: FieldInfo | None) -> str:
@@ -69,67 +70,39 @@ def _describe_rule(fault: Any, info: FieldInfo | None) -> str:
             "bool_type": "give true or false",
             "string_type": "give a text in quotes",
             "string_too_short": "give a text that is not empty",
-            "string_too_long": _describe_max_length(fault),
+            "string_too_long": f"give a text of at most {fault.get('ctx', {}).get('max_length')} characters",
         }
         return texts.get(fault["type"], "give a number" if "float" in fault["type"] else str(fault["msg"]))
-    above = [
-        f"{'above ' if isinstance(limit, Gt) else 'from '}{_get_limit(limit):g}"
+    limits = [
+        f"{word} {float(getattr(limit, kind.__name__.lower())):g}"
+        for kind, word in ((Gt, "above"), (Ge, "from"), (Lt, "below"), (Le, "to"))
         for limit in info.metadata
-        if _is_lower_limit(limit)
-    ]
-    below = [
-        f"{'below ' if isinstance(limit, Lt) else 'to '}{_get_limit(limit):g}"
-        for limit in info.metadata
-        if _is_upper_limit(limit)
+        if isinstance(limit, kind)
     ]
     words = f" ({info.description})" if info.description else ""
-    return f"give a number {' '.join(above + below)}{words}"
+    return f"give a number {' '.join(limits)}{words}"
 
 
-def _describe_max_length(fault: Any) -> str:
-    return f"give a text of at most {fault.get('ctx', {}).get('max_length')} characters"
-
-
-def _is_lower_limit(limit: Any) -> bool:
-    return isinstance(limit, Ge | Gt)
-
-
-def _is_upper_limit(limit: Any) -> bool:
-    return isinstance(limit, Le | Lt)
-
-
-def _get_limit(limit: Any) -> float:
-    return float(next(getattr(limit, name) for name in ("ge", "gt", "le", "lt") if hasattr(limit, name)))
-
-
-def _suggest_fix(place: tuple[str | int, ...], model: Model) -> str:
+def _suggest_fix(place: Place, model: Model) -> str:
     """The section where an unknown key belongs, or the known key it resembles."""
     key = str(place[-1])
-    for section, inner in _iterate_sections(model):
-        if key in inner.model_fields:
+    for section, info in model.model_fields.items():  # sections that every file may have, such as [steering]
+        if not get_args(info.annotation) and _has_key(info, key):
             return f" here; it belongs under [{section}]"
     home = _find_model(place[:-1], model)
     for section, info in home.model_fields.items() if home is not None else ():
-        part: Model | None = _unwrap_model(info.annotation)
-        if part is not None and key in part.model_fields:
+        if _has_key(info, key):
             return f" here; it belongs under {section}"
     return suggest_name(key, home.model_fields) if home is not None else ""
 
 
-def _iterate_sections(model: Model) -> Iterator[tuple[str, Model]]:
-    """Sections that every file may have, such as [steering]."""
-    for name, info in model.model_fields.items():
-        inner: Model | None = _unwrap_model(info.annotation)
-        if inner is not None and not get_args(info.annotation):
-            yield name, inner
+def _has_key(section: FieldInfo, key: str) -> bool:
+    """Whether a section has a key."""
+    part = _unwrap_model(section.annotation)
+    return part is not None and key in part.model_fields
 
 
-def _is_list(info: FieldInfo | None) -> bool:
-    """Whether a key takes a list of any length."""
-    return info is not None and Ellipsis in get_args(info.annotation)
-
-
-def _find_field(place: tuple[str | int, ...], model: Model) -> FieldInfo | None:
+def _find_field(place: Place, model: Model) -> FieldInfo | None:
     """The field of a key, or of the pair that holds a number."""
     names = place[:-1] if isinstance(place[-1], int) else place
     home = _find_model(names[:-1], model)
@@ -140,7 +113,7 @@ def _find_field(place: tuple[str | int, ...], model: Model) -> FieldInfo | None:
     return FieldInfo.from_annotation(parts[int(place[-1])]) if len(parts) > int(place[-1]) else None
 
 
-def _find_model(names: tuple[str | int, ...], model: Model) -> Model | None:
+def _find_model(names: Place, model: Model) -> Model | None:
     """The class of a section. In a table of sections the keys are names of grounds or effects, in a list numbers."""
     current: Model | None = model
     is_keyed = False
@@ -165,5 +138,5 @@ def _unwrap_model(annotation: Any) -> Model | None:
     return next((inner for part in get_args(annotation) if (inner := _unwrap_model(part)) is not None), None)
 
 
-def _join_keys(place: tuple[str | int, ...]) -> str:
+def _join_keys(place: Place) -> str:
     return ".".join(str(part)[:40] for part in place)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vehicle.errors import VehicleError
+from vehicle.errors import VehicleError, check_range
 
 DRAFT_TERMS = 3
 
@@ -43,18 +43,18 @@ class WorkLoad:
     def __post_init__(self) -> None:
         if len(self.draft_n) != DRAFT_TERMS or not all(math.isfinite(term) and term >= 0.0 for term in self.draft_n):
             raise VehicleError(f"The draft {self.draft_n} is none; give three forces of 0 or more (N, N s/m, N s2/m2).")
-        _check_range("The mass of the implement", self.implement_mass_kg, 0.0, 100_000.0, "kg")
-        _check_range("The power of the engine", self.engine_power_w, 1.0, math.inf, "W")
-        _check_range("The efficiency of the driveline", self.driveline_efficiency, 0.05, 1.0, "")
-        _check_range("The share of the weight on driven wheels", self.driven_share, 0.05, 1.0, "")
-        _check_range("The largest slip", self.max_slip, 0.01, 0.9, "")
+        check_range("The mass of the implement", self.implement_mass_kg, 0.0, 100_000.0, "kg")
+        check_range("The power of the engine", self.engine_power_w, 1.0, math.inf, "W")
+        check_range("The efficiency of the driveline", self.driveline_efficiency, 0.05, 1.0)
+        check_range("The share of the weight on driven wheels", self.driven_share, 0.05, 1.0)
+        check_range("The largest slip", self.max_slip, 0.01, 0.9)
         if self.rolling_share is not None:
-            _check_range("The resistance to rolling", self.rolling_share, 0.0, 1.0, "of the weight")
+            check_range("The resistance to rolling", self.rolling_share, 0.0, 1.0, "of the weight")
         if self.mobility_number is not None:
-            _check_range("The mobility number", self.mobility_number, 0.5, 1e6, "")
+            check_range("The mobility number", self.mobility_number, 0.5, 1e6)
             _check_soil_resistance(self.rolling_share, self.mobility_number)
         if self.centre_height_m is not None:
-            _check_range("The height of the centre of mass", self.centre_height_m, 0.01, 10.0, "m")
+            check_range("The height of the centre of mass", self.centre_height_m, 0.01, 10.0, "m")
 
     @property
     def axle_power_w(self) -> float:
@@ -76,9 +76,3 @@ def _check_soil_resistance(rolling_share: float | None, mobility: float) -> None
         f"The resistance to rolling is {given}, and a soil with the mobility number {mobility:g} takes "
         f"{1.0 / mobility:.3g} alone; give that and what the tyres take, about 0.04."
     )
-
-
-def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        words = f" {unit}" if unit else ""
-        raise VehicleError(f"{what} is {value}{words}; give {low:g} to {high:g}{words}.")

@@ -8,20 +8,25 @@ there are no offsets, and bodies are read and written in batch.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pymunk._chipmunk_cffi import ffi, lib
+
+from vehicle.arrays import Integers
 
 # Rows of the array of offsets.
 AT_X, AT_Y, AT_ANGLE, AT_VX, AT_VY, AT_SPIN, AT_COSINE, AT_SINE, AT_FORCE_X, AT_FORCE_Y, AT_TORQUE = range(11)
 PROBE_BYTES = 1 << 14  # far more than a body takes
 NUMBER_BYTES = 8
-NO_OFFSETS: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+NO_OFFSETS: Integers = np.zeros(0, dtype=np.int64)
 Values = tuple[float, ...]
+NUMBERS: dict[str, Values] = {
+    "Position": (11.25, 23.5), "Angle": (0.8125,), "Velocity": (5.75, 9.125), "AngularVelocity": (0.6875,),
+    "Rotation": (), "Force": (101.5, 203.25), "Torque": (307.5,),
+}  # fmt: skip
+"""Groups of neighbouring numbers in the order of the rows, and what is written to find them; rotation follows."""
 
 
 @cache
@@ -34,7 +39,7 @@ def find_offsets() -> tuple[int, ...]:
     return first if first == second else ()
 
 
-def find_body_offsets(body: Any) -> npt.NDArray[np.int64]:
+def find_body_offsets(body: Any) -> Integers:
     """The offsets (11,) if this body of a space, which may be moving, has its numbers there; else empty."""
     offsets = find_offsets()
     if not offsets:
@@ -55,37 +60,22 @@ def _probe_offsets(scale: float) -> tuple[int, ...]:
     lib.cpBodySetCenterOfGravity(body, (0.375, 0.625))
     memory = ffi.buffer(block, PROBE_BYTES)
     offsets: list[int] = []
-    for write, read, values in _list_accessors(body, scale):
-        write(*values)
-        place = _find_only_place(memory, read())
-        if place < 0 or not _is_written_value_used(memory, place, read):
+    for name, values in NUMBERS.items():
+        scaled = tuple(scale * value for value in values)
+        if scaled:
+            getattr(lib, f"cpBodySet{name}")(body, scaled if len(scaled) > 1 else scaled[0])
+        found = _read(body, name)
+        place = _find_only_place(memory, found)
+        if place < 0 or not _is_written_value_used(memory, place, body, name):
             return ()
-        offsets += range(place, place + NUMBER_BYTES * len(values), NUMBER_BYTES)
+        offsets += range(place, place + NUMBER_BYTES * len(found), NUMBER_BYTES)
     return tuple(offsets)
 
 
-def _list_accessors(body: Any, scale: float) -> tuple[tuple[Callable[..., Any], Callable[[], Values], Values], ...]:
-    """Writer, reader and values of each group of neighbouring numbers, in the order of the offsets."""
-
-    def make_vector_reader(name: str) -> Callable[[], Values]:
-        return lambda: (lambda found: (found.x, found.y))(getattr(lib, f"cpBodyGet{name}")(body))
-
-    def make_number_reader(name: str) -> Callable[[], Values]:
-        return lambda: (getattr(lib, f"cpBodyGet{name}")(body),)
-
-    def make_setter(name: str, many: bool = True) -> Callable[..., Any]:
-        setter = getattr(lib, f"cpBodySet{name}")
-        return (lambda *values: setter(body, values)) if many else (lambda value: setter(body, value))
-
-    return (
-        (make_setter("Position"), make_vector_reader("Position"), (11.25 * scale, 23.5 * scale)),
-        (make_setter("Angle", False), make_number_reader("Angle"), (0.8125 * scale,)),
-        (make_setter("Velocity"), make_vector_reader("Velocity"), (5.75 * scale, 9.125 * scale)),
-        (make_setter("AngularVelocity", False), make_number_reader("AngularVelocity"), (0.6875 * scale,)),
-        (lambda *_: None, make_vector_reader("Rotation"), (0.0, 0.0)),
-        (make_setter("Force"), make_vector_reader("Force"), (101.5 * scale, 203.25 * scale)),
-        (make_setter("Torque", False), make_number_reader("Torque"), (307.5 * scale,)),
-    )
+def _read(body: Any, name: str) -> Values:
+    """The neighbouring numbers of this name, one or two, as the library reads them."""
+    found = getattr(lib, f"cpBodyGet{name}")(body)
+    return (found,) if isinstance(found, float) else (found.x, found.y)
 
 
 def _find_only_place(memory: Any, values: Values) -> int:
@@ -96,11 +86,11 @@ def _find_only_place(memory: Any, values: Values) -> int:
     return places[0] if len(places) == 1 and 0.0 not in values else -1
 
 
-def _is_written_value_used(memory: Any, place: int, read: Callable[[], Values]) -> bool:
+def _is_written_value_used(memory: Any, place: int, body: Any, name: str) -> bool:
     """Whether the library reads numbers that are written at an offset; they are restored."""
-    before = read()
+    before = _read(body, name)
     for values in (tuple(17.0 + value for value in before), before):
         struct.pack_into(f"{len(values)}d", memory, place, *values)
-        if read() != values:
+        if _read(body, name) != values:
             return False
     return True

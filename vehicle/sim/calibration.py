@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Records
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, remove_log_corrections
@@ -25,20 +24,18 @@ from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 
 CIRCLE_SPEED_MPS = 5.0 / 3.6  # speed of the thesis's experiments
 MEASURED_STEPS = 60  # the last second, when the circle has settled
-Array = npt.NDArray[Any]
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SteeringCircle:
     """A drive with a fixed steering angle: the path of the antenna (t, 2) and the radius (m) of its circle."""
 
-    antenna_path: npt.NDArray[np.float64]
+    antenna_path: Floats
     radius_m: float
 
 
 def drive_circle_with_tables(
-    tractor: Tractor, steering_deg: float, ground: int, tables: Array, *, seconds: float, speed_mps: float
+    tractor: Tractor, steering_deg: float, ground: int, tables: Records, *, seconds: float, speed_mps: float
 ) -> SteeringCircle:
     """Drive with the wheels at a fixed angle and measure the circle of the antenna over the last second.
 
@@ -53,28 +50,18 @@ def drive_circle_with_tables(
     states["stage"] = 1
     steps = round(seconds / DT_S)
     body_rows = np.empty((steps, BODY_WIDTH))
-    run_fixed(
-        steps,
-        DT_S,
-        engine.bridge,
-        states,
-        np.array([build_model_record(tractor, Implement())]),
-        build_ground_records(),
-        ground,
-        tables,
-        body_rows,
-    )
+    models, grounds = np.array([build_model_record(tractor, Implement())]), build_ground_records()
+    run_fixed(steps, DT_S, engine.bridge, states, models, grounds, ground, tables, body_rows)
     return _measure_circle(body_rows, tractor.antenna_forward_m - tractor.rear_axle_m)
 
 
-def _measure_circle(body_rows: Array, antenna_reach_m: float) -> SteeringCircle:
+def _measure_circle(body_rows: Records, antenna_reach_m: float) -> SteeringCircle:
     """The circle of a point `antenna_reach_m` ahead of the centre of mass, from bodies per step (t, 6)."""
     angle, last_rows = body_rows[:, BODY_ANGLE], body_rows[-MEASURED_STEPS:]
     antenna = body_rows[:, BODY_PLACE] + antenna_reach_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     spin, facing = last_rows[:, BODY_SPIN], last_rows[:, BODY_ANGLE]
-    velocity = last_rows[:, BODY_VELOCITY] + antenna_reach_m * spin[:, None] * np.stack(
-        [-np.sin(facing), np.cos(facing)], axis=1
-    )
+    aside = np.stack([-np.sin(facing), np.cos(facing)], axis=1)
+    velocity = last_rows[:, BODY_VELOCITY] + antenna_reach_m * spin[:, None] * aside
     radius = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
     return SteeringCircle(antenna, float(radius.mean()))
 
@@ -85,7 +72,7 @@ SETTLING_TIME_S = 20.0  # of a circle: longer changes its radius by less than a 
 SAMPLE_ANGLES_DEG = (1.0, 2.0, 4.0, 7.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 54.0)
 
 
-def build_identity_table(lock_deg: float) -> FloatArray:
+def build_identity_table(lock_deg: float) -> Floats:
     """A steering table that changes nothing."""
     return np.radians(np.linspace(-lock_deg, lock_deg, TABLE_STEPS))
 
@@ -101,12 +88,12 @@ def _measure_base_radius_ratios(tractor_key: str, ground: int) -> tuple[tuple[fl
     return SAMPLE_ANGLES_DEG, tuple(ratios)
 
 
-def compute_kinematic_radius(tractor: Tractor, angle: FloatArray) -> FloatArray:
+def compute_kinematic_radius(tractor: Tractor, angle: Floats) -> Floats:
     """Radius of the antenna's circle without any slip; `angle` in radians, above zero."""
     return np.hypot(tractor.antenna_forward_m, tractor.wheelbase_m / np.tan(angle))
 
 
-def build_steering_table(tractor: Tractor, ground: int) -> FloatArray:
+def build_steering_table(tractor: Tractor, ground: int) -> Floats:
     """Base-model angle (radians) at TABLE_STEPS evenly spaced physical angles from -lock to lock.
 
     On a ground without measured radii the angles are equal. Raises VehicleError if the base model cannot turn as
@@ -122,11 +109,13 @@ def build_steering_table(tractor: Tractor, ground: int) -> FloatArray:
     return np.copysign(_invert_base_curve(tractor, target_radius_m, ground), grid)
 
 
-def _invert_base_curve(tractor: Tractor, radius: FloatArray, ground: int) -> FloatArray:
+def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
     """Base-model angles (radians, positive) whose circles have these radii (m), by bisection of the measured curve."""
-    samples, ratios = _measure_base_radius_ratios(_build_cache_key(tractor), ground)
+    # Without names, measured radii and corrections from logs, which change nothing here, as a key of the cache.
+    bare = remove_log_corrections(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
+    samples, ratios = _measure_base_radius_ratios(bare.model_dump_json(), ground)
 
-    def compute_radius(angle: FloatArray) -> FloatArray:
+    def compute_radius(angle: Floats) -> Floats:
         return compute_kinematic_radius(tractor, angle) * np.interp(np.degrees(angle), samples, ratios)
 
     low, high = np.full(len(radius), 1e-9), np.full(len(radius), math.radians(samples[-1]))
@@ -143,13 +132,7 @@ def _invert_base_curve(tractor: Tractor, radius: FloatArray, ground: int) -> Flo
     return np.where(np.isinf(radius), 0.0, 0.5 * (low + high))
 
 
-def _build_cache_key(tractor: Tractor) -> str:
-    """The tractor without names, measured radii and corrections from logs, as a cache key."""
-    bare = remove_log_corrections(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
-    return bare.model_dump_json()
-
-
-def build_steering_tables(tractor: Tractor) -> FloatArray:
+def build_steering_tables(tractor: Tractor) -> Floats:
     """Tables of all grounds, shape (grounds, TABLE_STEPS).
 
     Corrections from logs do not change the tables: the simulation applies them in addition.
@@ -188,6 +171,5 @@ def drive_circle(
     index = find_ground_index(ground)
     if not corrected:
         return drive_base_circle(tractor, steering_deg, index, seconds, speed_mps)
-    return drive_circle_with_tables(
-        tractor, steering_deg, index, build_steering_tables(tractor), seconds=seconds, speed_mps=speed_mps
-    )
+    tables = build_steering_tables(tractor)
+    return drive_circle_with_tables(tractor, steering_deg, index, tables, seconds=seconds, speed_mps=speed_mps)

@@ -21,17 +21,20 @@ def compute_point_distance(px: float, py: float, rear: float, front: float, half
 
 
 @compile_function
-def compute_corner_distance(  # type: ignore[no-untyped-def]
-    ax, ay, acos, asin, arear, afront, ahalf, bx, by, bcos, bsin, brear, bfront, bhalf
-) -> float:
-    """Smallest distance of the four corners of box a to box b."""
+def compute_corner_distance(a, ahead_a, box, b, ahead_b, other_box) -> float:  # type: ignore[no-untyped-def]
+    """Smallest distance of the four corners of a box of `a` to one of `b`.
+
+    Boxes are rear, front and half width, `ahead_a` and `ahead_b` cosine and sine of the angles.
+    """
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
     best = 1e9
     for corner in range(4):
-        forward = afront if corner < 2 else arear
-        left = ahalf if corner % 2 == 0 else -ahalf
-        x = ax + forward * acos - left * asin - bx
-        y = ay + forward * asin + left * acos - by
-        best = min(best, compute_point_distance(x * bcos + y * bsin, y * bcos - x * bsin, brear, bfront, bhalf))
+        forward = box[1] if corner < 2 else box[0]
+        left = box[2] if corner % 2 == 0 else -box[2]
+        x = a.x + forward * acos - left * asin - b.x
+        y = a.y + forward * asin + left * acos - b.y
+        along, across = x * bcos + y * bsin, y * bcos - x * bsin
+        best = min(best, compute_point_distance(along, across, other_box[0], other_box[1], other_box[2]))
     return best
 
 
@@ -59,8 +62,9 @@ def get_boxes(model):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def compute_relative_pose(a, b, acos, asin, bcos, bsin):  # type: ignore[no-untyped-def]
+def compute_relative_pose(a, b, ahead_a, ahead_b):  # type: ignore[no-untyped-def]
     """Two poses as each sees the other: (x, y) for the first and for the second, cos and sin of the angle between."""
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
     dx, dy = b.x - a.x, b.y - a.y
     return (
         dx * acos + dy * asin,
@@ -89,8 +93,8 @@ def compute_distance_below(a, am, b, bm, limit) -> float:  # type: ignore[no-unt
     Boxes without a gap along any of their axes overlap, even if no corner is inside the other box. Otherwise the
     distance is that of a corner; it is not computed where the gap shows that it is too large.
     """
-    acos, asin, bcos, bsin = math.cos(a.angle), math.sin(a.angle), math.cos(b.angle), math.sin(b.angle)
-    relative_pose = compute_relative_pose(a, b, acos, asin, bcos, bsin)
+    ahead_a, ahead_b = (math.cos(a.angle), math.sin(a.angle)), (math.cos(b.angle), math.sin(b.angle))
+    relative_pose = compute_relative_pose(a, b, ahead_a, ahead_b)
     whole, body, tool = get_boxes(am)
     other_whole, other_body, other_tool = get_boxes(bm)
     best = 1e9
@@ -105,12 +109,10 @@ def compute_distance_below(a, am, b, bm, limit) -> float:  # type: ignore[no-unt
                 return 0.0
             if gap >= min(limit, best) + ROUNDING_M:
                 continue
-            ar, af, ah = box
-            br, bf, bh = other_box
             best = min(
                 best,
-                compute_corner_distance(a.x, a.y, acos, asin, ar, af, ah, b.x, b.y, bcos, bsin, br, bf, bh),
-                compute_corner_distance(b.x, b.y, bcos, bsin, br, bf, bh, a.x, a.y, acos, asin, ar, af, ah),
+                compute_corner_distance(a, ahead_a, box, b, ahead_b, other_box),
+                compute_corner_distance(b, ahead_b, other_box, a, ahead_a, box),
             )
     return best
 

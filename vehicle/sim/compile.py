@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Records, measure_along
 from vehicle.control.speed_profile import UNLIMITED_MPS, build_driving_limits, limit_by_bends, limit_by_brakes
 from vehicle.copying import copy_row
 from vehicle.energy.traction import (
@@ -20,8 +20,8 @@ from vehicle.energy.traction import (
     compute_traction_envelope,
 )
 from vehicle.jit import compile_function
-from vehicle.missions.plan import Mission, Plan
-from vehicle.model.ground import GROUNDS, find_ground_index
+from vehicle.missions.plan import Plan
+from vehicle.model.ground import GROUNDS, Tyres, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, get_log_corrections
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, MODEL, STATE
@@ -31,7 +31,6 @@ SAME_M = 1e-6
 # Measured on paths of 12 kinks of up to 44 degrees at 5 to 15 km/h: with 1.4 times as much, or with less, it weaves.
 LOOKAHEAD_SWING_RAD = math.radians(27.2)
 WEAVE_SHARE = 0.85  # of the steering rate: what the limits of the thesis's tractor come to at 5 km/h
-Array = npt.NDArray[Any]
 
 
 @compile_function
@@ -83,7 +82,7 @@ def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, las
 def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, float]:
     """Contact boxes of tractor and implement, forward of the centre of mass (m)."""
     tool = -(tractor.rear_axle_m + implement.hitch_m)
-    boxes = {
+    return {
         "nose": tractor.length_m - tractor.rear_end_m,
         "tail": -tractor.rear_end_m,
         "half_width": tractor.width_m / 2,
@@ -91,7 +90,6 @@ def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, f
         "tool_tail": tool - implement.length_m / 2,
         "tool_half_width": implement.contact_width_m / 2,
     }
-    return boxes
 
 
 def compute_lateral_ease(tractor: Tractor) -> float:
@@ -118,13 +116,9 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
     """Fields of MODEL for a load, of a tractor with the mass of its implement."""
     constant, linear, square = load.draft_n
     fields = {
-        "loaded": 1.0,
-        "draft_constant": constant,
-        "draft_linear": linear,
-        "draft_square": square,
-        "axle_power": load.axle_power_w,
-        "brake_limit": tractor.speed.max_drive_n,
-    }
+        "loaded": 1.0, "axle_power": load.axle_power_w, "brake_limit": tractor.speed.max_drive_n,
+        "draft_constant": constant, "draft_linear": linear, "draft_square": square,
+    }  # fmt: skip
     mobility = load.mobility_number
     if mobility is None:
         return fields
@@ -143,45 +137,30 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
     }
 
 
-def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Array:
+def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Records:
     """One MODEL record."""
     tractor = add_implement_mass(tractor, load)
-    model = np.zeros((), dtype=MODEL)
-    boxes = compute_contact_boxes(tractor, implement)
-    rate = math.radians(tractor.steering.rate_deg_per_s)
+    model, boxes = np.zeros((), dtype=MODEL), compute_contact_boxes(tractor, implement)
+    steering, guidance, speed = tractor.steering, tractor.guidance, tractor.speed
+    rate = math.radians(steering.rate_deg_per_s)
+    reach = max(
+        math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
+        math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
+    )
     values = {
-        "mass": tractor.mass_kg,
-        "inertia": tractor.inertia_kg_m2,
-        "front": tractor.front_axle_m,
-        "rear": tractor.rear_axle_m,
-        "track": tractor.track_m,
-        "guide": tractor.antenna_forward_m - tractor.rear_axle_m,
-        "guide_reverse": -tractor.rear_axle_m,
-        "lock": math.radians(tractor.max_steering_deg),
-        "dead_band": math.radians(tractor.steering.dead_band_deg),
-        "switch": math.radians(tractor.steering.switch_deg),
-        "rate": rate,
-        "lag": tractor.steering.lag_s,
-        "gain": tractor.steering.gain,
-        "latch": float(tractor.steering.latch),
-        "lateral_gain": math.radians(tractor.guidance.lateral_gain_deg_per_m),
-        "heading_gain": tractor.guidance.heading_gain,
-        "lateral_limit": tractor.guidance.lateral_limit_m,
-        "lateral_ease": compute_lateral_ease(tractor),
-        "wheel_pace": rate * tractor.guidance.turn_lookahead_m,
-        "lookahead_s": LOOKAHEAD_SWING_RAD / rate,
-        "kp": tractor.speed.proportional_n_s_per_m,
-        "ki": tractor.speed.integral_n_per_m,
-        "kd": tractor.speed.derivative_n_s2_per_m,
-        "max_drive": tractor.speed.max_drive_n,
-        "acceleration": tractor.speed.max_acceleration_mps2,
-        "shift_time": tractor.speed.shift_time_s,
-        "reach": max(
-            math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
-            math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
-        ),
-        **boxes,
-    }
+        "mass": tractor.mass_kg, "inertia": tractor.inertia_kg_m2,
+        "front": tractor.front_axle_m, "rear": tractor.rear_axle_m, "track": tractor.track_m,
+        "guide": tractor.antenna_forward_m - tractor.rear_axle_m, "guide_reverse": -tractor.rear_axle_m,
+        "lock": math.radians(tractor.max_steering_deg), "dead_band": math.radians(steering.dead_band_deg),
+        "switch": math.radians(steering.switch_deg), "rate": rate,
+        "lag": steering.lag_s, "gain": steering.gain, "latch": float(steering.latch),
+        "lateral_gain": math.radians(guidance.lateral_gain_deg_per_m), "heading_gain": guidance.heading_gain,
+        "lateral_limit": guidance.lateral_limit_m, "lateral_ease": compute_lateral_ease(tractor),
+        "wheel_pace": rate * guidance.turn_lookahead_m, "lookahead_s": LOOKAHEAD_SWING_RAD / rate,
+        "kp": speed.proportional_n_s_per_m, "ki": speed.integral_n_per_m, "kd": speed.derivative_n_s2_per_m,
+        "max_drive": speed.max_drive_n, "acceleration": speed.max_acceleration_mps2, "shift_time": speed.shift_time_s,
+        "reach": reach, **boxes,
+    }  # fmt: skip
     if load is not None:
         values |= build_load_fields(tractor, load)
     for name, value in (values | get_log_corrections(tractor).fields).items():
@@ -189,17 +168,28 @@ def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | 
     return model
 
 
-def build_ground_records(load: WorkLoad | None = None) -> Array:
+def build_ground_records(load: WorkLoad | None = None) -> Records:
     """GROUND records in the order of vehicle.model.ground.GROUNDS; a load may say how much they resist rolling."""
-    rows = np.zeros(len(GROUNDS), dtype=GROUND)
-    for row, ground in zip(rows, GROUNDS, strict=True):
-        row["front_slope"] = math.degrees(ground.front_slope_per_deg)
-        row["front_limit"] = math.radians(ground.front_limit_deg)
-        row["rear_slope"] = math.degrees(ground.rear_slope_per_deg)
-        row["rear_limit"] = math.radians(ground.rear_limit_deg)
-        row["rolling"] = ground.rolling_resistance
+    rows = build_tyre_ground_records(GROUNDS)
     if load is not None and load.rolling_share is not None:
         rows["rolling"] = load.rolling_share
+    return rows
+
+
+def build_tyre_ground_records(tyres: Sequence[Tyres]) -> Records:
+    """One GROUND record per set of tyres."""
+    rows = np.zeros(len(tyres), dtype=GROUND)
+    for row, tyre in zip(rows, tyres, strict=True):
+        row["front_slope"] = math.degrees(tyre.front_slope_per_deg)
+        row["front_limit"] = math.radians(tyre.front_limit_deg)
+        row["rear_slope"] = math.degrees(tyre.rear_slope_per_deg)
+        row["rear_limit"] = math.radians(tyre.rear_limit_deg)
+        row["rolling"], row["grip"] = tyre.rolling_resistance, tyre.grip or 1e6
+        row["shaped"] = float(tyre.curve is not None or tyre.grip is not None)
+        if tyre.curve is not None:
+            row["peak_slip"], row["peak"] = tyre.curve.peak_slip_rad, tyre.curve.peak
+            row["slide_slip"], row["slide"] = tyre.curve.slide_slip_rad, tyre.curve.slide
+            row["ease"] = tyre.curve.ease_mps
     return rows
 
 
@@ -210,11 +200,11 @@ class CompiledPlan:
     The third column of the points is the largest speed there (m/s), whatever that of the leg is.
     """
 
-    states: Array
-    legs: Array
-    gates: Array
-    points: Array
-    cumulative: Array
+    states: Records
+    legs: Records
+    gates: Records
+    points: Records
+    cumulative: Records
 
 
 def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> CompiledPlan:
@@ -232,7 +222,11 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     states["away"] = [mission.enters for mission in plan.missions]
     states["leaves"] = [mission.leaves for mission in plan.missions]
     for state, mission in zip(states, plan.missions, strict=True):
-        state["x"], state["y"], state["angle"] = _compute_start_pose(mission, tractor)
+        # The guided point stands on the first point of the path.
+        x, y, heading = mission.start
+        reach = (tractor.antenna_forward_m if mission.legs[0].gear > 0 else 0.0) - tractor.rear_axle_m
+        state["x"], state["y"] = x - reach * math.cos(heading), y - reach * math.sin(heading)
+        state["angle"] = heading
     legs = _build_leg_rows(plan, tractor)
     points, cumulative = _fill_joined_paths(plan, legs, states["first_leg"])
     if limits_speed:
@@ -242,15 +236,7 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     return CompiledPlan(states, legs, gates, points, cumulative)
 
 
-def _compute_start_pose(mission: Mission, tractor: Tractor) -> tuple[float, float, float]:
-    """Pose of the centre of mass so that the guided point stands on the first path point."""
-    x, y, heading = mission.start
-    forward = mission.legs[0].gear > 0
-    reach = (tractor.antenna_forward_m if forward else 0.0) - tractor.rear_axle_m
-    return x - reach * math.cos(heading), y - reach * math.sin(heading), heading
-
-
-def _build_leg_rows(plan: Plan, tractor: Tractor) -> Array:
+def _build_leg_rows(plan: Plan, tractor: Tractor) -> Records:
     """LEG records of all legs, without paths and links to other legs."""
     guidance = tractor.guidance
     legs = [leg for mission in plan.missions for leg in mission.legs]
@@ -266,7 +252,7 @@ def _build_leg_rows(plan: Plan, tractor: Tractor) -> Array:
     return rows
 
 
-def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Array, Array]:
+def _fill_joined_paths(plan: Plan, rows: Records, first_legs: Records) -> tuple[Records, Records]:
     """Points of the joined paths and the distances along them; writes ends and segments to the rows."""
     polylines = [leg.points for mission in plan.missions for leg in mission.legs]
     sizes = np.array([len(points) for points in polylines])
@@ -281,16 +267,13 @@ def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Arra
     return path[:size].copy(), along[:size].copy()
 
 
-def _limit_speeds(path: Array, cumulative: Array, rows: Array, tractor: Tractor) -> None:
+def _limit_speeds(path: Records, cumulative: Records, rows: Records, tractor: Tractor) -> None:
     """Write the speed limits of the joined paths."""
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
     lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
-    one = limits[0]
     first, last, grounds = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
-    limit_runs(
-        path, cumulative, first, last, grounds, lateral, length,
-        one.steering_mps, one.window_m, one.deceleration_mps2,
-    )  # fmt: skip
+    steering, window, deceleration = limits[0].steering_mps, limits[0].window_m, limits[0].deceleration_mps2
+    limit_runs(path, cumulative, first, last, grounds, lateral, length, steering, window, deceleration)
 
 
 @compile_function
@@ -326,7 +309,7 @@ def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]
         for leg in mission.legs:
             row = program.legs[number]
             run = slice(row["first_segment"], row["last_segment"] + 2)
-            along_m = row["end"] - leg.length_m + _measure_distances_m(leg.points)
+            along_m = row["end"] - leg.length_m + measure_along(leg.points)
             limits = np.interp(along_m, program.cumulative[run], program.points[run, 2])
             mission_speeds.append((np.floor(1e3 * np.minimum(limits, leg.speed_mps)) / 1e3).tolist())
             number += 1
@@ -334,12 +317,7 @@ def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]
     return speeds
 
 
-def _measure_distances_m(points: Array) -> Array:
-    """Distances (n,) along a polyline (n, 2)."""
-    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-
-
-def _resolve_leg_references(plan: Plan, states: Array, legs: Array) -> Array:
+def _resolve_leg_references(plan: Plan, states: Records, legs: Records) -> Records:
     """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
     first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()
     gates: list[tuple[int, float]] = []

@@ -22,7 +22,7 @@ from vehicle.sim.body_memory import (
     AT_VY,
     AT_X,
     AT_Y,
-)
+)  # fmt: skip
 from vehicle.sim.pymunk_bridge import (
     EACH_BODY,
     EACH_CONTACT,
@@ -37,7 +37,7 @@ from vehicle.sim.pymunk_bridge import (
     WRITE_DATA,
     WRITE_WIDTH,
     PymunkBridge,
-)
+)  # fmt: skip
 
 
 def _call_body_iterator(typingctx: Any, function: Any, space: Any, callback: Any, data: Any) -> Any:
@@ -97,29 +97,18 @@ _store_float: Any = intrinsic(_store)
 def drop_bridge_owner(bridge):  # type: ignore[no-untyped-def]
     """The same bridge without owners of its arrays (vehicle.jit.drop_owner): the caller keeps them alive."""
     return PymunkBridge(
-        drop_owner(bridge.addresses),
-        drop_owner(bridge.places),
-        drop_owner(bridge.offsets),
-        drop_owner(bridge.read),
-        drop_owner(bridge.write),
-        drop_owner(bridge.touching),
-        drop_owner(bridge.read_count),
-        drop_owner(bridge.write_count),
-        drop_owner(bridge.touch_count),
-    )
+        drop_owner(bridge.addresses), drop_owner(bridge.places), drop_owner(bridge.offsets),
+        drop_owner(bridge.read), drop_owner(bridge.write), drop_owner(bridge.touching),
+        drop_owner(bridge.read_count), drop_owner(bridge.write_count), drop_owner(bridge.touch_count),
+    )  # fmt: skip
 
 
 @compile_function
 def read_motions(bridge) -> None:  # type: ignore[no-untyped-def]
     """Read how the bodies move now, for get_motion; to be called once before every step."""
     if len(bridge.places) == 0:
-        bridge.read_count[0] = 0
-        _invoke_each(
-            bridge.addresses[EACH_BODY],
-            bridge.addresses[SPACE],
-            bridge.addresses[GET_BODY],
-            bridge.addresses[READ_DATA],
-        )
+        bridge.read_count[0], at = 0, bridge.addresses
+        _invoke_each(at[EACH_BODY], at[SPACE], at[GET_BODY], at[READ_DATA])
 
 
 @compile_function
@@ -128,27 +117,13 @@ def get_motion(bridge, i):  # type: ignore[no-untyped-def]
     if len(bridge.places) > 0:
         place, at = bridge.places[i], bridge.offsets
         return (
-            _load_float(place + at[AT_X]),
-            _load_float(place + at[AT_Y]),
-            _load_float(place + at[AT_ANGLE]),
-            _load_float(place + at[AT_VX]),
-            _load_float(place + at[AT_VY]),
-            _load_float(place + at[AT_SPIN]),
-            _load_float(place + at[AT_COSINE]),
-            _load_float(place + at[AT_SINE]),
-        )
-    first, read = READ_WIDTH * i, bridge.read
-    angle = read[first + 2]
-    return (
-        read[first],
-        read[first + 1],
-        angle,
-        read[first + 3],
-        read[first + 4],
-        read[first + 5],
-        math.cos(angle),
-        math.sin(angle),
-    )
+            _load_float(place + at[AT_X]), _load_float(place + at[AT_Y]), _load_float(place + at[AT_ANGLE]),
+            _load_float(place + at[AT_VX]), _load_float(place + at[AT_VY]), _load_float(place + at[AT_SPIN]),
+            _load_float(place + at[AT_COSINE]), _load_float(place + at[AT_SINE]),
+        )  # fmt: skip
+    k, read = READ_WIDTH * i, bridge.read
+    cosine, sine = math.cos(read[k + 2]), math.sin(read[k + 2])
+    return read[k], read[k + 1], read[k + 2], read[k + 3], read[k + 4], read[k + 5], cosine, sine
 
 
 @compile_function
@@ -168,24 +143,14 @@ def apply_force(bridge, i, force) -> None:  # type: ignore[no-untyped-def]
 def step_space(bridge, dt) -> None:  # type: ignore[no-untyped-def]
     """Advance the space by `dt` (s); to be called once forces are applied to every body."""
     if len(bridge.places) == 0:
-        bridge.write_count[0] = 0
-        _invoke_each(
-            bridge.addresses[EACH_BODY],
-            bridge.addresses[SPACE],
-            bridge.addresses[SET_BODY],
-            bridge.addresses[WRITE_DATA],
-        )
+        bridge.write_count[0], at = 0, bridge.addresses
+        _invoke_each(at[EACH_BODY], at[SPACE], at[SET_BODY], at[WRITE_DATA])
     _invoke_step(bridge.addresses[STEP], bridge.addresses[SPACE], dt)
 
 
 @compile_function
 def count_contacts(bridge) -> int:  # type: ignore[no-untyped-def]
     """Number of pairs of bodies in contact; their ids are in `bridge.touching`, one pair after another."""
-    bridge.touch_count[0] = 0
-    _invoke_each(
-        bridge.addresses[EACH_CONTACT],
-        bridge.addresses[SPACE],
-        bridge.addresses[GET_CONTACT],
-        bridge.addresses[TOUCH_DATA],
-    )
+    bridge.touch_count[0], at = 0, bridge.addresses
+    _invoke_each(at[EACH_CONTACT], at[SPACE], at[GET_CONTACT], at[TOUCH_DATA])
     return bridge.touch_count[0] // 2  # type: ignore[no-any-return]

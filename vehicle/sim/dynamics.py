@@ -18,28 +18,9 @@ from vehicle.fast_math import compute_arctangent_ratio
 from vehicle.jit import compile_function, inline_function
 from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.effect_terms import apply_play, compute_ground_speed, read_delayed
-from vehicle.sim.load_terms import (
-    compute_pull,
-    compute_slopes,
-    limit_drive,
-    note_overturning,
-)
+from vehicle.sim.load_terms import compute_pull, compute_slopes, limit_drive, note_overturning
 
 CREEP_MPS = 0.05  # slip angles of slower wheels are computed for this speed, to avoid a division by zero
-
-
-@inline_function
-def compute_inverse_speed(rolling: float) -> float:
-    """One over the rolling speed (s/m) in the slip angle."""
-    return 1.0 / max(abs(rolling), CREEP_MPS)
-
-
-@inline_function
-def compute_limited_slip_ratio(share: float, slide: float, limit: float) -> float:
-    """Slip angle over its tangent `slide`: `share`, or less where the angle would exceed `limit` (rad)."""
-    if share * slide > limit:
-        share = limit / slide
-    return share
 
 
 @compile_function
@@ -51,9 +32,12 @@ def compute_side_resistance(rolling: float, sliding: float, slope: float, limit:
     beyond `limit`, which would make the step explicit, and saturated tyres would throw a crawling tractor from side to
     side.
     """
-    inverse = compute_inverse_speed(rolling)
+    inverse = 1.0 / max(abs(rolling), CREEP_MPS)
     slide = abs(sliding) * inverse
-    return slope * compute_limited_slip_ratio(compute_arctangent_ratio(slide), slide, limit) * inverse
+    share = compute_arctangent_ratio(slide)  # of the slip angle over its tangent
+    if share * slide > limit:
+        share = limit / slide
+    return slope * share * inverse
 
 
 @compile_function
@@ -137,13 +121,6 @@ def compute_half_load(model: object) -> float:
 
 
 @inline_function
-def compute_axle_damping(dt: float, model: object, ground: object) -> tuple[float, float]:
-    """Side slope of one front and one rear wheel under its load, times `dt` (N s)."""
-    load = dt * compute_half_load(model)
-    return load * model.rear * ground.front_slope, load * model.front * ground.rear_slope  # type: ignore[attr-defined]
-
-
-@inline_function
 def compute_velocity_changes(
     forward: float, right: float, spin: float, force: float, dt: float,
     cos_1: float, sin_1: float, cos_2: float, sin_2: float, sliding_1: float, sliding_2: float, sliding: float,
@@ -187,21 +164,16 @@ def _make_step(shaped: bool, slips: bool = False) -> StepFunction:
 
     @compile_function
     def step(
-        forward: float,
-        right: float,
-        spin: float,
-        tangent: float,
-        drive: float,
-        dt: float,
-        model: object,
-        ground: object,
-        thrust: float = 0.0,
-    ) -> tuple[float, float, float]:
+        forward: float, right: float, spin: float, tangent: float, drive: float, dt: float,
+        model: object, ground: object, thrust: float = 0.0,
+    ) -> tuple[float, float, float]:  # fmt: skip
         front, rear, half = model.front, model.rear, 0.5 * model.track  # type: ignore[attr-defined]
         cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding, rolling_1, rolling_2, left, right_side = (
             compute_wheel_motion(forward, right, spin, tangent, front, rear, half)
         )
-        front_damping, rear_damping = compute_axle_damping(dt, model, ground)
+        load = dt * compute_half_load(model)
+        # Side slope of one front and one rear wheel under its load, times `dt` (N s).
+        front_damping, rear_damping = load * model.rear * ground.front_slope, load * model.front * ground.rear_slope  # type: ignore[attr-defined]
         front_limit, rear_limit = ground.front_limit, ground.rear_limit  # type: ignore[attr-defined]
         if slips:
             front_limit, rear_limit = compute_soil_limits(thrust, model, ground)
@@ -267,17 +239,9 @@ def step_steering_system(state, model, dt) -> None:  # type: ignore[no-untyped-d
         state.commands[state.clock % len(state.commands)] = command
         command = read_delayed(state.commands, state.clock, min(model.dead_steps, float(state.clock)))
     state.steering, state.stage = step_steering_simulator(
-        state.steering,
-        command,
-        state.stage,
-        dt,
-        model.dead_band,
-        model.switch,
-        model.rate,
-        model.lag,
-        model.gain,
-        model.latch,
-    )
+        state.steering, command, state.stage, dt,
+        model.dead_band, model.switch, model.rate, model.lag, model.gain, model.latch,
+    )  # fmt: skip
     if model.affected != 0.0:
         state.play = apply_play(state.play, state.steering, model)
 

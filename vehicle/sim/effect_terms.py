@@ -38,24 +38,11 @@ def solve_understeer(angle: float, forward: float, table, model) -> float:  # ty
     """
     if abs(angle) < STRAIGHT_RAD:
         return angle
-    remaining, loss = angle, compute_understeer_loss(forward, model)
+    remaining, loss = angle, model.understeer * forward * forward / (model.front + model.rear)
     for _ in range(SECANT_STEPS):
-        remaining = compute_secant_step(
-            angle, remaining, compute_tangent(convert_to_base_angle(remaining, table, model.lock)), loss
-        )
+        bend = compute_tangent(convert_to_base_angle(remaining, table, model.lock))
+        remaining = angle * remaining / (remaining + loss * bend)
     return remaining
-
-
-@inline_function
-def compute_understeer_loss(forward: float, model) -> float:  # type: ignore[no-untyped-def]
-    """Wheel angle (rad) lost per tangent of the remaining angle, at a speed."""
-    return model.understeer * forward * forward / (model.front + model.rear)  # type: ignore[no-any-return]
-
-
-@inline_function
-def compute_secant_step(angle: float, remaining: float, bend: float, loss: float) -> float:
-    """Remaining wheel angle (rad) of an `angle`, from an estimate `remaining` and its tangent `bend`."""
-    return angle * remaining / (remaining + loss * bend)
 
 
 @inline_function
@@ -127,16 +114,10 @@ def compute_affected_tangent(  # type: ignore[no-untyped-def]
     bend = compute_tangent(convert_to_base_angle(angle, table, model.lock)) * compute_curvature_factor(
         angle, east, north, seconds, model
     )
-    bend = add_implement_draft(bend, extra, working, model)
+    bend = bend * (1.0 + extra) + (model.front + model.rear) * model.draft * working
     if model.slide > 0.0:
         bend = limit_curve_tangent(bend, forward, model)
     return bend
-
-
-@inline_function
-def add_implement_draft(bend: float, extra: float, working: float, model) -> float:  # type: ignore[no-untyped-def]
-    """Tangent with an extra share of the discrepancy model and the side draft of a working implement."""
-    return bend * (1.0 + extra) + (model.front + model.rear) * model.draft * working  # type: ignore[no-any-return]
 
 
 @compile_function

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Records
 from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
 from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
@@ -37,8 +37,6 @@ SNAPSHOT_INTERVAL_S = 60.0  # of simulated time
 FINE_INTERVAL_S = 1.0  # to find out which of two tractors came first
 MAX_SPEED_RATIO = 1.5  # upper bound of a speed over that of the fastest leg
 AIM_MARGIN_M = 1.0  # upper bound of the distance from the point of progress to the guided point, with position errors
-
-Array = npt.NDArray[Any]
 
 
 class IncrementalSimulator:
@@ -116,13 +114,8 @@ class IncrementalSimulator:
         self._solo_runs = {n: entry for n, entry in unchanged if _has_same_legs(entry, plan.missions[n])}
         self._solo_fleet = None
         world = self._build_world(Plan(tuple(plan.missions[tractor] for tractor in tractors)))
-        shared = max(
-            (
-                self._list_shared_snapshots(earlier, plan, tractors)
-                for earlier in (self._last_plan, self._last_finished_plan)
-            ),
-            key=len,
-        )
+        earlier_plans = self._last_plan, self._last_finished_plan
+        shared = max((self._list_shared_snapshots(earlier, plan, tractors) for earlier in earlier_plans), key=len)
         snapshots = [(entry, list(tractors)) for entry in shared]
         if shared:
             world.restore(select_tractors(shared[-1], tractors))
@@ -136,9 +129,8 @@ class IncrementalSimulator:
             independent=True, max_time_s=max(max_times_s), progress=keep_snapshot, chunk_s=SNAPSHOT_INTERVAL_S
         )
         for place, (tractor, leg_ends_m, max_s) in enumerate(zip(tractors, world.leg_ends_m, max_times_s, strict=True)):
-            solo_run = extract_solo_run(
-                run, place, leg_ends_m, [(entry, places[place]) for entry, places in snapshots], max_s
-            )
+            own_snapshots = [(entry, places[place]) for entry, places in snapshots]
+            solo_run = extract_solo_run(run, place, leg_ends_m, own_snapshots, max_s)
             if solo_run is not None:
                 self._solo_runs[tractor] = solo_run
         return [self._solo_runs[tractor].run if tractor in self._solo_runs else None for tractor in tractors]
@@ -151,45 +143,31 @@ class IncrementalSimulator:
             return []
         return earlier.snapshots[: self._count_shared_snapshots(earlier, plan, tractors)]
 
-    def _find_solo_start(self, plan: Plan, max_time_s: float, models: npt.NDArray[np.void]) -> WorldSnapshot | None:
+    def _find_solo_start(self, plan: Plan, max_time_s: float, models: Records) -> WorldSnapshot | None:
         """The last snapshot up to which the solo runs of the tractors, if known, give the run of a plan."""
-        runs_by_tractor = [self._solo_runs.get(number) for number in range(plan.tractors)]
-        solo_runs = [
-            solo_run
-            for solo_run, mission in zip(runs_by_tractor, plan.missions, strict=True)
-            if solo_run and _has_same_legs(solo_run, mission)
-        ]
+        runs = ((self._solo_runs.get(number), mission) for number, mission in enumerate(plan.missions))
+        solo_runs = [solo_run for solo_run, mission in runs if solo_run and _has_same_legs(solo_run, mission)]
         if plan.tractors == 1 or len(solo_runs) < plan.tractors:
             return None
         if self._solo_fleet is None or self._solo_fleet[0] != solo_runs:
             self._solo_fleet = solo_runs, combine_solo_runs(solo_runs)
         combined = self._solo_fleet[1]
-        fastest = MAX_SPEED_RATIO * max(leg.speed_mps for mission in plan.missions for leg in mission.legs)
+        reach_m = _compute_fastest_mps(plan.missions) / self.tractor.guidance.rate_hz
         stop = self.stop_clearance_m
         limits = stop, stop if self.beside_clearance_m is None else self.beside_clearance_m
         snapshot_count = len(self._list_common_snapshots(combined, plan, max_time_s))
-        return find_last_independent_snapshot(
-            combined, solo_runs, snapshot_count, models, limits, fastest / self.tractor.guidance.rate_hz
-        )
+        return find_last_independent_snapshot(combined, solo_runs, snapshot_count, models, limits, reach_m)
 
     def _build_world(self, plan: Plan) -> World:
         return World(
-            plan,
-            self.tractor,
-            self.implement,
-            terrain=self.terrain,
-            load=self.load,
-            position_errors=self.position_errors,
-            seed=self.seed,
-        )
+            plan, self.tractor, self.implement, terrain=self.terrain, load=self.load,
+            position_errors=self.position_errors, seed=self.seed,
+        )  # fmt: skip
 
     def _list_common_snapshots(self, earlier: SimulatedPlan, plan: Plan, max_time_s: float) -> list[WorldSnapshot]:
         """The snapshots of a run up to which no tractor met a difference between its plan and another."""
-        return [
-            snapshot
-            for snapshot in self._list_shared_snapshots(earlier, plan, range(plan.tractors))
-            if snapshot.time_s < max_time_s
-        ]
+        shared = self._list_shared_snapshots(earlier, plan, range(plan.tractors))
+        return [snapshot for snapshot in shared if snapshot.time_s < max_time_s]
 
     def _count_shared_snapshots(self, earlier: SimulatedPlan, plan: Plan, tractors: Sequence[int]) -> int:
         """Number of snapshots of a run up to which some tractors met no difference between its plan and another."""
@@ -217,20 +195,17 @@ class IncrementalSimulator:
         """Whether gates opened in a run before the progress of a tractor reached `limit_m`, where it sees them."""
         snapshot_count = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit_m))
 
-        def has_passed(progress: Array) -> bool:
+        def has_passed(progress: Records) -> bool:
             return all(progress[gate.tractor] >= earlier.compute_opening_m(gate) for gate in gates)
 
         if snapshot_count and has_passed(earlier.progress_m[snapshot_count - 1]):
             return True
         if not 0 < snapshot_count < len(earlier.snapshots) or not has_passed(earlier.progress_m[snapshot_count]):
             return False
-        return any(
-            has_passed(progress_m)
-            for progress_m in self._simulate_finely(earlier, snapshot_count - 1)
-            if progress_m[tractor] < limit_m
-        )
+        fine_rows = self._simulate_finely(earlier, snapshot_count - 1)
+        return any(has_passed(progress_m) for progress_m in fine_rows if progress_m[tractor] < limit_m)
 
-    def _simulate_finely(self, earlier: SimulatedPlan, index: int) -> list[Array]:
+    def _simulate_finely(self, earlier: SimulatedPlan, index: int) -> list[Records]:
         """Progress of each tractor (m) every second until the next snapshot of a run."""
         if index not in earlier.fine_progress_m:
             world = self._build_world(earlier.plan)
@@ -252,7 +227,7 @@ class IncrementalSimulator:
         These are the stopping distance (vehicle.control.guidance.compute_allowed_speed) and the distance of the point
         it steers for, which is measured from the antenna even where progress is counted from the rear axle.
         """
-        fastest = MAX_SPEED_RATIO * max(leg.speed_mps for mission in missions for leg in mission.legs)
+        fastest = _compute_fastest_mps(missions)
         guidance = self.tractor.guidance
         braking_m = fastest * fastest / (2.0 * BRAKE_SHARE * self.tractor.speed.max_acceleration_mps2)
         steering_m = STEERING_DISTANCE_FACTOR * guidance.turn_lookahead_m
@@ -261,6 +236,11 @@ class IncrementalSimulator:
         lookahead_m = max(guidance.lookahead_m, guidance.turn_lookahead_m, ahead_m)
         aim_m = lookahead_m + abs(self.tractor.antenna_forward_m) + AIM_MARGIN_M
         return max(stop_m, aim_m)
+
+
+def _compute_fastest_mps(missions: Sequence[Mission]) -> float:
+    """Upper bound of the speeds of missions."""
+    return MAX_SPEED_RATIO * max(leg.speed_mps for mission in missions for leg in mission.legs)
 
 
 def _get_last_time_s(snapshots: list[WorldSnapshot]) -> float:
@@ -284,9 +264,7 @@ def count_same_legs(before: Plan, after: Plan) -> list[int]:
 def _has_same_legs(solo_run: SoloRun, mission: Mission) -> bool:
     """Whether a mission has the same legs as that of a solo run."""
     legs = solo_run.mission.legs
-    return len(legs) == len(mission.legs) and all(
-        _has_same_path(*pair) for pair in zip(legs, mission.legs, strict=True)
-    )
+    return len(legs) == len(mission.legs) and all(map(_has_same_path, legs, mission.legs))
 
 
 def count_same_paths(before: Plan, after: Plan) -> list[int]:
@@ -302,10 +280,7 @@ def has_same_leg_references(a: Leg, b: Leg, same_counts: Sequence[int]) -> bool:
 
 def _find_differing_gates(a: Leg, b: Leg, same_counts: Sequence[int]) -> set[LegGate] | None:
     """The gates that only one of two legs has; None if they differ in more, or name legs that differ."""
-    (gates, follow, late), (later_gates, leader, later) = (
-        _collect_leg_references(a, same_counts),
-        _collect_leg_references(b, same_counts),
-    )
+    (gates, follow, late), (later_gates, leader, later) = (_collect_leg_references(leg, same_counts) for leg in (a, b))
     return None if late or later or follow != leader else gates ^ later_gates
 
 
@@ -313,11 +288,11 @@ def _has_same_path(a: Leg, b: Leg) -> bool:
     """Whether two legs are the same apart from gates and order to follow."""
     if a is b:
         return True
-    traits = [
+    traits, other_traits = (
         (leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task.kind, leg.stand_s, len(leg.points))
         for leg in (a, b)
-    ]
-    return traits[0] == traits[1] and (a.points is b.points or bool((a.points == b.points).all()))
+    )
+    return traits == other_traits and (a.points is b.points or bool((a.points == b.points).all()))
 
 
 def _collect_leg_references(leg: Leg, same_counts: Sequence[int]) -> tuple[set[LegGate], FollowOrder | None, bool]:

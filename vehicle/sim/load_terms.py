@@ -6,15 +6,21 @@ it is to the weight as on the slope itself, so that tyres slip as much. Draft an
 which is off by 1 / cos of the slope: 0.5 % at a slope of 10 %, 2 % at 20 %.
 
 Thrust is the force of the driven wheels that rolling resistance is still to be taken from, positive in the direction of
-travel. Every function takes records of vehicle.records; the fields of MODEL count where `loaded` is 1.
+travel. Compiled functions take records of vehicle.records; the fields of MODEL count where `loaded` is 1. The last
+functions say after a run why a tractor got stuck, and how far each stayed from rolling over.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
+
+from vehicle.arrays import Records
 from vehicle.energy.traction import SLIP_RATE
 from vehicle.jit import compile_function, inline_function
+from vehicle.missions.run import RollOverMargin, Stall
 from vehicle.records import GRAVITY_MPS2
 
 EASE_MPS = 0.05  # resistance that turns with the direction of travel is full from this speed on
@@ -118,3 +124,39 @@ def note_overturning(state, slope_right: float, speed: float, spin: float) -> No
     if push > state.overturn:
         state.overturn, state.overturn_x, state.overturn_y = push, state.x, state.y
         state.overturn_leg = state.leg - state.first_leg
+
+
+def build_stall(tractor: int, time_s: float, state: Any, model: Any, ground: Any) -> Stall:
+    """The stall of a tractor, from its state and its MODEL and GROUND record."""
+    shortage, goal = int(state["shortage"]), float(state["target_speed"])
+    direction = -1.0 if goal < 0.0 else 1.0
+    angle = float(state["angle"])
+    ahead = float(state["slope_east"]) * math.cos(angle) + float(state["slope_north"]) * math.sin(angle)
+    weight_n = float(model["mass"]) * GRAVITY_MPS2
+    if shortage == BRAKES:
+        down = -ahead if state["forward"] > 0.0 else ahead
+        needed_n, available_n = weight_n * (down - float(ground["rolling"])), float(model["brake_limit"])
+    else:
+        size = abs(goal)
+        pull_n = float(model["draft_constant"] + (model["draft_linear"] + model["draft_square"] * size) * size)
+        model_view, ground_view = (np.array([record]).view(np.recarray)[0] for record in (model, ground))
+        draft_n = pull_n if state["working"] else 0.0
+        needed_n = weight_n * (ahead * direction + float(ground["rolling"])) + draft_n
+        available_n = find_thrust_limit(model_view, ground_view, STALL_MPS, float(state["wheel_slip"]))[0]
+    leg = int(state["leg"] - state["first_leg"])
+    place = float(state["x"]), float(state["y"])
+    return Stall(time_s, tractor, leg, *place, ahead * direction, SHORTAGES[shortage], needed_n, available_n)
+
+
+def build_roll_over_margins(states: Records, track_m: float, centre_height_m: float) -> tuple[RollOverMargin, ...]:
+    """The least margin of every tractor: where a rigid body on its track would tip, less the largest sideways push."""
+    tip_rad = math.atan(0.5 * track_m / centre_height_m)
+    return tuple(
+        RollOverMargin(
+            tip_rad - math.atan(float(state["overturn"])),
+            float(state["overturn_x"]),
+            float(state["overturn_y"]),
+            int(state["overturn_leg"]),
+        )
+        for state in states
+    )

@@ -27,7 +27,7 @@ from vehicle.records import (
     REC_STEERING,
     REC_X,
     REC_Y,
-)
+)  # fmt: skip
 from vehicle.sim.clearance import find_too_close, mark_contact_candidates
 from vehicle.sim.compiled_access import (
     apply_force,
@@ -177,14 +177,9 @@ def run_loop(  # type: ignore[no-untyped-def]
     """
     bridge, states, models = drop_bridge_owner(bridge), drop_owner(states), drop_owner(models)
     grounds, tables, legs, gates = drop_owner(grounds), drop_owner(tables), drop_owner(legs), drop_owner(gates)
-    points, cumulative, record, present = (
-        drop_owner(points),
-        drop_owner(cumulative),
-        drop_owner(record),
-        drop_owner(present),
-    )
+    points, cumulative, record = drop_owner(points), drop_owner(cumulative), drop_owner(record)
     clearances, position_errors, required = drop_owner(clearances), drop_owner(position_errors), drop_owner(required)
-    heights, frame = drop_owner(heights), drop_owner(frame)
+    present, heights, frame = drop_owner(present), drop_owner(heights), drop_owner(frame)
     count, is_level = len(states), len(heights) == 0
     checks_clearance = count > 1 and stop_clearance > IGNORE_CLEARANCE_M
     touchable, rows = present.any(), 0

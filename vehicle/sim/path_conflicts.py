@@ -6,11 +6,9 @@ the boxes round whole tractors come first, and distances are computed only where
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats, Integers, Records
 from vehicle.jit import compile_function, drop_owner
 from vehicle.sim.clearance import (
     PARALLEL_SINE,
@@ -25,14 +23,13 @@ from vehicle.sim.clearance import (
 
 BLOCK_SIZE = 16  # poses under one enclosing circle, and circles under one larger one
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
-Array = npt.NDArray[Any]
 
 
-def build_poses(rows: Array) -> Array:
-    """POSE records (n,) of x, y (m) and angle (rad), shape (n, 3)."""
-    poses = np.zeros(len(rows), dtype=POSE)
+def build_poses(rows: Records) -> Records:
+    """POSE records (...,) of x, y (m) and angle (rad), shape (..., 3)."""
+    poses = np.zeros(rows.shape[:-1], dtype=POSE)
     for column, name in enumerate(("x", "y", "angle")):
-        poses[name] = rows[:, column]
+        poses[name] = rows[..., column]
     return poses
 
 
@@ -43,7 +40,7 @@ class PosePath:
     radii of circles round blocks of poses, and round blocks of those circles.
     """
 
-    def __init__(self, poses: Array) -> None:
+    def __init__(self, poses: Records) -> None:
         self.poses = poses
         self.directions = np.column_stack([np.cos(poses["angle"]), np.sin(poses["angle"])])
         self.block_circles = _compute_enclosing_circles(np.column_stack([poses["x"], poses["y"], np.zeros(len(poses))]))
@@ -51,8 +48,8 @@ class PosePath:
 
 
 def find_conflicting_poses(
-    a: PosePath, b: PosePath, models: Array, clearance_m: float, beside_clearance_m: float
-) -> Array:
+    a: PosePath, b: PosePath, models: Records, clearance_m: float, beside_clearance_m: float
+) -> Records:
     """Poses that two tractors cannot take at once: rows (k, 3) of a pose in `a` and a range (first, last) in `b`.
 
     Rows are sorted by the pose in `a`, then by those in `b`. As in vehicle.sim.clearance, two are in conflict within
@@ -67,7 +64,7 @@ def find_conflicting_poses(
         rows = np.empty((count, 3), dtype=np.int64)
 
 
-def _compute_enclosing_circles(circles: Array) -> Array:
+def _compute_enclosing_circles(circles: Records) -> Records:
     """Centre and radius of a circle round each block of circles (m, 3)."""
     starts = np.arange(0, len(circles), BLOCK_SIZE)
     sizes = np.diff(np.append(starts, len(circles)))
@@ -89,25 +86,16 @@ def _is_box_near(a, b, ahead_a, ahead_b, relative_pose, box, other_box, limit): 
     gap = compute_box_gap_m(relative_pose, box, other_box)
     if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
         return gap < 0.0
-    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
-    rear, front, half = box
-    orear, ofront, ohalf = other_box
-    if (
-        compute_corner_distance(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf)
-        < limit
-    ):
-        return True
     return (
-        compute_corner_distance(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half)
-        < limit
+        compute_corner_distance(a, ahead_a, box, b, ahead_b, other_box) < limit
+        or compute_corner_distance(b, ahead_b, other_box, a, ahead_a, box) < limit
     )
 
 
 @compile_function
 def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
     """Whether two poses cannot be taken at once; distances are computed only where needed."""
-    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
-    relative_pose = compute_relative_pose(a, b, acos, asin, bcos, bsin)
+    relative_pose = compute_relative_pose(a, b, ahead_a, ahead_b)
     whole, body, tool = boxes
     gap = compute_box_gap_m(relative_pose, whole, whole)
     limit = clearance
@@ -167,108 +155,86 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
     return count
 
 
+Approach = tuple[int, int, int, float]
+
+
 def find_close_approaches(
-    poses: npt.NDArray[np.float64], on_field: npt.NDArray[np.bool_], model: Array, clearance_m: float, beside_m: float
-) -> list[tuple[int, int, int, float]]:
+    poses: Floats, on_field: Booleans, model: Records, clearance_m: float, beside_m: float
+) -> list[Approach]:
     """Pairs (i, j, k, metres) of tractors i < j that are too close at step k, the first such step of each pair.
 
     `poses` (n, steps, 3) are x, y (m) and angle (rad) of the centres of mass at common times, `on_field` (n,) marks the
     tractors on the field, `model` (1,) is their MODEL record. Too close is as in vehicle.sim.clearance.
     """
-    records = _build_pose_records(poses)
-    rows = np.empty((max(len(poses) * (len(poses) - 1) // 2, 1), 4))
-    count = _scan_approaches(records, on_field, model, clearance_m, beside_m, rows)
-    return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
+    pairs = np.argwhere(np.triu(np.outer(on_field, on_field), 1))
+    return _list_approaches(poses, model, poses, np.repeat(model, len(poses)), pairs, (clearance_m, beside_m))
 
 
 def find_close_approaches_between(
-    own_poses: npt.NDArray[np.float64],
-    own_model: Array,
-    other_poses: npt.NDArray[np.float64],
-    other_models: Array,
+    own_poses: Floats,
+    own_model: Records,
+    other_poses: Floats,
+    other_models: Records,
     clearance_m: float,
     beside_m: float,
-) -> list[tuple[int, int, int, float]]:
+) -> list[Approach]:
     """As find_close_approaches, for pairs (i, j) of a tractor i of one group and j of another.
 
     Both groups are poses (n, steps, 3); `own_model` (1,) is the record of the whole first group, `other_models` (m,)
     those of the second.
     """
-    rows = np.empty((max(len(own_poses) * len(other_poses), 1), 4))
-    count = _scan_approaches_between(
-        _build_pose_records(own_poses),
-        own_model,
-        _build_pose_records(other_poses),
-        other_models,
-        clearance_m,
-        beside_m,
-        rows,
-    )
+    pairs = np.argwhere(np.ones((len(own_poses), len(other_poses)), dtype=np.bool_))
+    return _list_approaches(own_poses, own_model, other_poses, other_models, pairs, (clearance_m, beside_m))
+
+
+def _list_approaches(
+    own_poses: Floats,
+    own_model: Records,
+    other_poses: Floats,
+    other_models: Records,
+    pairs: Integers,
+    limits_m: tuple[float, float],
+) -> list[Approach]:
+    rows, pairs = np.empty((len(pairs), 4)), np.ascontiguousarray(pairs)
+    own, others = build_poses(own_poses), build_poses(other_poses)
+    count = _scan_approaches(own, own_model, others, other_models, pairs, *limits_m, rows)
     return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
 
 
 def compute_outline_distances(
-    poses: npt.NDArray[np.float64], other_poses: npt.NDArray[np.float64], model: Array, other_model: Array | None = None
-) -> npt.NDArray[np.float64]:
+    poses: Floats, other_poses: Floats, model: Records, other_model: Records | None = None
+) -> Floats:
     """Metres (steps,) between the outlines of two tractors at poses (steps, 3) of common times.
 
     Both are of `model` unless `other_model` is given for the second.
     """
     out = np.empty(len(poses))
     second = model if other_model is None else other_model
-    _fill_distances(_build_pose_records(poses[None])[0], _build_pose_records(other_poses[None])[0], model, second, out)
+    _fill_distances(build_poses(poses), build_poses(other_poses), model, second, out)
     return out
 
 
-def _build_pose_records(poses: npt.NDArray[np.float64]) -> Array:
-    records = np.zeros(poses.shape[:2], dtype=POSE)
-    for column, name in enumerate(("x", "y", "angle")):
-        records[name] = poses[:, :, column]
-    return records
-
-
 @compile_function
-def _scan_approaches(poses, on_field, model, clearance, beside_clearance, rows):  # type: ignore[no-untyped-def]
-    count, kind = 0, model[0]
-    reach = 2.0 * kind.reach + clearance
-    for i in range(len(poses)):
-        for j in range(i + 1, len(poses)):
-            if not (on_field[i] and on_field[j]):
-                continue
-            for k in range(poses.shape[1]):
-                a, b = poses[i, k], poses[j, k]
-                dx, dy = a.x - b.x, a.y - b.y
-                if dx * dx + dy * dy >= reach * reach:
-                    continue
-                metres = compute_outline_distance(a, kind, b, kind)
-                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, kind)):
-                    continue
-                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
-                count += 1
-                break
-    return count
-
-
-@compile_function
-def _scan_approaches_between(  # type: ignore[no-untyped-def]
-    own_poses, own_model, other_poses, other_models, clearance, beside_clearance, rows
+def _scan_approaches(  # type: ignore[no-untyped-def]
+    own_poses, own_model, other_poses, other_models, pairs, clearance, beside_clearance, rows
 ):
+    """Number of `pairs` (n, 2) that come too close; of each, pair, first step and metres are written to `rows`."""
     count, kind = 0, own_model[0]
-    for i in range(len(own_poses)):
-        for j in range(len(other_poses)):
-            other_model = other_models[j]
-            reach = kind.reach + other_model.reach + clearance
-            for k in range(own_poses.shape[1]):
-                a, b = own_poses[i, k], other_poses[j, k]
-                dx, dy = a.x - b.x, a.y - b.y
-                if dx * dx + dy * dy >= reach * reach:
-                    continue
-                metres = compute_outline_distance(a, kind, b, other_model)
-                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, other_model)):
-                    continue
-                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
-                count += 1
-                break
+    for pair in range(len(pairs)):
+        i, j = pairs[pair, 0], pairs[pair, 1]
+        other_model = other_models[j]
+        reach = kind.reach + other_model.reach + clearance
+        for k in range(own_poses.shape[1]):
+            a, b = own_poses[i, k], other_poses[j, k]
+            dx, dy = a.x - b.x, a.y - b.y
+            if dx * dx + dy * dy >= reach * reach:
+                continue
+            metres = compute_outline_distance(a, kind, b, other_model)
+            if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, other_model)):
+                continue
+            rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
+            count += 1
+            break
     return count
 
 

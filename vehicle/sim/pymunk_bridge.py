@@ -16,6 +16,7 @@ import pymunk
 import pymunk.batch
 from pymunk._chipmunk_cffi import ffi, lib
 
+from vehicle.arrays import Booleans, Floats, Integers
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import BODY_WIDTH
@@ -55,8 +56,8 @@ class ContactBoxes:
         self._space = space
         self._iterations = pymunk.Space().iterations
         self._shapes = [(_build_shape(body, tractor_box), _build_shape(body, tool_box)) for body in bodies]
-        self.present: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
-        self.required: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
+        self.present: Booleans = np.zeros(len(bodies), dtype=np.bool_)
+        self.required: Booleans = np.zeros(len(bodies), dtype=np.bool_)
 
     def update_space(self) -> None:
         """Add the required boxes to the space and remove the others."""
@@ -110,11 +111,11 @@ class PymunkBridge(NamedTuple):
     the C headers: element 0 is the number in use and must be set to zero before every call.
     """
 
-    addresses: npt.NDArray[np.int64]
-    places: npt.NDArray[np.int64]
-    offsets: npt.NDArray[np.int64]
-    read: npt.NDArray[np.float64]
-    write: npt.NDArray[np.float64]
+    addresses: Integers
+    places: Integers
+    offsets: Integers
+    read: Floats
+    write: Floats
     touching: npt.NDArray[np.uint64]
     read_count: npt.NDArray[np.int32]
     write_count: npt.NDArray[np.int32]
@@ -140,35 +141,22 @@ class PymunkEngine:
         self.addresses = self._resolve_addresses()
         self.ids = np.array([body.id for body in bodies], dtype=np.uint64)
         offsets = self._check_memory_layout()
+        places = NO_OFFSETS
+        if len(offsets):  # addresses of the bodies (n,), valid as long as the bodies live
+            places = np.array([int(ffi.cast("uintptr_t", body._body)) for body in bodies], dtype=np.int64)
         self.bridge = PymunkBridge(
-            self.addresses,
-            self._read_body_addresses() if len(offsets) else NO_OFFSETS,
-            offsets,
-            self.read,
-            self.write,
-            self.touching,
-            self.read_count,
-            self.write_count,
-            self.touch_count,
-        )
+            self.addresses, places, offsets, self.read, self.write, self.touching,
+            self.read_count, self.write_count, self.touch_count,
+        )  # fmt: skip
 
-    def _read_body_addresses(self) -> npt.NDArray[np.int64]:
-        """Addresses of the bodies (n,), valid as long as the bodies live."""
-        return np.array([int(ffi.cast("uintptr_t", body._body)) for body in self.bodies], dtype=np.int64)
-
-    def _resolve_addresses(self) -> npt.NDArray[np.int64]:
-        self._data = [
-            _create_batch(buffer, fields.value)
-            for buffer, fields in zip(self._buffers, (READ, WRITE, TOUCH), strict=True)
-        ]
+    def _resolve_addresses(self) -> Integers:
+        self._data = [ffi.new("pmBatchedData *") for _ in self._buffers]
+        for data, buffer, fields in zip(self._data, self._buffers, (READ, WRITE, TOUCH), strict=True):
+            data.fields, data.floatArray, data.intArray = fields.value, buffer._float_arr, buffer._int_arr
         functions = (
-            "cpSpaceStep",
-            "cpSpaceEachBody",
-            "cpSpaceEachCachedArbiter",
-            "pmSpaceBodyGetIteratorFuncBatched",
-            "pmSpaceBodySetIteratorFuncBatched",
-            "pmSpaceArbiterIteratorFuncBatched",
-        )
+            "cpSpaceStep", "cpSpaceEachBody", "cpSpaceEachCachedArbiter", "pmSpaceBodyGetIteratorFuncBatched",
+            "pmSpaceBodySetIteratorFuncBatched", "pmSpaceArbiterIteratorFuncBatched",
+        )  # fmt: skip
         try:
             pointers = [ffi.addressof(lib, name) for name in functions]
         except AttributeError as error:
@@ -177,7 +165,7 @@ class PymunkEngine:
         pointers += [self.space._space, *self._data]
         return np.array([int(ffi.cast("uintptr_t", pointer)) for pointer in pointers], dtype=np.int64)
 
-    def _check_memory_layout(self) -> npt.NDArray[np.int64]:
+    def _check_memory_layout(self) -> Integers:
         """Compare one batch read and one batch write with the ordinary API, and the memory of the bodies with both.
 
         Bodies at rest would read the same in any order, so they get distinct velocities for the test. Returns the
@@ -218,12 +206,6 @@ class PymunkEngine:
         wrong = written != self.write[:count].tolist()
         self.write[:count] = 0.0
         return "the batch write has another order" if wrong else ""
-
-
-def _create_batch(buffer: pymunk.batch.Buffer, fields: int) -> Any:
-    data = ffi.new("pmBatchedData *")
-    data.fields, data.floatArray, data.intArray = fields, buffer._float_arr, buffer._int_arr
-    return data
 
 
 def _view_batch_counts(array: Any) -> npt.NDArray[np.int32]:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Records
 from vehicle.jit import compile_function
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -24,7 +24,6 @@ from vehicle.sim.world import STALL_S, WorldSnapshot
 
 CORNER_SPEED_RATIO = 3.0  # largest speed of a corner over that of its tractor
 ROUNDING_FACTOR = 1.01  # margin for the rounding of sums
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -36,17 +35,16 @@ class SimulatedPlan:
     """
 
     plan: Plan
-    leg_ends_m: Sequence[FloatArray]
+    leg_ends_m: Sequence[Floats]
     snapshots: list[WorldSnapshot] = field(default_factory=list)
-    fine_progress_m: dict[int, list[FloatArray]] = field(default_factory=dict)
+    fine_progress_m: dict[int, list[Floats]] = field(default_factory=dict)
     is_independent: bool = False
 
     @cached_property
-    def progress_m(self) -> FloatArray:
+    def progress_m(self) -> Floats:
         """Progress of each tractor at the snapshots (m), (k, n)."""
-        return np.array([snapshot.states["progress"] for snapshot in self.snapshots]).reshape(
-            len(self.snapshots), self.plan.tractors
-        )
+        progress_m = np.array([snapshot.states["progress"] for snapshot in self.snapshots])
+        return progress_m.reshape(len(self.snapshots), self.plan.tractors)
 
     def compute_opening_m(self, gate: LegGate) -> float:
         """Progress (m) of the tractor that a gate waits for, when it opens."""
@@ -61,7 +59,7 @@ class SoloRun:
     """
 
     run: SimulationRun
-    leg_ends_m: FloatArray
+    leg_ends_m: Floats
     snapshots: dict[int, tuple[WorldSnapshot, int]]
 
     @property
@@ -73,7 +71,7 @@ class SoloRun:
 def extract_solo_run(
     run: SimulationRun,
     tractor: int,
-    leg_ends_m: FloatArray,
+    leg_ends_m: Floats,
     snapshots: Sequence[tuple[WorldSnapshot, int]],
     max_time_s: float,
 ) -> SoloRun | None:
@@ -95,10 +93,9 @@ def extract_solo_run(
         min_clearance_m=np.inf,
         roll_over=run.roll_over[tractor : tractor + 1],
     )
-    before = (entry for entry in snapshots if entry[0].rows <= rows)
-    return SoloRun(
-        solo_run, leg_ends_m, {snapshot.step: (replace(snapshot, chunks=()), place) for snapshot, place in before}
-    )
+    before = ((snapshot, place) for snapshot, place in snapshots if snapshot.rows <= rows)
+    own_snapshots = {snapshot.step: (replace(snapshot, chunks=()), place) for snapshot, place in before}
+    return SoloRun(solo_run, leg_ends_m, own_snapshots)
 
 
 def _is_progressing(snapshots: Sequence[tuple[WorldSnapshot, int]], finish_s: float) -> bool:
@@ -121,17 +118,11 @@ def _is_progressing(snapshots: Sequence[tuple[WorldSnapshot, int]], finish_s: fl
 
 def combine_solo_runs(solo_runs: Sequence[SoloRun]) -> SimulatedPlan:
     """A fleet of tractors that each drive as if alone, with the snapshots that all of them have."""
-    steps = reduce(
-        lambda steps, solo_run: steps & solo_run.snapshots.keys(), solo_runs[1:], set(solo_runs[0].snapshots)
-    )
+    steps = set.intersection(*(set(solo_run.snapshots) for solo_run in solo_runs))
     rows = ([solo_run.snapshots[step] for solo_run in solo_runs] for step in sorted(steps))
     plan = Plan(tuple(solo_run.mission for solo_run in solo_runs))
-    return SimulatedPlan(
-        plan,
-        [solo_run.leg_ends_m for solo_run in solo_runs],
-        [_join_snapshots(parts) for parts in rows],
-        is_independent=True,
-    )
+    leg_ends_m = [solo_run.leg_ends_m for solo_run in solo_runs]
+    return SimulatedPlan(plan, leg_ends_m, [_join_snapshots(parts) for parts in rows], is_independent=True)
 
 
 def _join_snapshots(parts: Sequence[tuple[WorldSnapshot, int]]) -> WorldSnapshot:
@@ -140,36 +131,29 @@ def _join_snapshots(parts: Sequence[tuple[WorldSnapshot, int]]) -> WorldSnapshot
     for row, (snapshot, tractor) in enumerate(parts):
         states[row] = snapshot.states[tractor]
     motion = np.array([snapshot.motion[tractor] for snapshot, tractor in parts])
-    boxes_present = np.zeros(count, dtype=np.bool_)
-    return WorldSnapshot(
-        _build_progress_clock(first, states), states, np.full(count, np.inf), motion, boxes_present, (), first.rows
-    )
+    return _build_independent_snapshot(first, states, motion, ())
 
 
-def _build_progress_clock(snapshot: WorldSnapshot, states: npt.NDArray[np.void]) -> FloatArray:
-    """The clock of a snapshot for other tractors, as if they had made progress at the last check."""
-    return np.array([snapshot.clock[0], states["progress"].sum(), snapshot.time_s])
+def _build_independent_snapshot(
+    snapshot: WorldSnapshot, states: Records, motion: Floats, chunks: Sequence[Floats]
+) -> WorldSnapshot:
+    """A snapshot with other tractors, which touch nobody, as if they had made progress at the last check."""
+    clock = np.array([snapshot.clock[0], states["progress"].sum(), snapshot.time_s])
+    clearances, present = np.full(len(states), np.inf), np.zeros(len(states), dtype=np.bool_)
+    return WorldSnapshot(clock, states, clearances, motion, present, chunks, snapshot.rows)
 
 
 def select_tractors(snapshot: WorldSnapshot, tractors: Sequence[int]) -> WorldSnapshot:
     """A snapshot of some of its tractors, which must not depend on the others."""
-    states = snapshot.states[tractors]
-    return WorldSnapshot(
-        clock=_build_progress_clock(snapshot, states),
-        states=states,
-        clearances=np.full(len(tractors), np.inf),
-        motion=snapshot.motion[tractors],
-        boxes_present=np.zeros(len(tractors), dtype=np.bool_),
-        chunks=[rows[:, tractors] for rows in snapshot.list_record_parts()],
-        rows=snapshot.rows,
-    )
+    chunks = [rows[:, tractors] for rows in snapshot.list_record_parts()]
+    return _build_independent_snapshot(snapshot, snapshot.states[tractors], snapshot.motion[tractors], chunks)
 
 
 def find_last_independent_snapshot(
     combined: SimulatedPlan,
     solo_runs: Sequence[SoloRun],
     snapshot_count: int,
-    models: npt.NDArray[np.void],
+    models: Records,
     clearance_limits_m: tuple[float, float],
     reach_m: float,
 ) -> WorldSnapshot | None:
@@ -181,9 +165,8 @@ def find_last_independent_snapshot(
     """
     if snapshot_count < 2:
         return None
-    record = np.concatenate(
-        [solo_run.run.record[: combined.snapshots[snapshot_count - 1].rows] for solo_run in solo_runs], axis=1
-    )
+    rows = combined.snapshots[snapshot_count - 1].rows
+    record = np.concatenate([solo_run.run.record[:rows] for solo_run in solo_runs], axis=1)
     clearances = np.full(len(solo_runs), np.inf)
     leaves = np.array([solo_run.mission.leaves for solo_run in solo_runs])
     limits_m = (*clearance_limits_m, CORNER_SPEED_RATIO * reach_m)
@@ -193,10 +176,10 @@ def find_last_independent_snapshot(
         begin, end = combined.snapshots[number], combined.snapshots[number + 1]
         gained = combined.progress_m[number + 1].sum() - combined.progress_m[number].sum()
         if end.rows <= free_rows and gained > ROUNDING_FACTOR * MIN_PROGRESS_M * (end.rows - begin.rows):
-            rows = record[: begin.rows]
+            driven = record[: begin.rows]
             clearances[:] = np.inf
-            _count_independent_rows(rows, states, leaves, models, clearances, *limits_m)
-            return replace(begin, clearances=clearances, chunks=(rows,))
+            _count_independent_rows(driven, states, leaves, models, clearances, *limits_m)
+            return replace(begin, clearances=clearances, chunks=(driven,))
     return None
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
+from vehicle.arrays import Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import Plan, check_plan
@@ -27,15 +27,8 @@ from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S, RECORD_COLUMNS
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.clearance import find_too_close
-from vehicle.sim.compile import (
-    CompiledPlan,
-    add_implement_mass,
-    build_ground_records,
-    build_model_record,
-    compile_plan,
-)
-from vehicle.sim.load_report import build_roll_over_margins, build_stall
-from vehicle.sim.load_terms import STALL_AFTER_S
+from vehicle.sim.compile import add_implement_mass, build_ground_records, build_model_record, compile_plan
+from vehicle.sim.load_terms import STALL_AFTER_S, build_roll_over_margins, build_stall
 from vehicle.sim.loop import (
     ALL_DONE,
     IGNORE_CLEARANCE_M,
@@ -50,30 +43,8 @@ from vehicle.sim.loop import (
 )
 from vehicle.sim.pymunk_bridge import ContactBoxes, EngineUnavailableError, PymunkEngine, create_body, create_space
 
-Array = npt.NDArray[Any]
 
-
-@dataclass(frozen=True, eq=False)
-class SimulationScene:
-    """The arguments of the compiled loop, with bodies as pymunk objects; the arrays are written to."""
-
-    space: pymunk.Space
-    bodies: list[pymunk.Body]
-    boxes: ContactBoxes
-    program: CompiledPlan
-    models: Array
-    grounds: Array
-    tables: Array
-    position_errors: Array
-    steps_per_tick: int
-    clock: Array
-    clearances: Array
-    contacts: Array
-    heights: Array
-    frame: Array
-
-
-def _check_heights(terrain: Terrain, points: Array) -> None:
+def _check_heights(terrain: Terrain, points: Records) -> None:
     """Raise VehicleError if a path leads beyond the known heights, where the ground would only seem level."""
     if terrain.covers(points[:, :2], terrain.spacing_m):
         return
@@ -88,59 +59,52 @@ def _check_heights(terrain: Terrain, points: Array) -> None:
 
 
 def run_slow_loop(
-    scene: SimulationScene, steps: int, dt: float, record: Any, stop: tuple[float, float], stall_s: float
+    world: World, steps: int, dt: float, record: Records, stop: tuple[float, float], stall_s: float
 ) -> tuple[int, int, int, int]:
-    """As vehicle.sim.loop.run_loop, for a scene; returns outcome, record rows and the closest pair."""
-    program, states = scene.program, scene.program.states.view(np.recarray)
-    models, grounds = scene.models.view(np.recarray), scene.grounds.view(np.recarray)
+    """As vehicle.sim.loop.run_loop, for a world; returns outcome, record rows and the closest pair."""
+    program, states = world.program, world.program.states.view(np.recarray)
+    models, grounds = world.models.view(np.recarray), world.grounds.view(np.recarray)
     legs, gates = program.legs.view(np.recarray), program.gates.view(np.recarray)
-    _record_contacts(scene, dt)
+    _record_contacts(world, dt)
     rows = 0
     for _ in range(steps):
-        step = int(scene.clock[0])
+        step = int(world.clock[0])
         time = step * dt
-        if step % scene.steps_per_tick == 0:
-            _read_poses(scene)
-            if len(scene.position_errors):
+        if step % world.steps_per_tick == 0:
+            for state, body in zip(program.states, world.bodies, strict=True):
+                (state["x"], state["y"]), state["angle"] = body.position, body.angle
+            if len(world.position_errors):
                 for state in states:
-                    draw_error(state, scene.position_errors)
+                    draw_error(state, world.position_errors)
             for tractor in range(len(states)):
-                path, period = (program.points, program.cumulative), scene.steps_per_tick * dt
+                path, period = (program.points, program.cumulative), world.steps_per_tick * dt
                 run_control_tick(tractor, states, models, legs, gates, *path, time, period)
-            scene.boxes.required[:] = (states["away"] == 0) & (stop[0] > IGNORE_CLEARANCE_M)
-            scene.boxes.update_space()
+            world.boxes.required[:] = (states["away"] == 0) & (stop[0] > IGNORE_CLEARANCE_M)
+            world.boxes.update_space()
             write_record_row(record, rows, states)
             rows += 1
-            outcome, pair = _judge_outcome(scene, time, stop, stall_s)
+            outcome, pair = _judge_outcome(world, time, stop, stall_s)
             if outcome != RUNNING:
                 return outcome, rows, *pair
-        for index, body in enumerate(scene.bodies):
+        for index, body in enumerate(world.bodies):
             ground = int(legs[states[index].leg].ground)
             pose = np.array([*body.position, body.angle, *body.velocity, body.angular_velocity])
-            if len(scene.heights):
-                slopes = compute_gradient(scene.heights, scene.frame, *(body.position + dt * body.velocity))
+            if len(world.heights):
+                slopes = compute_gradient(world.heights, world.frame, *(body.position + dt * body.velocity))
                 states[index].slope_east, states[index].slope_north = slopes
             push = np.zeros(3)
             model = int(states[index].model)
-            drive_tractor(states[index], models[model], grounds, ground, scene.tables[model, ground], pose, push, dt)
+            drive_tractor(states[index], models[model], grounds, ground, world.tables[model, ground], pose, push, dt)
             body.force, body.torque = (push[0], push[1]), push[2]
-        scene.space.step(dt)
-        scene.clock[0] += 1.0
+        world.space.step(dt)
+        world.clock[0] += 1.0
     return RUNNING, rows, -1, -1
 
 
-def _read_poses(scene: SimulationScene) -> None:
-    for state, body in zip(scene.program.states, scene.bodies, strict=True):
-        state["x"], state["y"] = body.position
-        state["angle"] = body.angle
-
-
-def _judge_outcome(
-    scene: SimulationScene, time: float, stop: tuple[float, float], stall_s: float
-) -> tuple[int, tuple[int, int]]:
-    states = scene.program.states
+def _judge_outcome(world: World, time: float, stop: tuple[float, float], stall_s: float) -> tuple[int, tuple[int, int]]:
+    states, clock = world.program.states, world.clock
     if len(states) > 1 and stop[0] > IGNORE_CLEARANCE_M:
-        _, first, second = find_too_close(states, scene.models, scene.clearances, *stop)
+        _, first, second = find_too_close(states, world.models, world.clearances, *stop)
         if first >= 0:
             return TOO_CLOSE, (first, second)
     stuck = np.flatnonzero(states["short_time"] > STALL_AFTER_S)
@@ -150,24 +114,24 @@ def _judge_outcome(
         return ALL_DONE, (-1, -1)
     total = float(states["progress"].sum())
     standing = ((states["stand_left"] > 0.0) & (states["started"] == 1)).any()
-    if total > scene.clock[1] + MIN_PROGRESS_M or standing:
-        scene.clock[1], scene.clock[2] = total, time
-    elif time - scene.clock[2] > stall_s:
+    if total > clock[1] + MIN_PROGRESS_M or standing:
+        clock[1], clock[2] = total, time
+    elif time - clock[2] > stall_s:
         return STALLED, (-1, -1)
     return RUNNING, (-1, -1)
 
 
-def _record_contacts(scene: SimulationScene, dt: float) -> None:
+def _record_contacts(world: World, dt: float) -> None:
     """Record every contact in the table that the compiled loop uses."""
 
     def record_contact(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        used = int(scene.contacts[-1, 0])
-        if used < len(scene.contacts) - 1:
+        used = int(world.contacts[-1, 0])
+        if used < len(world.contacts) - 1:
             first, second = (shape.body.id for shape in arbiter.shapes if shape.body)
-            scene.contacts[used] = scene.clock[0] * dt, first, second
-            scene.contacts[-1, 0] += 1.0
+            world.contacts[used] = world.clock[0] * dt, first, second
+            world.contacts[-1, 0] += 1.0
 
-    scene.space.on_collision(None, None, begin=record_contact)
+    world.space.on_collision(None, None, begin=record_contact)
 
 
 CHUNK_S = 600.0  # of simulated time between two calls of `progress`
@@ -186,12 +150,12 @@ class WorldSnapshot:
     legs after them.
     """
 
-    clock: Array
-    states: Array
-    clearances: Array
-    motion: Array
-    boxes_present: Array
-    chunks: Sequence[Array]
+    clock: Records
+    states: Records
+    clearances: Records
+    motion: Records
+    boxes_present: Records
+    chunks: Sequence[Records]
     rows: int
 
     @property
@@ -204,11 +168,11 @@ class WorldSnapshot:
         """Number of steps before the snapshot."""
         return int(self.clock[0])
 
-    def attach_to_record(self, record: Array) -> WorldSnapshot:
+    def attach_to_record(self, record: Records) -> WorldSnapshot:
         """The same, with its rows as a view of the record of the whole run, so that they are stored once."""
         return replace(self, chunks=(record[: self.rows],))
 
-    def list_record_parts(self) -> list[Array]:
+    def list_record_parts(self) -> list[Records]:
         """The record so far, in parts; there may be more in `chunks`."""
         parts, remaining_rows = [], self.rows
         for chunk in self.chunks:
@@ -234,14 +198,14 @@ class World:
         *,
         terrain: Terrain | None = None,
         load: WorkLoad | None = None,
-        tables: Array | None = None,
-        position_errors: Array | None = None,
+        tables: Records | None = None,
+        position_errors: Records | None = None,
         seed: int = 1,
     ) -> None:
         check_plan(plan)
         self.plan, self.tractor, self.terrain = plan, tractor, terrain
         self.load = WorkLoad() if terrain is not None and load is None else load
-        self.program: CompiledPlan = compile_plan(plan, tractor)
+        self.program = compile_plan(plan, tractor)
         if terrain is not None:
             _check_heights(terrain, self.program.points)
         self.heights, self.frame = (NO_TERRAIN, np.zeros(3)) if terrain is None else (terrain.grid, terrain.frame)
@@ -261,7 +225,7 @@ class World:
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
         self.rows = 0
-        self._record: Array = np.empty((0, plan.tractors, len(RECORD_COLUMNS)))
+        self._record: Records = np.empty((0, plan.tractors, len(RECORD_COLUMNS)))
         self.outcome = RUNNING
 
     def run(
@@ -307,26 +271,16 @@ class World:
         states, (legs, segments) = self.program.states.copy(), self._list_first_legs_and_segments()
         states["leg"] -= legs
         states["segment"] -= segments
-        return WorldSnapshot(
-            self.clock.copy(),
-            states,
-            self.clearances.copy(),
-            np.array(motion),
-            self.boxes.present.copy(),
-            (self._record,),
-            self.rows,
-        )
+        clock, clearances, present = self.clock.copy(), self.clearances.copy(), self.boxes.present.copy()
+        return WorldSnapshot(clock, states, clearances, np.array(motion), present, (self._record,), self.rows)
 
     def restore(self, snapshot: WorldSnapshot) -> None:
         """Continue from a snapshot of a world whose plan was the same as far as tractors had driven and looked ahead.
 
         Later legs may differ, also in number.
         """
-        states, own, (legs, segments) = (
-            snapshot.states.copy(),
-            self.program.states,
-            self._list_first_legs_and_segments(),
-        )
+        states, own = snapshot.states.copy(), self.program.states
+        legs, segments = self._list_first_legs_and_segments()
         states["leg"] += legs
         states["segment"] += segments
         for name in ("first_leg", "last_leg", "leaves"):
@@ -341,7 +295,7 @@ class World:
             self._reserve_rows(len(part))[:] = part
             self.rows += len(part)
 
-    def _reserve_rows(self, rows: int, expected_s: float = 0.0) -> Array:
+    def _reserve_rows(self, rows: int, expected_s: float = 0.0) -> Records:
         """Room for `rows` more rows after those of the record.
 
         The expected length of the run is reserved at once: memory that is not written to costs nothing.
@@ -364,17 +318,17 @@ class World:
         return EXPECTED_TIME_FACTOR * max(mission_times_s) + EXPECTED_TIME_MARGIN_S
 
     @property
-    def leg_ends_m(self) -> list[Array]:
+    def leg_ends_m(self) -> list[Records]:
         """Where the legs of each tractor end, counted from its start."""
         first, ends = self.program.states["first_leg"], self.program.legs["end"]
         return np.split(ends, first[1:])
 
-    def _list_first_legs_and_segments(self) -> tuple[Array, Array]:
+    def _list_first_legs_and_segments(self) -> tuple[Records, Records]:
         """The first leg and the first segment of each tractor (n,) in the arrays of the program."""
         legs = self.program.states["first_leg"].copy()
         return legs, self.program.legs["first_segment"][legs]
 
-    def _choose_loop(self, slow: bool) -> Callable[[int, Array, tuple[float, float]], Any]:
+    def _choose_loop(self, slow: bool) -> Callable[[int, Records, tuple[float, float]], Any]:
         if not slow:
             try:
                 engine = PymunkEngine(self.space, self.bodies)
@@ -384,25 +338,9 @@ class World:
                 self.ids = engine.ids
                 return lambda steps, record, stop: self._run_compiled_loop(engine, steps, record, stop)
         self.ids = np.array([body.id for body in self.bodies])
-        scene = SimulationScene(
-            space=self.space,
-            bodies=self.bodies,
-            boxes=self.boxes,
-            program=self.program,
-            models=self.models,
-            grounds=self.grounds,
-            tables=self.tables,
-            position_errors=self.position_errors,
-            steps_per_tick=self.steps_per_tick,
-            clock=self.clock,
-            clearances=self.clearances,
-            contacts=self.contacts,
-            heights=self.heights,
-            frame=self.frame,
-        )
-        return lambda steps, record, stop: run_slow_loop(scene, steps, DT_S, record, stop, STALL_S)
+        return lambda steps, record, stop: run_slow_loop(self, steps, DT_S, record, stop, STALL_S)
 
-    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Array, stop: tuple[float, float]) -> Any:
+    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Records, stop: tuple[float, float]) -> Any:
         """Run the compiled loop for `steps` steps, with contact boxes in the space where tractors are near others."""
         program, last, rows = self.program, int(self.clock[0]) + steps, 0
         while True:
@@ -417,23 +355,19 @@ class World:
                 return outcome, rows, first, second
             self.boxes.update_space()
 
-    def _build_run(self, outcome: int, record: Array) -> SimulationRun:
+    def _build_run(self, outcome: int, record: Records) -> SimulationRun:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
         states = self.program.states
-        finish = np.where(states["done"] == 1, states["done_time"], np.nan)
-        conflict = self._build_conflict() if outcome == TOO_CLOSE else None
-        stuck = self.pair[0] if outcome == STALLED else -1
-        stall = self._build_stall(stuck) if stuck >= 0 else None
         return SimulationRun(
             plan=self.plan,
             outcome=names[outcome],
             time_s=np.arange(len(record), dtype=np.float64) * (DT_S * self.steps_per_tick),
             record=record,
-            finish_s=finish,
+            finish_s=np.where(states["done"] == 1, states["done_time"], np.nan),
             contacts=self._list_first_contacts(),
             min_clearance_m=float(self.clearances.min()),
-            conflict=conflict,
-            stall=stall,
+            conflict=self._build_conflict() if outcome == TOO_CLOSE else None,
+            stall=self._build_stall(self.pair[0]) if outcome == STALLED and self.pair[0] >= 0 else None,
             roll_over=self._list_roll_over_margins(),
         )
 

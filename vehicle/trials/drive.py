@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pymunk
 
+from vehicle.arrays import Floats, Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.control.speed_profile import UNLIMITED_MPS
 from vehicle.errors import VehicleError
@@ -23,12 +22,18 @@ from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.model.gnss import NO_ERROR, Table, draw_error, make_error_keys
 from vehicle.model.ground import Tyres
 from vehicle.model.tractor import Implement, SteeringParameters, Tractor
-from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, GROUND, LEG, STATE
+from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, LEG, STATE
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS, build_identity_table, build_steering_tables
-from vehicle.sim.compile import CompiledPlan, build_ground_records, build_model_record, compile_plan
+from vehicle.sim.compile import (
+    CompiledPlan,
+    build_ground_records,
+    build_model_record,
+    build_tyre_ground_records,
+    compile_plan,
+)
 from vehicle.sim.compiled_access import apply_force, get_motion, read_motions, step_space
 from vehicle.sim.loop import compute_tractor_force
-from vehicle.sim.pymunk_bridge import PymunkEngine, create_space
+from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 
 # Columns of a trace: the pymunk body, then steering (rad) and values of the controller.
 TRACE_COLUMNS = ("x", "y", "angle", "vx", "vy", "spin", "steering", "command", "stage", "lateral", "leg", "done")
@@ -36,23 +41,9 @@ TRACE_COLUMNS = ("x", "y", "angle", "vx", "vy", "spin", "steering", "command", "
 
 @compile_function
 def run_trials(  # type: ignore[no-untyped-def]
-    steps,
-    dt,
-    steps_per_tick,
-    record_every,
-    bridge,
-    states,
-    models,
-    grounds,
-    tables,
-    legs,
-    gates,
-    points,
-    cumulative,
-    commands,
-    position_errors,
-    trace_rows,
-) -> int:
+    steps, dt, steps_per_tick, record_every, bridge, states, models, grounds, tables,
+    legs, gates, points, cumulative, commands, position_errors, trace_rows,
+) -> int:  # fmt: skip
     """Drive all tractors for `steps` of `dt`, on their paths or, if there are any, by `commands` (steps, n).
 
     `tables` (grounds, k) are the steering tables; the last one is used for all further grounds. Control runs every
@@ -99,7 +90,6 @@ def write_step(row, body, state) -> None:  # type: ignore[no-untyped-def]
     row[9], row[10], row[11] = state.lateral, float(state.leg - state.first_leg), float(state.done)
 
 
-Array = npt.NDArray[np.float64]
 POINT_SPACING_M = 0.1
 RUN_OUT_M = 6.0  # path after the measured part, so that braking is not measured
 
@@ -131,7 +121,7 @@ def build_sine_mission(amplitude_m: float, omega: float, periods: float, speed_m
     return _build_mission(np.stack([-amplitude_m * np.sin(omega * x), x], axis=1), speed_mps, ground)
 
 
-def _build_mission(points: Array, speed_mps: float, ground: str) -> Mission:
+def _build_mission(points: Floats, speed_mps: float, ground: str) -> Mission:
     return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
 
 
@@ -147,8 +137,8 @@ class Trace:
     (m), and of the controlled point ahead of it.
     """
 
-    time_s: Array
-    rows: Array
+    time_s: Floats
+    rows: Floats
     front_m: float
     rear_m: float
     point_m: float
@@ -157,29 +147,29 @@ class Trace:
         """The trace up to a row."""
         return replace(self, time_s=self.time_s[:row], rows=self.rows[:row])
 
-    def get_column(self, name: str) -> Array:
+    def get_column(self, name: str) -> Floats:
         """One column (t,)."""
         return np.asarray(self.rows[:, TRACE_COLUMNS.index(name)])
 
-    def compute_path(self, ahead_m: float | None = None) -> Array:
+    def compute_path(self, ahead_m: float | None = None) -> Floats:
         """Path (t, 2) of a point of the centre line, by default of the controlled point."""
         reach = self.point_m if ahead_m is None else ahead_m
         angle = self.get_column("angle")[:, None]
         return np.asarray(self.rows[:, BODY_PLACE] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
 
-    def compute_velocity(self) -> tuple[Array, Array, Array]:
+    def compute_velocity(self) -> tuple[Floats, Floats, Floats]:
         """Forward and rightward speed of the centre of mass (m/s) and clockwise spin (rad/s), (t,) each."""
         cosine, sine = np.cos(self.get_column("angle")), np.sin(self.get_column("angle"))
         vx, vy = self.get_column("vx"), self.get_column("vy")
         return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.get_column("spin")
 
-    def compute_slips(self) -> tuple[Array, Array]:
+    def compute_slips(self) -> tuple[Floats, Floats]:
         """Slip angles of front and rear axle (t,), radians, Eq. 4.1 and 4.2."""
         forward, right, spin = self.compute_velocity()
         front = np.arctan2(right + self.front_m * spin, forward) - self.get_column("steering")
         return (front + math.pi) % (2 * math.pi) - math.pi, np.arctan2(right - self.rear_m * spin, forward)
 
-    def compute_radius(self, ahead_m: float | None = None) -> Array:
+    def compute_radius(self, ahead_m: float | None = None) -> Floats:
         """Momentary turning radius (t,) of a point of the centre line: its speed over the spin; inf if straight."""
         reach = self.point_m if ahead_m is None else ahead_m
         forward, right, spin = self.compute_velocity()
@@ -205,28 +195,10 @@ def replace_steering(tractor: Tractor, name: str) -> Tractor:
     return tractor.model_copy(update={"steering": SteeringParameters(**{**steering.model_dump(), **changes[name]})})
 
 
-def build_tyre_ground_records(tyres: Sequence[Tyres]) -> npt.NDArray[Any]:
-    """One GROUND record per set of tyres."""
-    rows = np.zeros(len(tyres), dtype=GROUND)
-    for row, tyre in zip(rows, tyres, strict=True):
-        row["front_slope"] = math.degrees(tyre.front_slope_per_deg)
-        row["front_limit"] = math.radians(tyre.front_limit_deg)
-        row["rear_slope"] = math.degrees(tyre.rear_slope_per_deg)
-        row["rear_limit"] = math.radians(tyre.rear_limit_deg)
-        row["rolling"] = tyre.rolling_resistance
-        row["shaped"] = float(tyre.curve is not None or tyre.grip is not None)
-        row["grip"] = tyre.grip or 1e6
-        if tyre.curve is not None:
-            row["peak_slip"], row["peak"] = tyre.curve.peak_slip_rad, tyre.curve.peak
-            row["ease"] = tyre.curve.ease_mps
-            row["slide_slip"], row["slide"] = tyre.curve.slide_slip_rad, tyre.curve.slide
-    return rows
-
-
 def drive_by_steering_commands(
     tractors: Sequence[Tractor],
     tyres: Sequence[Tyres],
-    commands_deg: Array,
+    commands_deg: Floats,
     *,
     speed_mps: float = CIRCLE_SPEED_MPS,
     dt: float = DT_S,
@@ -245,22 +217,14 @@ def drive_by_steering_commands(
         raise VehicleError(f"A steering angle of {worst:g} degrees is beyond the stop; use {lock:g} or less.")
     states, legs = np.zeros(count, dtype=STATE), np.zeros(count, dtype=LEG)
     states["leg"] = states["first_leg"] = states["last_leg"] = states["model"] = np.arange(count)
-    states["stage"] = 1
+    states["stage"], states["x"], states["angle"] = 1, START_SPACING_M * np.arange(count), 0.5 * math.pi
     legs["ground"], legs["speed"] = np.arange(count), speed_mps
-    poses = np.stack([START_SPACING_M * np.arange(count), np.zeros(count), np.full(count, 0.5 * math.pi)], axis=1)
-    trial = _TrialSetup(tractors, poses, states, legs)
     if from_standstill:
         states["steering"] = np.radians(commands_deg[0])
-    else:
-        trial.start_moving(speed_mps)
-    return trial.run(
-        steps,
-        dt,
-        record_every,
-        build_tyre_ground_records(tyres),
-        build_identity_table(lock)[None],
-        np.radians(commands_deg),
-    )
+    program = CompiledPlan(states, legs, np.zeros(0, dtype=GATE), np.zeros((1, 3)), np.zeros(1))
+    surface = build_tyre_ground_records(tyres), build_identity_table(lock)[None]
+    start_mps, commands = 0.0 if from_standstill else speed_mps, np.radians(commands_deg)
+    return _drive_program(tractors, program, surface, (steps, dt, record_every), commands, start_mps)
 
 
 def follow_mission(
@@ -289,84 +253,48 @@ def follow_mission(
         legs["ground"] = 0
     legs["lookahead"] = tractor.guidance.lookahead_m
     program.states["error_key"] = make_error_keys(seed, 1)
-    state = program.states[0]
-    poses = np.array([[state["x"], state["y"], state["angle"]]])
-    trial = _TrialSetup([tractor], poses, program.states, legs, program.gates, program.points, program.cumulative)
-    trial.start_moving(mission.legs[0].speed_mps)
-    return trial.run(round(seconds / dt), dt, 1, grounds, tables, np.zeros((0, 1)), position_errors)[0]
+    times, start_mps = (round(seconds / dt), dt, 1), mission.legs[0].speed_mps
+    no_commands = np.zeros((0, 1))
+    return _drive_program([tractor], program, (grounds, tables), times, no_commands, start_mps, position_errors)[0]
 
 
-class _TrialSetup:
-    """Tractors without outlines in their own space, and the arrays of their drive."""
+def _drive_program(
+    tractors: Sequence[Tractor],
+    program: CompiledPlan,
+    surface: tuple[Records, Floats],
+    times: tuple[int, float, int],
+    commands: Floats,
+    start_mps: float,
+    position_errors: Table = NO_ERROR,
+) -> list[Trace]:
+    """Drive tractors without outlines in a space of their own, straight ahead at `start_mps` at first.
 
-    def __init__(
-        self,
-        tractors: Sequence[Tractor],
-        poses: Array,
-        states: npt.NDArray[Any],
-        legs: npt.NDArray[Any],
-        gates: npt.NDArray[Any] | None = None,
-        points: Array | None = None,
-        cumulative: Array | None = None,
-    ) -> None:
-        self.tractors, self.states, self.legs = tractors, states, legs
-        self.gates = np.zeros(0, dtype=GATE) if gates is None else gates
-        self.points = np.zeros((1, 3)) if points is None else points
-        self.cumulative = np.zeros(1) if cumulative is None else cumulative
-        self.space = create_space()
-        self.bodies = []
-        for tractor, (x, y, angle) in zip(tractors, poses, strict=True):
-            body = pymunk.Body(tractor.mass_kg, tractor.inertia_kg_m2)
-            body.position, body.angle = (float(x), float(y)), float(angle)
-            self.space.add(body)
-            self.bodies.append(body)
-
-    def start_moving(self, speed_mps: float) -> None:
-        """Set all to drive straight ahead at a speed."""
-        self.states["reference_speed"] = self.states["target_speed"] = speed_mps
-        for body in self.bodies:
-            body.velocity = (speed_mps * math.cos(body.angle), speed_mps * math.sin(body.angle))
-
-    def run(
-        self,
-        steps: int,
-        dt: float,
-        record_every: int,
-        grounds: npt.NDArray[Any],
-        tables: Array,
-        commands: Array,
-        position_errors: Table = NO_ERROR,
-    ) -> list[Trace]:
-        """Drive all tractors; returns one trace each."""
-        engine = PymunkEngine(self.space, self.bodies)
-        steps_per_tick = max(1, round(1.0 / (self.tractors[0].guidance.rate_hz * dt)))
-        rows_by_tractor = np.empty((-(-steps // record_every), len(self.bodies), len(TRACE_COLUMNS)))
-        models = np.array([build_model_record(tractor, Implement()) for tractor in self.tractors])
-        # The experiments drive by Eq. 2.5 as printed: no more lookahead and no less correction at speed.
-        models["lookahead_s"], models["lateral_ease"] = 0.0, math.inf
-        rows = run_trials(
-            steps,
-            dt,
-            steps_per_tick,
-            record_every,
-            engine.bridge,
-            self.states,
-            models,
-            grounds,
-            tables,
-            self.legs,
-            self.gates,
-            self.points,
-            self.cumulative,
-            commands,
-            position_errors,
-            rows_by_tractor,
-        )
-        time = np.arange(rows, dtype=np.float64) * (dt * record_every)
-        return [
-            Trace(time, rows_by_tractor[:rows, i], t.front_axle_m, t.rear_axle_m, t.antenna_forward_m - t.rear_axle_m)
-            for i, t in enumerate(self.tractors)
-        ]
+    `surface` are ground records and steering tables, `times` the number of steps, the seconds of one, and after how
+    many a row is recorded. Returns one trace each.
+    """
+    states, (steps, dt, record_every) = program.states, times
+    space = create_space()
+    bodies = []
+    for tractor, x, y, angle in zip(tractors, *(states[name].tolist() for name in ("x", "y", "angle")), strict=True):
+        bodies.append(create_body(space, tractor, (x, y, angle)))
+        if start_mps:
+            bodies[-1].velocity = (start_mps * math.cos(angle), start_mps * math.sin(angle))
+    states["reference_speed"] = states["target_speed"] = start_mps
+    engine = PymunkEngine(space, bodies)
+    steps_per_tick = max(1, round(1.0 / (tractors[0].guidance.rate_hz * dt)))
+    rows_by_tractor = np.empty((-(-steps // record_every), len(bodies), len(TRACE_COLUMNS)))
+    models = np.array([build_model_record(tractor, Implement()) for tractor in tractors])
+    # The experiments drive by Eq. 2.5 as printed: no more lookahead and no less correction at speed.
+    models["lookahead_s"], models["lateral_ease"] = 0.0, math.inf
+    rows = run_trials(
+        steps, dt, steps_per_tick, record_every, engine.bridge, states, models, *surface,
+        program.legs, program.gates, program.points, program.cumulative, commands, position_errors, rows_by_tractor,
+    )  # fmt: skip
+    time = np.arange(rows, dtype=np.float64) * (dt * record_every)
+    return [
+        Trace(time, rows_by_tractor[:rows, i], t.front_axle_m, t.rear_axle_m, t.antenna_forward_m - t.rear_axle_m)
+        for i, t in enumerate(tractors)
+    ]
 
 
 MAX_REAR_SLIP_DEG, MAX_GROWTH_DEG = 30.0, 0.5

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Booleans, Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import ENGINE_CURVE, TYRE_MODELS, FrictionCurve, Tyres, get_tyres
 from vehicle.model.tractor import SpeedParameters, Tractor
@@ -26,7 +26,6 @@ from vehicle.trials.drive import (
     replace_steering,
 )
 
-Array = npt.NDArray[np.float64]
 ANGLES_DEG = (25.0, 30.0, 35.0)
 STRAIGHT_TIME_S, DRIVE_DURATION_S = 1.0, 60.0
 MEASURED_AHEAD_M = 0.6  # the point whose circle is measured: it reproduces the kinematic column of Table 4.1
@@ -53,7 +52,7 @@ class TyreHypothesis:
     radii_m: tuple[float, ...]
 
 
-def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S, dt: float = DT_S) -> Array:
+def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S, dt: float = DT_S) -> Floats:
     """Straight for a second, then one angle per tractor: (steps, n)."""
     commands = np.tile(np.asarray(angles_deg, dtype=np.float64), (round(seconds / dt), 1))
     commands[: round(STRAIGHT_TIME_S / dt)] = 0.0
@@ -71,10 +70,9 @@ def drive_fixed_steering(
     ahead_m: float = MEASURED_AHEAD_M,
 ) -> tuple[FixedSteeringDrive, ...]:
     """One drive per angle, with the step applied to the wheels at once as in Fig. 4.4."""
-    direct = replace_steering(tractor, "none")
-    commands = build_step_commands(angles_deg, seconds)
-    count = len(angles_deg)
-    traces = drive_by_steering_commands([direct] * count, [tyres] * count, commands, speed_mps=speed_mps)
+    commands, count = build_step_commands(angles_deg, seconds), len(angles_deg)
+    direct = [replace_steering(tractor, "none")] * count
+    traces = drive_by_steering_commands(direct, [tyres] * count, commands, speed_mps=speed_mps)
     return tuple(
         FixedSteeringDrive(model, angle, compute_settled_radius(trace, ahead_m), is_sideslip_settled(trace), trace)
         for angle, trace in zip(angles_deg, traces, strict=True)
@@ -94,10 +92,8 @@ def drive_changing_steering(tractor: Tractor) -> dict[str, Trace]:
     """Section 4.3.2: one drive per model, with a sine of the steering applied to the wheels at once."""
     time = DT_S * np.arange(round(WAVE_SECONDS / DT_S))
     commands = np.tile(WAVE_DEG * np.sin(2.0 * math.pi * time / WAVE_PERIOD_S)[:, None], (1, len(TYRE_MODELS)))
-    direct = replace_steering(tractor, "none")
-    traces = drive_by_steering_commands(
-        [direct] * len(TYRE_MODELS), [get_tyres("soil", model) for model in TYRE_MODELS], commands
-    )
+    direct = [replace_steering(tractor, "none")] * len(TYRE_MODELS)
+    traces = drive_by_steering_commands(direct, [get_tyres("soil", model) for model in TYRE_MODELS], commands)
     return dict(zip(TYRE_MODELS, traces, strict=True))
 
 
@@ -185,12 +181,16 @@ class TyreMap:
     axle: str
     slopes_per_deg: tuple[float, ...]
     limits_deg: tuple[float, ...]
-    radius_m: Array
+    radius_m: Floats
 
     @property
-    def stable(self) -> npt.NDArray[np.bool_]:
+    def stable(self) -> Booleans:
         """Whether the tractor settles, per cell."""
         return np.isfinite(self.radius_m)
+
+    def get_stable(self, slope_per_deg: float, limit_deg: float) -> bool:
+        """Whether the tractor settles with these tyres, which must be among those tried."""
+        return bool(self.stable[self.slopes_per_deg.index(slope_per_deg), self.limits_deg.index(limit_deg)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +199,13 @@ class CentreOfMassSweep:
 
     front_axle_m: tuple[float, ...]
     angles_deg: tuple[float, ...]
-    radius_m: Array
+    radius_m: Floats
     traces: tuple[Trace, ...]  # at the last angle, one per place
+
+    @property
+    def stable(self) -> Booleans:
+        """Whether the tractor settles, per cell."""
+        return np.isfinite(self.radius_m)
 
 
 def compute_tyre_maps(
@@ -226,12 +231,9 @@ def compute_tyre_maps(
         cells = [add_friction_circle(cell) for cell in cells]
     traces = _drive_constant_angles([tractor] * len(cells), cells, [steering_deg] * len(cells), speed_mps)
     radii = np.array([compute_settled_radius(track, 0.0) for track in traces])
-    shape = (len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
-    front, rear = radii.reshape(shape)
-    return (
-        TyreMap(AXLES[0], STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG, front),
-        TyreMap(AXLES[1], STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG, rear),
-    )
+    front, rear = radii.reshape(len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
+    grids = STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG
+    return TyreMap(AXLES[0], *grids, front), TyreMap(AXLES[1], *grids, rear)
 
 
 def sweep_centre_of_mass(

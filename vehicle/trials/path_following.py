@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, measure_along
 from vehicle.control.steering import SLEW
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission
 from vehicle.model.gnss import NO_ERROR, Table
@@ -33,8 +34,6 @@ from vehicle.trials.drive import (
     follow_mission,
 )
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class PathDeviation:
@@ -42,12 +41,21 @@ class PathDeviation:
     the right) and heading error (rad, positive if the target point lies to the right of the tractor's heading).
     """
 
-    along_m: Array
-    lateral_m: Array
-    heading_rad: Array
+    along_m: Floats
+    lateral_m: Floats
+    heading_rad: Floats
+
+    def select(self, rows: Any) -> PathDeviation:
+        """The errors of some rows."""
+        return PathDeviation(self.along_m[rows], self.lateral_m[rows], self.heading_rad[rows])
+
+    def compute_sizes(self, per_m: float = 1.0) -> tuple[float, float, float, float]:
+        """Largest and mean lateral error, in a unit of which a metre has `per_m`, and heading error (degrees)."""
+        lateral, heading = per_m * np.abs(self.lateral_m), np.degrees(np.abs(self.heading_rad))
+        return float(lateral.max()), float(lateral.mean()), float(heading.max()), float(heading.mean())
 
 
-def compute_deviation(place: Array, angle: Array, path: Array, lookahead_m: float) -> PathDeviation:
+def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: float) -> PathDeviation:
     """Errors of places (t, 2) with headings (t,) against the polyline `path` (n, 2), searched forwards only.
 
     The heading error is that of section 2.2.3, to the point of the path `lookahead_m` beyond the projection. The search
@@ -56,7 +64,7 @@ def compute_deviation(place: Array, angle: Array, path: Array, lookahead_m: floa
     step = np.diff(path, axis=0)
     length = np.hypot(*step.T)
     unit = step / length[:, None]
-    start = np.concatenate([[0.0], np.cumsum(length)])
+    start = measure_along(path)
     ahead = max(2, int(np.ceil(5.0 / max(float(np.median(length)), 1e-9))))
     along, lateral = np.empty(len(place)), np.empty(len(place))
     segment = 0
@@ -73,7 +81,7 @@ def compute_deviation(place: Array, angle: Array, path: Array, lookahead_m: floa
     return PathDeviation(along, lateral, np.arctan2(np.sin(turned), np.cos(turned)))
 
 
-def compute_path_distances(path: Array, other_path: Array) -> Array:
+def compute_path_distances(path: Floats, other_path: Floats) -> Floats:
     """Shortest distance (m) of every sixth point of a path (ten a second at 60 Hz) to another path, as in Tables 3.1
     and 3.2. The other path is reduced to every third point, which moves it by less than a millimetre.
     """
@@ -107,7 +115,7 @@ def build_navigation_mission() -> Mission:
     start = -2.0 * YARD_RADIUS_M
     across = 2.0 * TURN_RADIUS_M - SPACING_M
 
-    def build_leg(points: Array, **more: object) -> Leg:
+    def build_leg(points: Floats, **more: object) -> Leg:
         return Leg(points, **{"speed_mps": speed, "ground": "asphalt", "task": LegTask(TURN), **more})  # type: ignore[arg-type]
 
     yard = np.array([[start, YARD_M], [start, 0.0]])
@@ -130,13 +138,10 @@ def drive_navigation(
     tractor: Tractor, *, position_errors: Table = NO_ERROR, seed: int = 1, steering: str = "proposed"
 ) -> NavigationPasses:
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
-    mission = build_navigation_mission()
-    trace = follow_mission(
-        configure_tractor(tractor, steering), mission, position_errors=position_errors, seed=seed, seconds=900.0
-    )
-    errors = np.array([_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS)])
-    pairs = [(float(errors[0, column]), float(errors[1, column])) for column in range(4)]
-    return NavigationPasses(mission, trace, *pairs)
+    mission, tested = build_navigation_mission(), configure_tractor(tractor, steering)
+    trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
+    passes = [_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS)]
+    return NavigationPasses(mission, trace, *zip(*passes, strict=True))
 
 
 def _measure_pass(mission: Mission, trace: Trace, leg: int) -> tuple[float, float, float, float]:
@@ -144,11 +149,10 @@ def _measure_pass(mission: Mission, trace: Trace, leg: int) -> tuple[float, floa
     points = mission.legs[leg].points
     errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, STEP_LOOKAHEAD_M)
     part = errors.along_m < mission.legs[leg].length_m - max(UNMEASURED_END_M, STEP_LOOKAHEAD_M)
-    lateral, heading = 100.0 * np.abs(errors.lateral_m[part]), np.degrees(np.abs(errors.heading_rad[part]))
-    return float(lateral.max()), float(lateral.mean()), float(heading.max()), float(heading.mean())
+    return errors.select(part).compute_sizes(100.0)
 
 
-def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Array:
+def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Floats:
     angles = np.radians(np.linspace(start_deg, end_deg, max(3, round(abs(end_deg - start_deg) / 3.0)) + 1))
     return np.stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)], axis=1)
 
@@ -182,16 +186,14 @@ class StepResponse:
     @property
     def enters_third_stage(self) -> bool:
         """Whether the steering simulator enters its third stage."""
-        return bool((self.trace.get_column("stage")[self._select_measured()] == SLEW).any())
+        is_measured = self.trace.compute_path()[:, 1] < FIRST_PATH_M + self.second_m
+        return bool((self.trace.get_column("stage")[is_measured] == SLEW).any())
 
     @property
     def overshoot_cm(self) -> float:
         """Largest distance of the controlled point beyond path 2, in centimetres."""
         sign = 1.0 if self.offset_cm > 0 else -1.0
         return float(max(0.0, (100.0 * sign * self.trace.compute_path()[:, 0]).max() - abs(self.offset_cm)))
-
-    def _select_measured(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        return np.asarray(self.trace.compute_path()[:, 1] < FIRST_PATH_M + self.second_m)
 
     def compute_difference_cm(self, response: StepResponse) -> tuple[float, float]:
         """Largest and mean distance (cm) of this path from another, from the first turn to the last 15 m."""
@@ -215,10 +217,8 @@ def drive_step_response(
 ) -> StepResponse:
     """Drive one step response with the corrected base model of a ground."""
     path = build_straight_mission(FIRST_PATH_M + second_m + RUN_OUT_M, speed_kmh / 3.6, ground)
-    tested = configure_tractor(tractor, steering, limit_m=limit_m)
-    trace = follow_mission(
-        tested, path, position_errors=position_errors, seed=seed, jump=(FIRST_PATH_M, 0.01 * offset_cm)
-    )
+    tested, jump = configure_tractor(tractor, steering, limit_m=limit_m), (FIRST_PATH_M, 0.01 * offset_cm)
+    trace = follow_mission(tested, path, position_errors=position_errors, seed=seed, jump=jump)
     return StepResponse(offset_cm, speed_kmh, ground, steering, trace, second_m)
 
 
@@ -262,18 +262,8 @@ def measure_tracking(trace: Trace, path: Mission, lookahead_m: float, ground: st
     points = path.legs[0].points
     errors = compute_deviation(trace.compute_path(), trace.get_column("angle"), points, lookahead_m)
     end = int(np.argmax(np.append(errors.along_m, np.inf) >= path.legs[0].length_m - RUN_OUT_M))
-    errors = PathDeviation(errors.along_m[:end], errors.lateral_m[:end], errors.heading_rad[:end])
-    lateral, heading = np.abs(errors.lateral_m), np.degrees(np.abs(errors.heading_rad))
-    return PathTracking(
-        ground,
-        model,
-        trace.cut_at(end),
-        errors,
-        float(lateral.max()),
-        float(lateral.mean()),
-        float(heading.max()),
-        float(heading.mean()),
-    )
+    errors = errors.select(slice(end))
+    return PathTracking(ground, model, trace.cut_at(end), errors, *errors.compute_sizes())
 
 
 def drive_slip_test(

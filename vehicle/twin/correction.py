@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.records import DT_S
 from vehicle.twin.kalman_filter import STATE_SIZE, PoseFilter, update_by_fix
 from vehicle.twin.mismatch import RESTART_SIGMA_M, JumpDetector, MismatchTest, is_jump
-from vehicle.twin.propagation import CommandBuffer, PropagatedTractor, compute_antenna_place, propagate_with_filters
-from vehicle.twin.step_motion import Array
+from vehicle.twin.propagation import CommandBuffer, PropagatedTractor, propagate_with_filters
 
 MAX_LATENESS_STEPS = 240  # 4 s
 OUTLIER_SIGMAS = 8.0  # standard deviations beyond which a fix is an outlier
@@ -39,7 +39,7 @@ class StateAtFix:
         self.empty_means = np.zeros((4, 0))
 
     @property
-    def adaptation(self) -> Array:
+    def adaptation(self) -> Floats:
         """Extra turn (rad per m) and slip (share) over the model's."""
         return self.tracker.estimate[3:5]
 
@@ -50,34 +50,22 @@ class StateAtFix:
             return
         commands.hold_until(step)
         propagate_with_filters(
-            step - rolled.step,
-            rolled.step,
-            DT_S,
-            rolled.state,
-            rolled.body,
-            commands.ring,
-            *rolled.compiled_loop_arguments,
-            self._carried,
-            tracker.estimate,
-            tracker.covariance,
-            tracker.parameters,
-            monitor.estimate,
-            monitor.covariance,
-            monitor.parameters,
-            self.test.shifts,
-            self.test.sizes,
-        )
+            step - rolled.step, rolled.step, DT_S, rolled.state, rolled.body, commands.ring,
+            *rolled.compiled_loop_arguments, self._carried, *tracker.arrays, *monitor.arrays,
+            self.test.shifts, self.test.sizes,
+        )  # fmt: skip
         rolled.step = step
         tracker.estimate[:3] = rolled.body[:3]
 
-    def correct_by_fix(self, fix: Array, time_s: float, is_conclusive: bool = True) -> Array:
+    def correct_by_fix(self, fix: Floats, time_s: float, is_conclusive: bool = True) -> Floats:
         """Correct by a fix (4,) of this step; returns measured less predicted (3,): ahead, right (m), turned (rad).
 
         A fix that is not `is_conclusive`, because too little is known of the commands before it, is no evidence about
         the tractor's file: the monitor restarts at its place.
         """
         rolled, tracker = self.rolled, self.tracker
-        offset, pose = self._compute_offset(fix), rolled.body[:3].copy()
+        pose, turned = rolled.body[:3].copy(), fix[2] - rolled.body[2]
+        offset = _compute_offset(rolled, fix, math.atan2(math.sin(turned), math.cos(turned)))
         before = tracker.estimate.copy(), tracker.covariance.copy()
         if not self._update_tracker(fix):
             self._handle_outlier(fix, time_s, offset)
@@ -95,27 +83,15 @@ class StateAtFix:
             self.test.shifts[:] = 0.0
         return offset
 
-    def _update_tracker(self, fix: Array) -> bool:
+    def _update_tracker(self, fix: Floats) -> bool:
         """Correct the tracker; returns False, unchanged, for an outlier."""
-        tracker, rolled, machine = self.tracker, self.rolled, self.rolled.arrays
+        no_shifts = np.zeros((0, STATE_SIZE)), np.zeros(0)
         return update_by_fix(
-            tracker.estimate,
-            tracker.covariance,
-            tracker.parameters,
-            fix,
-            machine.ahead_m,
-            machine.right_m,
-            rolled.forward_mps,
-            float(rolled.body[5]),
-            self._carried[1],
-            np.zeros((0, STATE_SIZE)),
-            np.zeros(0),
-            OUTLIER_SIGMAS,
-            np.zeros(4),
-            self.empty_means,
-        )
+            *self.tracker.arrays, fix, *self.rolled.instrument_motion, self._carried[1],
+            *no_shifts, OUTLIER_SIGMAS, np.zeros(4), self.empty_means,
+        )  # fmt: skip
 
-    def _add_evidence_of_fix(self, fix: Array, time_s: float, offset: Array, after_outlier: bool) -> bool:
+    def _add_evidence_of_fix(self, fix: Floats, time_s: float, offset: Floats, after_outlier: bool) -> bool:
         """Correct the monitor and add its innovation to the evidence; returns whether the fix may have jumped.
 
         With `after_outlier` it follows outliers, whose jump is recorded already.
@@ -132,41 +108,14 @@ class StateAtFix:
         test.add_fix(time_s, was_jump)
         return may_be_jump or (after_outlier and is_sudden)
 
-    def _update_monitor(self, fix: Array, whitened: Array, means: Array) -> None:
+    def _update_monitor(self, fix: Floats, whitened: Floats, means: Floats) -> None:
         """Correct the monitor and the shifts by effects; writes `whitened` and `means`."""
-        monitor, rolled, machine, test = self.monitor, self.rolled, self.rolled.arrays, self.test
         update_by_fix(
-            monitor.estimate,
-            monitor.covariance,
-            monitor.parameters,
-            fix,
-            machine.ahead_m,
-            machine.right_m,
-            rolled.forward_mps,
-            float(rolled.body[5]),
-            -1.0,
-            test.shifts,
-            test.sizes,
-            math.inf,
-            whitened,
-            means,
-        )
+            *self.monitor.arrays, fix, *self.rolled.instrument_motion, -1.0,
+            self.test.shifts, self.test.sizes, math.inf, whitened, means,
+        )  # fmt: skip
 
-    def _compute_offset(self, fix: Array) -> Array:
-        """Offset of a fix from the prediction: ahead, to the right (m), turned (rad)."""
-        body = self.rolled.body
-        x, y = compute_antenna_place(self.rolled.arrays, body[:3])
-        east, north, turned = fix[0] - x, fix[1] - y, fix[2] - body[2]
-        cosine, sine = math.cos(body[2]), math.sin(body[2])
-        return np.array(
-            [
-                east * cosine + north * sine,
-                east * sine - north * cosine,
-                math.atan2(math.sin(turned), math.cos(turned)),
-            ]
-        )
-
-    def _handle_outlier(self, fix: Array, time_s: float, offset: Array) -> None:
+    def _handle_outlier(self, fix: Floats, time_s: float, offset: Floats) -> None:
         """Ignore an outlier, unless there are several in a row: then move the twin there."""
         self.rejected_count += 1
         if self._outliers == 0:
@@ -176,12 +125,20 @@ class StateAtFix:
             return
         self._outliers = 0
         body = self.rolled.body
-        x, y = compute_antenna_place(self.rolled.arrays, np.array([0.0, 0.0, fix[2]]))
+        x, y = self.rolled.arrays.locate_antenna(np.array([0.0, 0.0, fix[2]]))
         turned = math.remainder(fix[2] - body[2], 2.0 * math.pi)
         self.rolled.shift(fix[0] - x - body[0], fix[1] - y - body[1], turned)
         for pose_filter in (self.tracker, self.monitor):
             pose_filter.reset(body[:3], MOVED_SIGMA_M, MOVED_SIGMA_RAD)
         self.test.shifts[:] = 0.0
+
+
+def _compute_offset(rolled: PropagatedTractor, fix: Floats, turned_rad: float) -> Floats:
+    """How far a fix is ahead and to the right of the antenna (m), and the turn (rad) that is given."""
+    x, y = rolled.compute_antenna()
+    east, north, angle = fix[0] - x, fix[1] - y, rolled.body[2]
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([east * cosine + north * sine, east * sine - north * cosine, turned_rad])
 
 
 class PredictionCorrector:
@@ -190,14 +147,13 @@ class PredictionCorrector:
     def __init__(self, state_at_fix: StateAtFix, commands: CommandBuffer) -> None:
         self.state_at_fix, self.commands = state_at_fix, commands
         self.rolled = state_at_fix.rolled.copy()
-
         self._stale = False
 
-    def add_command(self, step: int, command: Array) -> None:
+    def add_command(self, step: int, command: Floats) -> None:
         """Add a command from a step on; later steps are driven again."""
         self._stale = self._stale or step < self.rolled.step
 
-    def note_correction(self, step: int, fix: Array) -> None:
+    def note_correction(self, step: int, fix: Floats) -> None:
         """Note that the state at the last fix has changed."""
         self._stale = True
 
@@ -208,7 +164,7 @@ class PredictionCorrector:
         self.rolled.propagate_to(step, self.commands, self.state_at_fix.adaptation)
 
     @property
-    def adaptation(self) -> Array:
+    def adaptation(self) -> Floats:
         """Extra turn (rad per m) and slip (share) over the model's."""
         return self.state_at_fix.adaptation
 
@@ -220,15 +176,15 @@ class ThesisCorrector:
         self.rolled = anchor.rolled.copy()
         self.adaptation = NO_ADAPTATION
         self.commands = CommandBuffer(float(commands.held_command[0]), float(commands.held_command[1]))
-        self.applied: list[tuple[int, Array]] = []
-        self._fix: Array | None = None
+        self.applied: list[tuple[int, Floats]] = []
+        self._fix: Floats | None = None
         self._remaining_steps, self._shift = 0, np.zeros(3)
 
-    def add_command(self, step: int, command: Array) -> None:
+    def add_command(self, step: int, command: Floats) -> None:
         """Add a command that has arrived now."""
         self.commands.set_command(self.rolled.step, command)
 
-    def note_correction(self, step: int, fix: Array) -> None:
+    def note_correction(self, step: int, fix: Floats) -> None:
         """Note a fix that has arrived."""
         self._fix = fix
 
@@ -249,12 +205,8 @@ class ThesisCorrector:
         fix, body = self._fix, self.rolled.body
         assert fix is not None
         turned = math.remainder(float(fix[2]) - float(body[2]), 2.0 * math.pi)
-        x, y = compute_antenna_place(self.rolled.arrays, body[:3])
-        antenna_after_turn = compute_antenna_place(self.rolled.arrays, np.array([body[0], body[1], body[2] + turned]))
-        east, north = fix[0] - antenna_after_turn[0], fix[1] - antenna_after_turn[1]
-        self._shift = np.array([east, north, turned]) / BLEND_STEPS
+        x, y = self.rolled.arrays.locate_antenna(np.array([body[0], body[1], body[2] + turned]))
+        self._shift = np.array([fix[0] - x, fix[1] - y, turned]) / BLEND_STEPS
         self._remaining_steps = BLEND_STEPS
-        cosine, sine = math.cos(body[2]), math.sin(body[2])
-        dx, dy = fix[0] - x, fix[1] - y
-        self.applied.append((self.rolled.step, np.array([dx * cosine + dy * sine, dx * sine - dy * cosine, turned])))
+        self.applied.append((self.rolled.step, _compute_offset(self.rolled, fix, turned)))
         self._fix = None

@@ -21,8 +21,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.jit import compile_function
-from vehicle.twin.step_motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, Array, TractorNoise
+from vehicle.twin.step_motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, TractorNoise
 
 STATE_SIZE, MEASUREMENT_SIZE = 10, 4
 TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT, COMMAND_DELAY, COMMAND_DELAY_NOW = range(3, 10)
@@ -61,64 +62,43 @@ class FilterParameters:
 def build_tracker_parameters(noise: TractorNoise) -> FilterParameters:
     """Parameters of the tracker: for some seconds the tractor may turn more than its file says by what a wheel offset
     of 1 degree does, and slip 8 %, the typical sizes in the catalogue."""
-    return FilterParameters(
-        0.007,
-        3.0,
-        0.08,
-        5.0,
-        0.02,
-        noise.heading_drift_rad,
-        noise.position_drift_m,
-        DRIFT_MEMORY_S,
-        noise.position_m,
-        noise.heading_rad,
-        max(noise.speed_mps, 0.02),
-    )
+    return _build_parameters(noise, (0.007, 3.0), (0.08, 5.0), 0.02, max(noise.speed_mps, 0.02))
 
 
 def build_monitor_parameters(noise: TractorNoise) -> FilterParameters:
     """Parameters of the monitor: the file is right, and the noise is as given."""
-    return FilterParameters(
-        noise.soil_per_m,
-        SOIL_MEMORY_S,
-        0.0,
-        1.0,
-        noise.along_m,
-        noise.heading_drift_rad,
-        noise.position_drift_m,
-        DRIFT_MEMORY_S,
-        noise.position_m,
-        noise.heading_rad,
-        1.0,
-    )
+    return _build_parameters(noise, (noise.soil_per_m, SOIL_MEMORY_S), (0.0, 1.0), noise.along_m, 1.0)
+
+
+def _build_parameters(
+    noise: TractorNoise, turn: tuple[float, float], slip: tuple[float, float], along_m: float, speed_mps: float
+) -> FilterParameters:
+    """Parameters with the instruments of a noise; `turn` and `slip` are a size and its memory."""
+    drift = noise.heading_drift_rad, noise.position_drift_m, DRIFT_MEMORY_S
+    return FilterParameters(*turn, *slip, along_m, *drift, noise.position_m, noise.heading_rad, speed_mps)
 
 
 class PoseFilter:
     """Estimate (10,), its covariance (10, 10) and the FilterParameters as an array."""
 
-    def __init__(self, parameters: FilterParameters, pose: Array) -> None:
+    def __init__(self, parameters: FilterParameters, pose: Floats) -> None:
         self.parameters = np.array(astuple(parameters))
         self.estimate, self.covariance = np.zeros(STATE_SIZE), np.zeros((STATE_SIZE, STATE_SIZE))
         self.reset(pose, parameters.start_m, parameters.start_rad)
 
-    def reset(self, pose: Array, position_m: float, heading_rad: float) -> None:
+    def reset(self, pose: Floats, position_m: float, heading_rad: float) -> None:
         """Restart from a pose (x, y, angle) with these standard deviations."""
-        parameters = self.parameters
         self.estimate[:] = 0.0
         self.estimate[:3] = pose
-        sigmas = [
-            position_m,
-            position_m,
-            heading_rad,
-            parameters[0],
-            parameters[2],
-            parameters[5],
-            parameters[6],
-            parameters[6],
-            COMMAND_DELAY_SIGMA,
-            COMMAND_DELAY_SIGMA,
-        ]
+        turn_per_m, slip, heading_drift_rad, drift_m = self.parameters[[0, 2, 5, 6]]
+        of_pose, of_drift = [position_m, position_m, heading_rad], [heading_drift_rad, drift_m, drift_m]
+        sigmas = [*of_pose, turn_per_m, slip, *of_drift, COMMAND_DELAY_SIGMA, COMMAND_DELAY_SIGMA]
         self.covariance[:] = np.diag(np.square(sigmas))
+
+    @property
+    def arrays(self) -> tuple[Floats, Floats, Floats]:
+        """Estimate, covariance and parameters, as compiled functions take them."""
+        return self.estimate, self.covariance, self.parameters
 
     def add_position_uncertainty(self, position_m: float) -> None:
         """Add a standard deviation to the place; all else stays."""
@@ -229,21 +209,9 @@ def update_scalar(  # type: ignore[no-untyped-def]
 
 @compile_function
 def update_by_fix(  # type: ignore[no-untyped-def]
-    estimate,
-    covariance,
-    parameters,
-    fix,
-    ahead,
-    aside,
-    forward,
-    spin,
-    speed_uncertainty_mps,
-    shifts,
-    sizes,
-    outlier_sigmas,
-    whitened,
-    means,
-) -> bool:
+    estimate, covariance, parameters, fix, ahead, aside, forward, spin, speed_uncertainty_mps,
+    shifts, sizes, outlier_sigmas, whitened, means,
+) -> bool:  # fmt: skip
     """Update with a fix (4,): east, north of the antenna, heading, speed. Returns False, unchanged, for an outlier.
 
     `ahead` and `aside` are the antenna's lever arm, `forward` and `spin` speed and turning rate of the model;
@@ -266,14 +234,8 @@ def update_by_fix(  # type: ignore[no-untyped-def]
             fix[3] - forward * (1.0 + estimate[SLIP]),
         ]
     )
-    variance = np.array(
-        [
-            parameters[8] ** 2,
-            parameters[8] ** 2,
-            parameters[9] ** 2,
-            parameters[10] ** 2 + speed_uncertainty_mps * speed_uncertainty_mps,
-        ]
-    )
+    speed_variance = parameters[10] ** 2 + speed_uncertainty_mps * speed_uncertainty_mps
+    variance = np.array([parameters[8] ** 2, parameters[8] ** 2, parameters[9] ** 2, speed_variance])
     count = MEASUREMENT_SIZE if speed_uncertainty_mps >= 0.0 else MEASUREMENT_SIZE - 1
     for i in range(count):
         if abs(innovation[i]) > outlier_sigmas * math.sqrt(rows[i] @ covariance @ rows[i] + variance[i]):
@@ -284,10 +246,8 @@ def update_by_fix(  # type: ignore[no-untyped-def]
         measured_shifts[2, BIAS] = sizes[BIAS]
         measured_shifts[0, FORWARD], measured_shifts[1, FORWARD] = sizes[FORWARD] * cosine, sizes[FORWARD] * sine
         measured_shifts[0, RIGHT], measured_shifts[1, RIGHT] = sizes[RIGHT] * sine, -sizes[RIGHT] * cosine
-        measured_shifts[0, LATE], measured_shifts[1, LATE] = (
-            -sizes[LATE] * forward * cosine,
-            -sizes[LATE] * forward * sine,
-        )
+        measured_shifts[0, LATE] = -sizes[LATE] * forward * cosine
+        measured_shifts[1, LATE] = -sizes[LATE] * forward * sine
         measured_shifts[2, LATE] = -sizes[LATE] * spin
     whitened[:] = 0.0
     means[:] = 0.0

@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 from vehicle.twin.kalman_filter import MEASUREMENT_SIZE, SHIFT_COUNT, STATE_SIZE
-from vehicle.twin.step_motion import Array
 
 JUMP_PROBABILITY = 1e-4  # of a fix: once in 2.8 hours at 1 Hz
 JUMP_SPREAD_SIGMAS = 50.0  # spread of jumps, in standard deviations of a fix
@@ -71,7 +71,7 @@ def compute_noise_probability(east: float, north: float) -> float:
     return 0.0 if apart > 700.0 else 1.0 / (1.0 + math.exp(apart))
 
 
-def is_jump(whitened: Array) -> bool:
+def is_jump(whitened: Floats) -> bool:
     """Whether innovations (4,) in east, north, heading and speed are a jump rather than noise."""
     return bool(compute_noise_probability(float(whitened[0]), float(whitened[1])) < 0.5)
 
@@ -84,7 +84,7 @@ class JumpDetector:
         self._candidate: PositionJump | None = None
         self._in_a_row = 0
 
-    def add_fix(self, time_s: float, offset: Array, is_sudden: bool) -> tuple[bool, bool]:
+    def add_fix(self, time_s: float, offset: Floats, is_sudden: bool) -> tuple[bool, bool]:
         """Add a fix that is `offset` (3,) from the prediction, ahead and right (m); returns whether the fix before is
         now known to have been a jump, and whether this one may be a jump or goes back."""
         jump = PositionJump(time_s, float(offset[0]), float(offset[1]))
@@ -99,7 +99,7 @@ class JumpDetector:
         self._candidate, self._in_a_row = None, 0  # going back is not another jump
         return True, is_sudden
 
-    def add_outlier(self, time_s: float, offset: Array) -> None:
+    def add_outlier(self, time_s: float, offset: Floats) -> None:
         """Add the first of several outliers, which are ignored unless there are several in a row."""
         self._append_jump(PositionJump(time_s, float(offset[0]), float(offset[1])))
         self._candidate, self._in_a_row = None, 0
@@ -115,23 +115,13 @@ WIDENING_FACTOR = 1.5  # of innovations that are only too large
 MIN_FIXES_IN_A_ROW = 3
 # The effect of each shift of vehicle.twin.kalman_filter, in the order of its columns there.
 SHIFT_EFFECTS = (
-    "steering_offset",
-    "steering_gain",
-    "steering_asymmetry",
-    "steering_dead_time",
-    "wheel_slip",
-    "cross_slope_drift",
-    "cross_slope_drift",
-    "implement_side_draft",
-    "implement_slip",
-    "heading_bias",
-    "antenna_forward",
-    "antenna_right",
-    "gnss_latency",
-)
+    "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip",
+    "cross_slope_drift", "cross_slope_drift", "implement_side_draft", "implement_slip",
+    "heading_bias", "antenna_forward", "antenna_right", "gnss_latency",
+)  # fmt: skip
 
 
-def compute_shift_sizes(tractor: Tractor) -> Array:
+def compute_shift_sizes(tractor: Tractor) -> Floats:
     """Typical size (13,) of the shift by each effect, in SI, for a tractor.
 
     Wheel angles are converted to curvatures, and right (clockwise) becomes negative.
@@ -224,19 +214,8 @@ class MismatchTest:
 
     def add_fix(self, time_s: float, has_jumped: bool = False) -> None:
         """Add the innovations in `whitened` and `means` of a fix. `has_jumped` means that the fix before was a jump."""
-        waited = max(time_s - self.time_s, 1e-3)
-        accumulate_evidence(
-            self.whitened,
-            self.means,
-            SIZE_FACTORS,
-            waited,
-            time_s,
-            WIDENING_FACTOR,
-            self.logs,
-            self.best,
-            self.since,
-            self.fits,
-        )
+        waited, sums = max(time_s - self.time_s, 1e-3), (self.logs, self.best, self.since, self.fits)
+        accumulate_evidence(self.whitened, self.means, SIZE_FACTORS, waited, time_s, WIDENING_FACTOR, *sums)
         self.time_s = time_s
         if has_jumped:
             self.squares[0] -= self._last_square
@@ -254,22 +233,15 @@ class MismatchTest:
             return None
         kind, column = np.unravel_index(int(np.argmax(self.logs)), self.logs.shape)
         times = math.sqrt(self.squares[0] / max(self.squares[1], 1))
-        since = float(self.since[kind, column])
+        name, amount = "", 0.0
+        sentence = "The corrections exceed what noise explains"
         if kind == SHIFT_COUNT:
-            return ModelMismatch(since, self.detected_s, self.evidence_s, times, "", 0.0, _describe_mismatch("", 0.0))
-        share = self.fits[kind, 0] / max(self.fits[kind, 1], 1e-12)
-        name = SHIFT_EFFECTS[kind]
-        size = get_effect(name).size
-        amount = float(share) * size.typical + (size.neutral or 0.0)
-        return ModelMismatch(
-            since, self.detected_s, self.evidence_s, times, name, amount, _describe_mismatch(name, amount)
-        )
-
-
-def _describe_mismatch(name: str, amount: float) -> str:
-    sentence = "The corrections exceed what noise explains"
-    if not name:
-        return f"{sentence}, and no simple effect predicts them."
-    effect = get_effect(name)
-    unit = f" {effect.size.unit}" if effect.size.unit else ""
-    return f"{sentence}; they look most like {effect.label} (about {amount:.2g}{unit})."
+            sentence += ", and no simple effect predicts them."
+        else:
+            name, share = SHIFT_EFFECTS[kind], self.fits[kind, 0] / max(self.fits[kind, 1], 1e-12)
+            effect = get_effect(name)
+            amount = float(share) * effect.size.typical + (effect.size.neutral or 0.0)
+            unit = f" {effect.size.unit}" if effect.size.unit else ""
+            sentence += f"; they look most like {effect.label} (about {amount:.2g}{unit})."
+        since = float(self.since[kind, column])
+        return ModelMismatch(since, self.detected_s, self.evidence_s, times, name, amount, sentence)

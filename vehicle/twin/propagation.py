@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from vehicle.arrays import Floats, Records
 from vehicle.jit import compile_function
 from vehicle.records import DT_S
 from vehicle.sim.effect_terms import compute_draft_crab_share
 from vehicle.sim.loop import drive_tractor
 from vehicle.twin.kalman_filter import predict_filter
-from vehicle.twin.step_motion import Array, Records, TractorArrays, move_body, turn_body
+from vehicle.twin.step_motion import TractorArrays, move_body, turn_body
 
 RING_STEPS = 1024  # 17 s of commands, four times as long as any fix may be late
 STEERING_COLUMN, SPEED_COLUMN, WORKING_COLUMN, GAP_COLUMN = range(4)
@@ -52,7 +53,7 @@ class CommandBuffer:
             else:
                 self.ring[start:] = self.ring[:stop] = self.held_command
 
-    def set_command(self, step: int, command: Array) -> None:
+    def set_command(self, step: int, command: Floats) -> None:
         """Set a command from a step on, which may be past; a command older than the last is ignored."""
         if step < self.since:
             return
@@ -77,11 +78,8 @@ def propagate(  # type: ignore[no-untyped-def]
     size = len(ring)
     for step in range(first, first + steps):
         row = step % size
-        state.command, state.target_speed, state.working = (
-            ring[row, STEERING_COLUMN],
-            ring[row, SPEED_COLUMN],
-            ring[row, WORKING_COLUMN],
-        )
+        state.command, state.target_speed = ring[row, STEERING_COLUMN], ring[row, SPEED_COLUMN]
+        state.working = ring[row, WORKING_COLUMN]
         cosine, sine = math.cos(body[2]), math.sin(body[2])
         forward, right = body[3] * cosine + body[4] * sine, body[3] * sine - body[4] * cosine
         along, across = math.cos(nominal[TURNED]), math.sin(nominal[TURNED])
@@ -99,26 +97,9 @@ def propagate(  # type: ignore[no-untyped-def]
 
 @compile_function
 def propagate_with_filters(  # type: ignore[no-untyped-def]
-    steps,
-    first,
-    dt,
-    states,
-    body,
-    ring,
-    models,
-    grounds,
-    ground,
-    tables,
-    carried,
-    estimate,
-    covariance,
-    parameters,
-    monitor,
-    monitor_covariance,
-    monitor_parameters,
-    shifts,
-    sizes,
-) -> None:
+    steps, first, dt, states, body, ring, models, grounds, ground, tables, carried,
+    estimate, covariance, parameters, monitor, monitor_covariance, monitor_parameters, shifts, sizes,
+) -> None:  # fmt: skip
     """Propagate a tractor and predict two filters piece by piece: the tracker, whose pose is the body, and the monitor.
 
     `carried` (2,) is the turning rate at the end of the last piece, and the uncertainty of the model's speed (m/s) from
@@ -137,36 +118,17 @@ def propagate_with_filters(  # type: ignore[no-untyped-def]
             piece_steps, first + done, dt, states, body, estimate[3:5], nominal, ring, models, grounds, ground, tables
         )
         nominal[SPIN_CHANGE], nominal[SPEED_CHANGE] = body[5] - carried[0], state.forward - speed
+        seconds = piece_steps * dt
         predict_filter(
-            estimate,
-            covariance,
-            parameters,
-            angle,
-            nominal,
-            piece_steps * dt,
-            False,
-            state.working,
-            rear,
-            crab,
-            shifts[:0],
-            sizes,
-        )
+            estimate, covariance, parameters, angle, nominal, seconds,
+            False, state.working, rear, crab, shifts[:0], sizes,
+        )  # fmt: skip
         predict_filter(
-            monitor,
-            monitor_covariance,
-            monitor_parameters,
-            monitor[2],
-            nominal,
-            piece_steps * dt,
-            True,
-            state.working,
-            rear,
-            crab,
-            shifts,
-            sizes,
-        )
+            monitor, monitor_covariance, monitor_parameters, monitor[2], nominal, seconds,
+            True, state.working, rear, crab, shifts, sizes,
+        )  # fmt: skip
         carried[0] = body[5]
-        uncertainty_mps = 0.5 * nominal[UNSEEN] * abs(nominal[SPEED_CHANGE]) / (piece_steps * dt)
+        uncertainty_mps = 0.5 * nominal[UNSEEN] * abs(nominal[SPEED_CHANGE]) / seconds
         carried[1] = max(carried[1] * math.exp(-piece_steps * dt / SPEED_SETTLING_S), uncertainty_mps)
         done += piece_steps
 
@@ -180,26 +142,16 @@ def propagate_path(  # type: ignore[no-untyped-def]
     for row in range(len(out)):
         out[row] = body[:3]
         if row + 1 < len(out):
+            start = first + row * steps_per_pose
             propagate(
-                steps_per_pose,
-                first + row * steps_per_pose,
-                dt,
-                states,
-                body,
-                adaptation,
-                nominal,
-                ring,
-                models,
-                grounds,
-                ground,
-                tables,
+                steps_per_pose, start, dt, states, body, adaptation, nominal, ring, models, grounds, ground, tables
             )
 
 
 class PropagatedTractor:
     """A tractor at a step: `state` (1,) and `body` (6,), propagated by commands of a CommandBuffer."""
 
-    def __init__(self, arrays: TractorArrays, ground: int, state: Records, body: Array, step: int) -> None:
+    def __init__(self, arrays: TractorArrays, ground: int, state: Records, body: Floats, step: int) -> None:
         self.arrays, self.ground, self.state, self.body, self.step = arrays, ground, state, body, step
 
     def copy(self) -> PropagatedTractor:
@@ -212,24 +164,17 @@ class PropagatedTractor:
         """Models, grounds, ground and tables for the loop."""
         return self.arrays.models, self.arrays.grounds, self.ground, self.arrays.tables
 
-    def propagate_to(self, step: int, commands: CommandBuffer, adaptation: Array) -> None:
+    def propagate_to(self, step: int, commands: CommandBuffer, adaptation: Floats) -> None:
         """Drive up to a step."""
         if step > self.step:
             commands.hold_until(step)
             propagate(
-                step - self.step,
-                self.step,
-                DT_S,
-                self.state,
-                self.body,
-                adaptation,
-                np.zeros(NOMINAL_SIZE),
-                commands.ring,
-                *self.compiled_loop_arguments,
-            )
+                step - self.step, self.step, DT_S, self.state, self.body, adaptation, np.zeros(NOMINAL_SIZE),
+                commands.ring, *self.compiled_loop_arguments,
+            )  # fmt: skip
             self.step = step
 
-    def predict_path(self, pieces: int, commands: CommandBuffer, adaptation: Array) -> Array:
+    def predict_path(self, pieces: int, commands: CommandBuffer, adaptation: Floats) -> Floats:
         """Poses (pieces + 1, 3) of the body from now on, 0.1 s apart, under the held command; does not move it."""
         ring = np.tile(commands.held_command, (RING_STEPS, 1))
         copy, out = self.copy(), np.empty((pieces + 1, 3))
@@ -243,22 +188,17 @@ class PropagatedTractor:
         """Forward speed."""
         return float(self.body[3] * math.cos(self.body[2]) + self.body[4] * math.sin(self.body[2]))
 
+    @property
+    def instrument_motion(self) -> tuple[float, float, float, float]:
+        """The lever arm of the antenna ahead and to the right (m), forward speed and spin: what a filter asks of it."""
+        return self.arrays.ahead_m, self.arrays.right_m, self.forward_mps, float(self.body[5])
+
     def compute_antenna(self) -> tuple[float, float]:
         """East and north of the antenna (m)."""
-        return compute_antenna_place(self.arrays, self.body[:3])
+        return self.arrays.locate_antenna(self.body[:3])
 
     def shift(self, east_m: float, north_m: float, turn_rad: float) -> None:
         """Move it, and turn it about its centre of mass."""
         self.body[0] += east_m
         self.body[1] += north_m
         turn_body(self.body, turn_rad)
-
-
-def compute_antenna_place(arrays: TractorArrays, pose: Array) -> tuple[float, float]:
-    """East and north (m) of the antenna of a body at a pose (x, y, angle)."""
-    x, y, angle = (float(value) for value in pose)
-    ahead, right = arrays.ahead_m, arrays.right_m
-    return (
-        x + ahead * math.cos(angle) + right * math.sin(angle),
-        y + ahead * math.sin(angle) - right * math.cos(angle),
-    )

@@ -15,7 +15,7 @@ from vehicle.errors import MissionError
 from vehicle.missions.plan import Leg, Mission, Plan, check_plan
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import DT_S, GATE
-from vehicle.sim.compile import CompiledPlan, compile_plan
+from vehicle.sim.compile import compile_plan
 from vehicle.twin.step_motion import (
     DRIFT_MEMORY_S,
     NO_NOISE,
@@ -23,6 +23,7 @@ from vehicle.twin.step_motion import (
     TractorNoise,
     add_hidden_effects,
     create_body,
+    locate_lever,
     make_tractor_arrays,
     measure_pose,
     run_mission_steps,
@@ -90,18 +91,14 @@ class RobotTractor:
         self._build_mission_arrays(mission)
         row = self._states[0]
         self.body = create_body(float(row["x"]), float(row["y"]), float(row["angle"]))
-        self._soil_state = self._build_soil_noise_state()
+        stays, size = math.exp(-DT_S / SOIL_MEMORY_S), self.noise.soil_per_m
+        first = size * float(self._soil_noise.standard_normal())
+        self._soil_state = np.array([first, stays, size * math.sqrt(1.0 - stays * stays)])
         self.state = self._measure_state()
 
     def build_drift_sigmas(self) -> np.ndarray:
         """Standard deviations of the slow drift of east, north (m) and heading (rad)."""
         return np.array([self.noise.position_drift_m, self.noise.position_drift_m, self.noise.heading_drift_rad])
-
-    def _build_soil_noise_state(self) -> np.ndarray:
-        stays = math.exp(-DT_S / SOIL_MEMORY_S)
-        fresh = self.noise.soil_per_m * math.sqrt(1.0 - stays * stays)
-        first = self.noise.soil_per_m * float(self._soil_noise.standard_normal())
-        return np.array([first, stays, fresh])
 
     def _build_mission_arrays(self, mission: Mission) -> None:
         """Arrays of a mission. The progress of an invisible tractor 1 is the number of released legs: each leg has a
@@ -115,7 +112,7 @@ class RobotTractor:
         gates = np.zeros(len(legs), dtype=GATE)
         gates["tractor"], gates["progress"] = 1, np.arange(1, len(legs) + 1)
         self.mission, self._gates = mission, gates
-        self._program: CompiledPlan = program
+        self._program = program
         self._speeds = legs["speed"].copy()
         self._states = np.concatenate([program.states, np.zeros(1, dtype=program.states.dtype)])
 
@@ -153,10 +150,8 @@ class RobotTractor:
         """
         now = int(self._states[0]["leg"])
         for number in range(now + 1):
-            same = number < len(mission.legs) and np.array_equal(
-                mission.legs[number].points, self.mission.legs[number].points
-            )
-            if not same:
+            new = mission.legs[number : number + 1]
+            if not new or not np.array_equal(new[0].points, self.mission.legs[number].points):
                 raise MissionError(
                     f"The new mission differs in leg {number}, and leg {now} is being driven; keep all legs up to it."
                 )
@@ -202,46 +197,27 @@ class RobotTractor:
         steps = round(time_s / DT_S) - int(self._clock[0])
         if steps > 0:
             self._program.legs["speed"] = np.minimum(self._speeds, self.speed_limit_mps)
-            program, machine, noise = self._program, self.arrays, self.noise
-            ticks = (int(self._clock[0]) + steps - 1) // machine.steps_per_tick - (
-                int(self._clock[0]) - 1
-            ) // machine.steps_per_tick
+            program, machine, noise, before = self._program, self.arrays, self.noise, int(self._clock[0]) - 1
+            ticks = (before + steps) // machine.steps_per_tick - before // machine.steps_per_tick
             errors = noise.position_m * self._guidance_noise.standard_normal((ticks, 2))
             pushes = self._soil_noise.standard_normal((steps, 2))
             pushes[:, 1] *= noise.along_m * math.sqrt(DT_S)
             run_mission_steps(
-                steps,
-                DT_S,
-                machine.steps_per_tick,
-                self._clock,
-                self.body,
-                self._states,
-                machine.models,
-                machine.grounds,
-                machine.tables,
-                program.legs,
-                self._gates,
-                program.points,
-                program.cumulative,
-                self._commands,
-                errors,
-                pushes,
-                self._soil_state,
-            )
+                steps, DT_S, machine.steps_per_tick, self._clock, self.body, self._states,
+                machine.models, machine.grounds, machine.tables,
+                program.legs, self._gates, program.points, program.cumulative,
+                self._commands, errors, pushes, self._soil_state,
+            )  # fmt: skip
         self.state = self._measure_state()
         return self.state
 
     @property
     def true_state(self) -> RobotState:
         """The state without noise and effects of the instruments: where the antenna of the file really is."""
-        row, body = self._states[0], self.body
-        angle = float(body[2])
-        ahead = float(self.arrays.models["guide"][0])
-        aside = self.tractor.antenna_right_m
-        x = float(body[0]) + ahead * math.cos(angle) + aside * math.sin(angle)
-        y = float(body[1]) + ahead * math.sin(angle) - aside * math.cos(angle)
+        body, angle = self.body, float(self.body[2])
+        x, y = locate_lever(body[:3], float(self.arrays.models["guide"][0]), self.tractor.antenna_right_m)
         speed = float(body[3]) * math.cos(angle) + float(body[4]) * math.sin(angle)
-        return self._build_state(row, x, y, angle, speed)
+        return self._build_state(x, y, angle, speed)
 
     def _measure_state(self) -> RobotState:
         """What instruments show now, with new noise."""
@@ -258,28 +234,18 @@ class RobotTractor:
             y += float(self._drift[1]) + noise.position_m * float(white[1])
             heading += float(self._drift[2]) + noise.heading_rad * float(white[2])
             speed += noise.speed_mps * float(white[3]) if abs(speed) > noise.speed_mps else 0.0
-        return self._build_state(row, x, y, heading, speed)
+        return self._build_state(x, y, heading, speed)
 
-    def _build_state(self, row: np.void, x: float, y: float, heading: float, speed: float) -> RobotState:
+    def _build_state(self, x: float, y: float, heading: float, speed: float) -> RobotState:
+        row = self._states[0]
         leg = int(row["leg"])
         before = float(self._program.legs[leg - 1]["end"]) if leg else 0.0
         mode = STOPPED if self._commands[3] else AUTOMATIC if self._commands[0] else REMOTE
+        wheels, command, target = float(row["steering"]), float(row["command"]), float(row["target_speed"])
         return RobotState(
-            self.time_s,
-            x,
-            y,
-            heading,
-            speed,
-            float(row["steering"]),
-            float(row["command"]),
-            float(row["target_speed"]),
-            leg,
-            float(row["progress"]) - before,
-            self.mission.legs[leg].gear,
-            bool(row["working"]),
-            mode,
-            bool(row["done"]),
-        )
+            self.time_s, x, y, heading, speed, wheels, command, target, leg, float(row["progress"]) - before,
+            self.mission.legs[leg].gear, bool(row["working"]), mode, bool(row["done"]),
+        )  # fmt: skip
 
 
 def _compute_pose_on_leg(leg: Leg, along_m: float) -> tuple[float, float, float]:

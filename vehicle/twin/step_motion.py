@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats, Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
@@ -24,8 +23,6 @@ from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.loop import drive_tractor
 
-Array = npt.NDArray[np.float64]
-Records = npt.NDArray[Any]
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # of vehicle.identification.diagnosis.demo_logs
 
 
@@ -61,7 +58,7 @@ class TractorArrays:
 
     models: Records
     grounds: Records
-    tables: Array
+    tables: Floats
     ahead_m: float
     right_m: float
     latency_s: float
@@ -71,6 +68,10 @@ class TractorArrays:
     def bias_rad(self) -> float:
         """Shown heading less true heading."""
         return float(self.models["heading_bias"][0])
+
+    def locate_antenna(self, pose: Floats) -> tuple[float, float]:
+        """East and north (m) of the antenna of a body at a pose (x, y, angle)."""
+        return locate_lever(pose, self.ahead_m, self.right_m)
 
 
 def make_tractor_arrays(tractor: Tractor, implement: Implement) -> TractorArrays:
@@ -110,11 +111,17 @@ def create_state(steering_rad: float = 0.0, speed_mps: float = 0.0) -> Records:
     return state
 
 
-def create_body(x_m: float, y_m: float, angle_rad: float, speed_mps: float = 0.0) -> Array:
+def create_body(x_m: float, y_m: float, angle_rad: float, speed_mps: float = 0.0) -> Floats:
     """A body (6,) with BODY_COLUMNS: place, angle, velocity, spin."""
-    return np.array(
-        [x_m, y_m, angle_rad, speed_mps * math.cos(angle_rad), speed_mps * math.sin(angle_rad), 0.0], dtype=np.float64
-    )
+    velocity = speed_mps * math.cos(angle_rad), speed_mps * math.sin(angle_rad)
+    return np.array([x_m, y_m, angle_rad, *velocity, 0.0])
+
+
+def locate_lever(pose: Floats, ahead_m: float, right_m: float) -> tuple[float, float]:
+    """East and north (m) of a point `ahead_m` and `right_m` of the centre of mass of a body at a pose (x, y, angle)."""
+    x, y, angle = (float(value) for value in pose)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return x + ahead_m * cosine + right_m * sine, y + ahead_m * sine - right_m * cosine
 
 
 @compile_function
@@ -139,24 +146,9 @@ def turn_body(body, angle) -> None:  # type: ignore[no-untyped-def]
 
 @compile_function
 def run_mission_steps(  # type: ignore[no-untyped-def]
-    steps,
-    dt,
-    steps_per_tick,
-    clock,
-    body,
-    states,
-    models,
-    grounds,
-    tables,
-    legs,
-    gates,
-    points,
-    cumulative,
-    commands,
-    errors,
-    pushes,
-    soil_memory,
-) -> None:
+    steps, dt, steps_per_tick, clock, body, states, models, grounds, tables,
+    legs, gates, points, cumulative, commands, errors, pushes, soil_memory,
+) -> None:  # fmt: skip
     """Drive tractor 0 of `states` for `steps` steps, on its legs or by `commands` (automatic, steering, speed, halted).
 
     `clock` (1,) is the step count and is updated, `errors` (ticks, 2) are position errors of guidance. The first column

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vehicle.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
@@ -16,24 +17,17 @@ from vehicle.records import DT_S
 from vehicle.twin.correction import MAX_LATENESS_STEPS, PredictionCorrector, StateAtFix, ThesisCorrector
 from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, build_tracker_parameters
 from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
-from vehicle.twin.propagation import PIECE_STEPS, CommandBuffer, PropagatedTractor, compute_antenna_place
-from vehicle.twin.step_motion import Array, TractorNoise, create_body, create_state, make_tractor_arrays
+from vehicle.twin.propagation import PIECE_STEPS, CommandBuffer, PropagatedTractor
+from vehicle.twin.step_motion import TractorNoise, create_body, create_state, make_tractor_arrays
 
 if TYPE_CHECKING:
     from vehicle.identification.logs.schema import Log
 
 
 LOG_COLUMNS = (
-    "time_s",
-    "easting_m",
-    "northing_m",
-    "heading_deg",
-    "speed_mps",
-    "speed_command_mps",
-    "steering_command_deg",
-    "shuttle",
-    "implement",
-)
+    "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps",
+    "speed_command_mps", "steering_command_deg", "shuttle", "implement",
+)  # fmt: skip
 STANDING_MPS = 0.03
 
 
@@ -68,19 +62,11 @@ class TwinRecording:
             place = bisect_right(self._times, time_s)
             steering, target, implement = self._commands[place - 1] if place else (0.0, 0.0, 0.0)
             moving = target if abs(target) > STANDING_MPS else speed if abs(speed) > STANDING_MPS else 1.0
-            out.append(
-                (
-                    round(time_s, 4),
-                    round(origin_m[0] + x, 4),
-                    round(origin_m[1] + y, 4),
-                    round((90.0 - math.degrees(heading)) % 360.0, 3),
-                    round(abs(speed), 4),
-                    round(abs(target), 4),
-                    round(math.degrees(steering), 4),
-                    math.copysign(1.0, moving),
-                    implement,
-                )
-            )
+            fix = time_s, origin_m[0] + x, origin_m[1] + y
+            compass_deg = round((90.0 - math.degrees(heading)) % 360.0, 3)
+            motion = abs(speed), abs(target), math.degrees(steering)
+            rounded = [tuple(round(value, 4) for value in values) for values in (fix, motion)]
+            out.append((*rounded[0], compass_deg, *rounded[1], math.copysign(1.0, moving), implement))
         return out
 
     def format_csv(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> str:
@@ -168,18 +154,14 @@ class Twin:
         noise = noise or TractorNoise()
         machine = make_tractor_arrays(tractor, implement)
         angle = start.heading_rad - machine.bias_rad
-        x, y = compute_antenna_place(machine, np.array([0.0, 0.0, angle]))
+        x, y = machine.locate_antenna(np.array([0.0, 0.0, angle]))
         body = create_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
         rolled = PropagatedTractor(machine, find_ground_index(ground), create_state(0.0, start.speed_mps), body, 0)
         self._arrays = machine
         self._commands = CommandBuffer(0.0, start.speed_mps)
         self._test = MismatchTest(tractor, start.time_s)
-        self._anchor = StateAtFix(
-            rolled,
-            PoseFilter(build_tracker_parameters(noise), body[:3]),
-            PoseFilter(build_monitor_parameters(noise), body[:3]),
-            self._test,
-        )
+        tracker, monitor = build_tracker_parameters(noise), build_monitor_parameters(noise)
+        self._anchor = StateAtFix(rolled, PoseFilter(tracker, body[:3]), PoseFilter(monitor, body[:3]), self._test)
         kind = PredictionCorrector if method == PREDICT else ThesisCorrector
         self._corrector: PredictionCorrector | ThesisCorrector = kind(self._anchor, self._commands)
         self._step = 0
@@ -268,12 +250,14 @@ class Twin:
         self._update_speed_mismatch(fix)
         self.recording.add_fix(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
         self._corrector.note_correction(step, row)
-        if self.method == PREDICT:
-            self._record_correction(fix.time_s, fix.arrived_s, offset)
+        if isinstance(self._corrector, ThesisCorrector):
+            for applied_step, applied in self._corrector.applied:
+                self._record_correction(fix.time_s, self._start_s + applied_step * DT_S, applied)
+            self._corrector.applied.clear()
         else:
-            self._record_applied(fix)
+            self._record_correction(fix.time_s, fix.arrived_s, offset)
 
-    def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Array:
+    def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Floats:
         """The fix as it would have been at the step before its time, without the known bias of the heading."""
         angle, body = fix.heading_rad - self._arrays.bias_rad, self._anchor.rolled.body
         angle -= float(body[5]) * late_s
@@ -283,8 +267,9 @@ class Twin:
         )
 
     def _update_speed_mismatch(self, fix: PoseFix) -> None:
-        before = self._measured_speed_mps
-        speed_share = self._compute_speed_share()
+        before, model = self._measured_speed_mps, self._arrays.models[0]
+        # Speed over ground as a share of the commanded speed, by the slip in the tractor's file.
+        speed_share = float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
         if abs(fix.speed_mps - self._last_command[1] * speed_share) <= SPEED_MISMATCH_MPS:
             self._mismatch_since_s, self._measured_speed_mps = None, None
         elif self._mismatch_since_s is None:
@@ -294,42 +279,23 @@ class Twin:
         if self._measured_speed_mps != before:
             self._hold_command(self._compute_step(fix.time_s), 0.0)
 
-    def _compute_speed_share(self) -> float:
-        """Speed over ground as a share of the commanded speed, by the slip in the tractor's file."""
-        model = self._arrays.models[0]
-        return float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
-
-    def _record_correction(self, time_s: float, arrived_s: float, offset: Array) -> None:
+    def _record_correction(self, time_s: float, arrived_s: float, offset: Floats) -> None:
         self._rows.append((time_s, arrived_s, *(float(value) for value in offset)))
         del self._rows[:-MAX_CORRECTIONS]
-
-    def _record_applied(self, fix: PoseFix) -> None:
-        assert isinstance(self._corrector, ThesisCorrector)
-        for step, off in self._corrector.applied:
-            self._record_correction(fix.time_s, self._start_s + step * DT_S, off)
-        self._corrector.applied.clear()
 
     @property
     def state(self) -> TwinState:
         """The twin now."""
         rolled = self._corrector.rolled
-        x, y = rolled.compute_antenna()
-        cov = self._anchor.tracker.covariance
+        speed_mps = rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
+        variances = np.diag(self._anchor.tracker.covariance)
         return TwinState(
-            self._start_s + self._step * DT_S,
-            x,
-            y,
-            float(rolled.body[2]),
-            self._compute_speed(rolled),
+            self._start_s + self._step * DT_S, *rolled.compute_antenna(), float(rolled.body[2]), speed_mps,
             float(rolled.state["steering"][0]),
-            math.sqrt(0.5 * (cov[0, 0] + cov[1, 1])),
-            math.sqrt(cov[2, 2]),
-        )
+            math.sqrt(0.5 * (variances[0] + variances[1])), math.sqrt(variances[2]),
+        )  # fmt: skip
 
-    def _compute_speed(self, rolled: PropagatedTractor) -> float:
-        return rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
-
-    def predict_path(self, seconds: float) -> Array:
+    def predict_path(self, seconds: float) -> Floats:
         """The predicted path (n, 3) under the held command: antenna east and north (m), heading (rad), every 0.1 s
         from now on."""
         pieces = max(0, round(seconds / (PIECE_STEPS * DT_S)))
@@ -340,7 +306,7 @@ class Twin:
         return poses
 
     @property
-    def corrections(self) -> dict[str, Array]:
+    def corrections(self) -> dict[str, Floats]:
         """The last 36,000 corrections as columns (k,): time of the fix and of its arrival (thesis: of the correction),
         measured less predicted ahead and to the right (m) and in heading (rad).
         """

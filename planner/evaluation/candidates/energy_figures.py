@@ -9,8 +9,9 @@ import numpy as np
 from planner.evaluation.context import PlanningContext
 from planner.risk.costs import estimate_flat_use, get_grid_factor
 from strategies.program.battery_supply import BatterySupply
+from vehicle.arrays import Floats
 from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
-from vehicle.energy.run_energy import Floats, RunEnergy, compute_run_energy
+from vehicle.energy.run_energy import RunEnergy, compute_run_energy
 from vehicle.missions.run import SimulationRun
 
 LEVEL_TOLERANCE_KWH = 1e-6

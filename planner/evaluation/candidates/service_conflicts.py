@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
 from strategies.program.supply import Supply
+from vehicle.arrays import find_true_spans
 from vehicle.missions.run import SimulationRun
 from vehicle.records import STANDING
 
@@ -28,9 +27,7 @@ def find_service_stops(run: SimulationRun) -> list[CompletedServiceStop]:
     step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
     stops = []
     for tractor in range(run.plan.tractors):
-        stands = (run.get_statuses(tractor) == STANDING).astype(np.int8)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], stands, [0])))).tolist()
-        spans = zip(edges[::2], edges[1::2], strict=True)
+        spans = find_true_spans(run.get_statuses(tractor) == STANDING).tolist()
         stops += [CompletedServiceStop(tractor, first * step_s, last * step_s) for first, last in spans]
     return sorted(stops, key=lambda one: (one.from_s, one.tractor))
 

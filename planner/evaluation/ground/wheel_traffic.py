@@ -15,6 +15,7 @@ from planner.evaluation.ground.swept_area import (
     SweptArea,
     compute_swept_between_rows,
 )
+from vehicle.arrays import find_true_spans
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor
 from vehicle.records import REC_POSE
@@ -159,7 +160,7 @@ def _find_raised_driving_spans(run: SimulationRun, max_rows: int) -> Rows:
     spans = []
     for number in range(run.plan.tractors):
         up = ~np.array([leg.implement for leg in run.plan.missions[number].legs])[run.get_leg_numbers(number)]
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], up.astype(np.int8), [0])))).reshape(-1, 2)
+        edges = find_true_spans(up)
         spans.append(np.column_stack([np.full(len(edges), number), edges[:, 0], edges[:, 1] - 1]))
     return _cut_spans(np.concatenate(spans), max_rows)
 

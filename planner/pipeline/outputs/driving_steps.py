@@ -17,6 +17,7 @@ import shapely
 
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
+from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import (
     DRIVE,
     DRIVE_IN,
@@ -217,9 +218,8 @@ def _iter_segments(run: SimulationRun, tractor: int, groups: Rows) -> Iterator[_
 
 def _clear_short_sequences(flags: npt.NDArray[np.bool_], min_rows: int) -> npt.NDArray[np.bool_]:
     """The flags without runs of fewer than `min_rows`."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
     long_flags = np.zeros(len(flags), dtype=bool)
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in find_true_spans(flags).tolist():
         long_flags[first:last] = last - first >= min_rows
     return long_flags
 
@@ -228,7 +228,7 @@ def _build_wait_step(run: SimulationRun, tractor: int, segment: _RecordSegment) 
     """A wait step with the time, length and place of a segment."""
     first, last = segment.first_row, min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[first : last + 1, :2]
-    driven_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))))
+    driven_m = measure_along(path)
     x, y = path[int(np.searchsorted(driven_m, 0.5 * driven_m[-1]))]
     seconds = float(run.time_s[last] - run.time_s[first])
     return DriverLeg(WAIT, None, "", float(run.time_s[first]), seconds, float(driven_m[-1]), float(x), float(y))

@@ -6,10 +6,11 @@ Vehicle design (section 6.2) is stability and radius over tyres, and over the po
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from vehicle.arrays import Booleans
 from vehicle.model.ground import get_tyres
 from vehicle.model.tractor import Tractor, load_tractor
 from vehicle.sim.calibration import drive_circle
@@ -41,6 +42,9 @@ from vehicle.trials.sheets.sheet import (
     PlotPanel,
     TextTable,
     ThesisComparison,
+    build_map_panel,
+    build_time_panel,
+    build_track_line,
 )
 
 CIRCLES = (("2.9", "eg105", "asphalt"), ("2.10", "eg105", "soil"), ("5.1", "mr1000a", "soil"))
@@ -58,31 +62,16 @@ def build_circles_sheet(tractor: Tractor) -> ExperimentSheet:
             for sign in (1, -1)
             for angle in CIRCLE_ANGLES_DEG
         }
+        note = "measured radius 118.4 / (c |delta|^p), to which the model is calibrated"
         for angle, radius in radii_by_angle.items():
             law = machine.get_power_law(ground).compute_radius_m(angle)
-            side = "right" if angle > 0 else "left"
-            rows.append(
-                ThesisComparison(
-                    f"Eq. {equation} {ground} {side} {abs(angle)} deg",
-                    "turning radius",
-                    "m",
-                    law,
-                    radius,
-                    "measured radius 118.4 / (c |delta|^p), to which the model is calibrated",
-                )
-            )
-        for sign, dashed in ((1, False), (-1, True)):
+            name = f"Eq. {equation} {ground} {'right' if angle > 0 else 'left'} {abs(angle)} deg"
+            rows.append(ThesisComparison(name, "turning radius", "m", law, radius, note))
+        for sign, side in ((1, "right"), (-1, "left")):
+            angles = np.array(CIRCLE_ANGLES_DEG, dtype=float)
             radii = np.array([radii_by_angle[sign * angle] for angle in CIRCLE_ANGLES_DEG])
-            side = "right" if sign > 0 else "left"
-            lines.append(
-                PlotLine(
-                    f"Eq. {equation}, {machine.name} on {ground}, {side}",
-                    np.array(CIRCLE_ANGLES_DEG, dtype=float),
-                    radii,
-                    number,
-                    dashed,
-                )
-            )
+            label = f"Eq. {equation}, {machine.name} on {ground}, {side}"
+            lines.append(PlotLine(label, angles, radii, number, dashed=sign < 0))
     worst = max(abs(row.difference_pct or 0.0) for row in rows)
     words = (
         "The corrected base model is calibrated to the measured radii, so this only checks the calibration. The "
@@ -122,7 +111,7 @@ def build_fixed_sheet(tractor: Tractor) -> ExperimentSheet:
 def _build_radius_row(
     drive: FixedSteeringDrive, bare: FixedSteeringDrive, closest: FixedSteeringDrive
 ) -> ThesisComparison:
-    thesis = TABLE_4_1[drive.model][ANGLES_DEG.index(drive.steering_deg)]
+    thesis = _get_printed_radius(drive)
     bare_text, closest_text = _format_radius(bare.radius_m), _format_radius(closest.radius_m)
     note = f"without the engine's curve {bare_text}; closest hypothesis {closest_text}"
     if thesis is None:
@@ -133,12 +122,17 @@ def _build_radius_row(
     return ThesisComparison(f"4.1 {drive.model} {drive.steering_deg:g} deg", "turning radius", "m", thesis, ours, note)
 
 
+def _get_printed_radius(drive: FixedSteeringDrive) -> float | None:
+    """The radius (m) of Table 4.1 for the model and angle of a drive; None is oversteer."""
+    return dict(zip(ANGLES_DEG, TABLE_4_1[drive.model], strict=True))[drive.steering_deg]
+
+
 def _format_radius(value: float) -> str:
     return "oversteer" if math.isnan(value) else f"{value:.2f} m"
 
 
 def _describe_closest(closest: Sequence[FixedSteeringDrive]) -> str:
-    pairs = [(drive.radius_m, TABLE_4_1[drive.model][ANGLES_DEG.index(drive.steering_deg)]) for drive in closest]
+    pairs = [(drive.radius_m, _get_printed_radius(drive)) for drive in closest]
     worst = max(abs(ours / thesis - 1.0) for ours, thesis in pairs if thesis is not None)
     column = ", ".join(_format_radius(drive.radius_m) for drive in closest[-len(ANGLES_DEG) :])
     return (
@@ -161,12 +155,9 @@ def _build_friction_curve_table(
 ) -> TextTable:
     rows = []
     for trio in zip(drives, plain, closest, strict=True):
-        used = trio[0]
-        thesis = TABLE_4_1[used.model][ANGLES_DEG.index(used.steering_deg)]
-        shown = _format_radius(math.nan if thesis is None else thesis)
-        rows.append(
-            (f"{used.model} {used.steering_deg:g} deg", shown, *(_format_radius(drive.radius_m) for drive in trio))
-        )
+        name, printed = f"{trio[0].model} {trio[0].steering_deg:g} deg", _get_printed_radius(trio[0])
+        radii = [math.nan if printed is None else printed, *(drive.radius_m for drive in trio)]
+        rows.append((name, *map(_format_radius, radii)))
     header = ("Drive", "Thesis", "With the curve (used)", "Without", "Closest hypothesis")
     return TextTable("Table 4.1 with and without the engine's friction curve", header, tuple(rows))
 
@@ -174,33 +165,24 @@ def _build_friction_curve_table(
 def _build_fixed_panels(
     drives: Sequence[FixedSteeringDrive], closest: Sequence[FixedSteeringDrive]
 ) -> tuple[PlotPanel, ...]:
-    panels = []
-    for model in dict.fromkeys(drive.model for drive in drives):
-        of_model = [drive for drive in drives if drive.model == model]
-        panels.append(
-            build_trajectory_panel(f"{model.capitalize()} model", {_format_angle(d): d.trace for d in of_model})
-        )
     last = closest[-len(ANGLES_DEG) :]
-    panels.append(
-        build_trajectory_panel("Non-linear model, closest hypothesis", {_format_angle(d): d.trace for d in last})
-    )
+    groups = {
+        f"{model.capitalize()} model": [drive for drive in drives if drive.model == model]
+        for model in dict.fromkeys(drive.model for drive in drives)
+    }
+    paths = [
+        build_trajectory_panel(title, {f"{drive.steering_deg:g} degrees": drive.trace for drive in group})
+        for title, group in (groups | {"Non-linear model, closest hypothesis": last}).items()
+    ]
     shown = (("linear model", drives[5]), ("non-linear model", drives[8]), ("closest hypothesis", last[-1]))
-    for title, drive in shown:
-        panels.append(build_slip_panel(f"Slip at 35 degrees, {title}", drive.trace))
-    return tuple(panels)
-
-
-def _format_angle(drive: FixedSteeringDrive) -> str:
-    return f"{drive.steering_deg:g} degrees"
+    return (*paths, *(build_slip_panel(f"Slip at 35 degrees, {title}", drive.trace) for title, drive in shown))
 
 
 def build_trajectory_panel(title: str, traces: dict[str, Trace], seconds: float = SHOWN_S) -> PlotPanel:
     """Paths of the centre of mass to scale, each from its own start."""
-    lines = []
-    for number, (label, track) in enumerate(traces.items()):
-        place = track.compute_path(0.0)[track.time_s <= seconds]
-        lines.append(PlotLine(label, place[:, 0] - place[0, 0], place[:, 1] - place[0, 1], number))
-    return PlotPanel(title, "East (m)", "North (m)", tuple(lines), equal_axes=True)
+    places = (trace.compute_path(0.0)[trace.time_s <= seconds] for trace in traces.values())
+    lines = [build_track_line(label, place, k) for k, (label, place) in enumerate(zip(traces, places, strict=True))]
+    return build_map_panel(title, lines)
 
 
 def build_slip_panel(title: str, trace: Trace, seconds: float = 15.0) -> PlotPanel:
@@ -209,7 +191,7 @@ def build_slip_panel(title: str, trace: Trace, seconds: float = 15.0) -> PlotPan
     time = trace.time_s[part]
     front, rear = (np.degrees(slip)[part] for slip in trace.compute_slips())
     lines = (PlotLine("front axle", time, front, 0), PlotLine("rear axle", time, rear, 1))
-    return PlotPanel(title, "Time (s)", "Slip angle (degrees)", lines)
+    return build_time_panel(title, "Slip angle (degrees)", lines)
 
 
 def build_changing_sheet(tractor: Tractor) -> ExperimentSheet:
@@ -224,7 +206,7 @@ def build_changing_sheet(tractor: Tractor) -> ExperimentSheet:
         f"Largest slip of the rear axle: {spread}.",
     )
     panels = (
-        PlotPanel("Steering", "Time (s)", "Angle (degrees)", (steering,)),
+        build_time_panel("Steering", "Angle (degrees)", (steering,)),
         *(
             build_trajectory_panel(f"{model.capitalize()} model", {model: track}, 80.0)
             for model, track in traces.items()
@@ -245,27 +227,19 @@ def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:
     sagging, closest = build_best_hypothesis(tractor)
     maps_of_hypothesis = compute_tyre_maps(sagging, tyres=closest, shared_limit=True)
     tests: tuple[tuple[str, Callable[[TyreMap, TyreMap], bool]], ...] = (
-        (
-            "Rear grip decides stability: stable with more grip at the rear",
-            lambda _, rear: _is_stable_above_threshold(rear),
-        ),
-        (
-            "Front grip must be small: stable with less grip at the front",
-            lambda front, _: _is_stable_below_threshold(front),
-        ),
-        (
-            "Front grip decides the radius: it varies more than twofold",
-            lambda front, _: _compute_radius_ratio(front) > 2.0,
-        ),
+        ("Rear grip decides stability: stable with more grip at the rear",
+         lambda _, rear: _is_stable_above_threshold(rear.stable)),
+        ("Front grip must be small: stable with less grip at the front",
+         lambda front, _: _is_stable_above_threshold(front.stable[::-1, ::-1])),
+        ("Front grip decides the radius: it varies more than twofold",
+         lambda front, _: _compute_radius_ratio(front) > 2.0),
         ("Rear grip hardly changes the radius: within 10 %", lambda _, rear: _compute_radius_ratio(rear) < 1.1),
-        (
-            "The radius is inversely proportional to k and alpha_0 of the front tyres, within 15 %",
-            lambda front, _: _is_radius_inverse_to_tyres(front),
-        ),
-        ("The fixed pair itself oversteers at 35 degrees", lambda front, _: not _is_fixed_pair_stable(front)),
-    )
-    rows = tuple(
-        (text, _format_outcome(test(*maps_here)), _format_outcome(test(*maps_of_hypothesis))) for text, test in tests
+        ("The radius is inversely proportional to k and alpha_0 of the front tyres, within 15 %",
+         lambda front, _: _is_radius_inverse_to_tyres(front)),
+        ("The fixed pair itself oversteers at 35 degrees", lambda front, _: not front.get_stable(0.005, 5.0)),
+    )  # fmt: skip
+    statements = _build_statement_table(
+        "Statement of section 6.2.1", ((text, test(*maps_here), test(*maps_of_hypothesis)) for text, test in tests)
     )
     counts = "; ".join(
         f"{name}: {int(front.stable.sum())} front and {int(rear.stable.sum())} rear tyres of {rear.stable.size}"
@@ -278,36 +252,26 @@ def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:
         f"{counts[0].upper()}{counts[1:]}.",
         f"The closest hypothesis about Table 4.1: {BEST_HYPOTHESIS}.",
     )
+    labels = "alpha_0 (degrees)", "k (per degree)", "Turning radius (m)"
+    grid = np.array(maps_here[0].limits_deg), np.array(maps_here[0].slopes_per_deg)
     maps = tuple(
-        _build_heat_map(tyre_map, f"{tyre_map.axle.capitalize()} tyres, {title}")
+        HeatMap(f"{tyre_map.axle.capitalize()} tyres, {title}", *labels, *grid, tyre_map.radius_m, "oversteer")
         for title, pair in (("the other axle fixed", maps_here), ("closest hypothesis", maps_of_hypothesis))
         for tyre_map in pair
     )
-    header = ("Statement of section 6.2.1", "Here", "Closest hypothesis")
-    return ExperimentSheet("tyres", "Tyres (Fig. 6.2)", words, (), maps, (TextTable("Statements", header, rows),))
+    return ExperimentSheet("tyres", "Tyres (Fig. 6.2)", words, (), maps, (statements,))
 
 
-def _build_heat_map(tyre_map: TyreMap, title: str) -> HeatMap:
-    x, y = np.array(tyre_map.limits_deg), np.array(tyre_map.slopes_per_deg)
-    names = ("alpha_0 (degrees)", "k (per degree)", "Turning radius (m)")
-    return HeatMap(title, *names, x, y, tyre_map.radius_m, "oversteer")
+def _build_statement_table(head: str, outcomes: Iterable[tuple[str, bool, bool]]) -> TextTable:
+    """Statements of the thesis, and whether they are confirmed here and with the closest hypothesis."""
+    words = {True: "confirmed", False: "not confirmed"}
+    rows = tuple((text, words[here], words[closest]) for text, here, closest in outcomes)
+    return TextTable("Statements", (head, "Here", "Closest hypothesis"), rows)
 
 
-def _is_fixed_pair_stable(front: TyreMap) -> bool:
-    """Whether the tyres of section 4.3 are stable together."""
-    return bool(front.stable[front.slopes_per_deg.index(0.005), front.limits_deg.index(5.0)])
-
-
-def _is_stable_above_threshold(tyre_map: TyreMap) -> bool:
+def _is_stable_above_threshold(stable: Booleans) -> bool:
     """Whether cells with a larger slope or limit than a stable one are stable, and some cells are unstable."""
-    stable = tyre_map.stable
     rows = (stable[1:] >= stable[:-1]).all() and (stable[:, 1:] >= stable[:, :-1]).all()
-    return bool(rows and stable.any() and not stable.all())
-
-
-def _is_stable_below_threshold(tyre_map: TyreMap) -> bool:
-    stable = tyre_map.stable
-    rows = (stable[1:] <= stable[:-1]).all() and (stable[:, 1:] <= stable[:, :-1]).all()
     return bool(rows and stable.any() and not stable.all())
 
 
@@ -327,18 +291,16 @@ def build_mass_sheet(tractor: Tractor) -> ExperimentSheet:
     sweep_here = sweep_centre_of_mass(tractor)
     sagging, closest = build_best_hypothesis(tractor)
     sweep_of_hypothesis = sweep_centre_of_mass(sagging, tyres=closest)
-    rows = tuple(
-        (text, _format_outcome(test(sweep_here)), _format_outcome(test(sweep_of_hypothesis)))
-        for text, test in (
-            (
-                "A centre of mass further back stabilises: no position behind a stable one is unstable",
-                _is_stabilised_by_rear,
-            ),
-            ("At 25 degrees every position is stable", lambda sweep: bool(np.isfinite(sweep.radius_m[0]).all())),
-            ("At 30 degrees only the foremost positions are unstable", _is_front_unstable),
-            ("At 35 degrees every position is unstable", lambda sweep: bool(np.isnan(sweep.radius_m[2]).all())),
-            ("At 25 degrees the radius falls as the centre of mass moves back", _has_falling_radius),
-        )
+    tests: tuple[tuple[str, Callable[[CentreOfMassSweep], bool]], ...] = (
+        ("A centre of mass further back stabilises: no position behind a stable one is unstable",
+         lambda sweep: bool((sweep.stable[:, 1:] >= sweep.stable[:, :-1]).all() and sweep.stable.any())),
+        ("At 25 degrees every position is stable", lambda sweep: bool(sweep.stable[0].all())),
+        ("At 30 degrees only the foremost positions are unstable", _is_front_unstable),
+        ("At 35 degrees every position is unstable", lambda sweep: not sweep.stable[2].any()),
+        ("At 25 degrees the radius falls as the centre of mass moves back", _has_falling_radius),
+    )  # fmt: skip
+    statements = _build_statement_table(
+        "Statement of section 6.2.2", ((text, test(sweep_here), test(sweep_of_hypothesis)) for text, test in tests)
     )
     words = (
         "Tyres of section 4.3 (front 5 degrees and 0.005, rear 5 degrees and 0.01) at 5 km/h. The range of positions "
@@ -346,36 +308,24 @@ def build_mass_sheet(tractor: Tractor) -> ExperimentSheet:
         CRITERION,
         f"The second column repeats the sweep with the closest hypothesis about Table 4.1: {BEST_HYPOTHESIS}.",
     )
-    header = ("Statement of section 6.2.2", "Here", "Closest hypothesis")
     panels = (
         _build_radius_panel("Radius over the centre of mass", sweep_here),
         _build_radius_panel("The same with the closest hypothesis", sweep_of_hypothesis),
         _build_path_panel("Paths at 35 degrees", sweep_here),
         _build_path_panel("Paths at 35 degrees, closest hypothesis", sweep_of_hypothesis),
     )
-    table = TextTable("Statements", header, rows)
-    return ExperimentSheet(
-        "mass", "Centre of mass (Fig. 6.3)", words, (), panels, (table, _build_radius_table(sweep_here))
-    )
-
-
-def _format_outcome(good: bool) -> str:
-    return "confirmed" if good else "not confirmed"
-
-
-def _is_stabilised_by_rear(sweep: CentreOfMassSweep) -> bool:
-    stable = np.isfinite(sweep.radius_m)
-    return bool((stable[:, 1:] >= stable[:, :-1]).all() and stable.any())
+    tables = statements, _build_radius_table(sweep_here)
+    return ExperimentSheet("mass", "Centre of mass (Fig. 6.3)", words, (), panels, tables)
 
 
 def _is_front_unstable(sweep: CentreOfMassSweep) -> bool:
     """Whether positions are unstable up to some position in the front half, and stable from there on."""
-    stable = np.isfinite(sweep.radius_m[1])
+    stable = sweep.stable[1]
     return bool(not stable[0] and stable[len(stable) // 2 :].all() and (stable[1:] >= stable[:-1]).all())
 
 
 def _has_falling_radius(sweep: CentreOfMassSweep) -> bool:
-    radii = sweep.radius_m[0][np.isfinite(sweep.radius_m[0])]
+    radii = sweep.radius_m[0][sweep.stable[0]]
     return bool(len(radii) > 1 and (np.diff(radii) < 0.0).all())
 
 
@@ -384,19 +334,13 @@ def _build_radius_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
         PlotLine(f"{angle:g} degrees", np.array(sweep.front_axle_m), radii, number)
         for number, (angle, radii) in enumerate(zip(sweep.angles_deg, sweep.radius_m, strict=True))
     )
-    return PlotPanel(
-        title, "Centre of mass behind the front axle (m)", "Turning radius (m)", lines, missing="oversteer"
-    )
+    labels = "Centre of mass behind the front axle (m)", "Turning radius (m)"
+    return PlotPanel(title, *labels, lines, missing="oversteer")
 
 
 def _build_path_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
-    lines = []
-    for number, index in enumerate((0, 3, 6, 10)):
-        track = sweep.traces[index]
-        place = track.compute_path(0.0)
-        label = f"{sweep.front_axle_m[index]:.1f} m"
-        lines.append(PlotLine(label, place[:, 0] - place[0, 0], place[:, 1] - place[0, 1], number))
-    return PlotPanel(title, "East (m)", "North (m)", tuple(lines), equal_axes=True)
+    traces = {f"{sweep.front_axle_m[index]:.1f} m": sweep.traces[index] for index in (0, 3, 6, 10)}
+    return build_trajectory_panel(title, traces, math.inf)
 
 
 def _build_radius_table(sweep: CentreOfMassSweep) -> TextTable:

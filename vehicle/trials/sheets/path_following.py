@@ -9,7 +9,7 @@ import numpy as np
 from vehicle.control.steering import SLEW
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Tractor
-from vehicle.trials.drive import CONTROLLED_POINT_M, SLIP_LOOKAHEAD_M
+from vehicle.trials.drive import CONTROLLED_POINT_M, SLIP_LOOKAHEAD_M, Trace
 from vehicle.trials.path_following import (
     FIRST_PASS,
     OMEGAS,
@@ -33,6 +33,8 @@ from vehicle.trials.sheets.sheet import (
     PlotPanel,
     TextTable,
     ThesisComparison,
+    build_map_panel,
+    build_time_panel,
 )
 
 LOOKAHEADS_M = (5.0, 3.0)
@@ -55,17 +57,9 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
     for ahead in LOOKAHEADS_M:
         for omega in OMEGAS:
             proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
-            largest, mean = compute_distance_m(proposed, traditional)
-            rows.append(
-                (
-                    f"{ahead:g} m",
-                    f"1/{round(1 / omega)}",
-                    f"{proposed.lateral_max_m:.2f} m",
-                    f"{traditional.lateral_max_m:.2f} m",
-                    f"{100 * largest:.1f} cm",
-                    f"{100 * mean:.1f} cm",
-                )
-            )
+            apart = [f"{100 * metres:.1f} cm" for metres in compute_distance_m(proposed, traditional)]
+            laterals = [f"{drive.lateral_max_m:.2f} m" for drive in (proposed, traditional)]
+            rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *laterals, *apart))
     header = ("Lookahead", "omega (1/m)", "Lateral, proposed", "Lateral, traditional", "Apart, largest", "Apart, mean")
     words = (
         "P_y = A sin(omega P_x), A = 5 m, soil, 5 km/h (Eq. 3.1). The thesis finds that the two simulators differ more "
@@ -76,7 +70,7 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         _build_zigzag_panel(drives, ahead, OMEGAS[-1], f"omega = 1/3, lookahead {ahead:g} m") for ahead in LOOKAHEADS_M
     )
     wheels = tuple(
-        build_wheel_panel(f"Wheel angle, {name}, omega = 1/3, lookahead 3 m", drives[3.0, OMEGAS[-1], name])
+        build_wheel_panel(f"Wheel angle, {name}, omega = 1/3, lookahead 3 m", drives[3.0, OMEGAS[-1], name].trace)
         for name in ("proposed", "traditional")
     )
     table = TextTable("Zigzag", header, tuple(rows))
@@ -125,26 +119,20 @@ def _build_zigzag_panel(
     return PlotPanel(title, "P_x (m)", "P_y (m)", tuple(lines), equal_axes=True)
 
 
-def build_wheel_panel(title: str, drive: PathTracking) -> PlotPanel:
+def build_wheel_panel(title: str, trace: Trace, from_s: float = -math.inf, until_s: float = math.inf) -> PlotPanel:
     """Command and wheel angle over time, the wheel angle coloured by stage."""
-    trace = drive.trace
-    command, wheels = (np.degrees(trace.get_column(name)) for name in ("command", "steering"))
-    lines = (
-        PlotLine("command", trace.time_s, command, 3, True),
-        PlotLine("wheel angle", trace.time_s, wheels, 0, False, trace.get_column("stage")),
-    )
-    return PlotPanel(title, "Time (s)", "Angle (degrees)", lines)
+    part = (trace.time_s > from_s) & (trace.time_s < until_s)
+    time, stages = trace.time_s[part], trace.get_column("stage")[part]
+    command, wheels = (np.degrees(trace.get_column(name))[part] for name in ("command", "steering"))
+    lines = (PlotLine("command", time, command, 3, True), PlotLine("wheel angle", time, wheels, 0, False, stages))
+    return build_time_panel(title, "Angle (degrees)", lines)
 
 
 def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     """Table 3.4; the column of the digital twin is lost, the text only gives its difference from the real tractor."""
     passes = drive_navigation(tractor, position_errors=load_default_error_table(), seed=seed)
-    ours = {
-        LATERAL[0]: passes.lateral_max_cm,
-        LATERAL[1]: passes.lateral_mean_cm,
-        HEADING[0]: passes.heading_max_deg,
-        HEADING[1]: passes.heading_mean_deg,
-    }
+    lateral = passes.lateral_max_cm, passes.lateral_mean_cm
+    ours = dict(zip(LATERAL + HEADING, (*lateral, passes.heading_max_deg, passes.heading_mean_deg), strict=True))
     rows = []
     for (number, quantity, unit), thesis in TABLE_3_4.items():
         note = "physical space, other field and start; the twin's column is lost"
@@ -157,9 +145,8 @@ def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
         "a pass.",
         "The thesis's longitudinal drift of 1 to 1.5 m in 120 s is against the real tractor, of which there is no log.",
     )
-    return ExperimentSheet(
-        "navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), _build_navigation_panels(passes)
-    )
+    panels = _build_navigation_panels(passes)
+    return ExperimentSheet("navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), panels)
 
 
 def _build_navigation_panels(passes: NavigationPasses) -> tuple[PlotPanel, ...]:
@@ -178,15 +165,10 @@ def _build_navigation_panels(passes: NavigationPasses) -> tuple[PlotPanel, ...]:
         sign = 1.0 if number == 0 else -1.0
         driven = np.abs(place[rows, 1] - passes.mission.legs[passing].points[0, 1])
         errors.append(PlotLine(f"pass {number + 1}", driven, 100.0 * sign * (x - place[rows, 0]), number))
+    near_plan = PlotLine("plan", plan[is_near, 0], plan[is_near, 1], 3, True)
     return (
-        PlotPanel("The plan and the drive", "East (m)", "North (m)", (planned, whole), equal_axes=True),
-        PlotPanel(
-            "Switch-back",
-            "East (m)",
-            "North (m)",
-            (PlotLine("plan", plan[is_near, 0], plan[is_near, 1], 3, True), turn),
-            equal_axes=True,
-        ),
+        build_map_panel("The plan and the drive", (planned, whole)),
+        build_map_panel("Switch-back", (near_plan, turn)),
         PlotPanel("Lateral error on soil", "Along the pass (m)", "Path lies to the right by (cm)", tuple(errors)),
     )
 
@@ -199,15 +181,9 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
     rows = []
     for (ground, subject), printed in TABLE_4_3.items():
         pair = (ground, "nonlinear" if subject == "real" else subject)
-        values = zip(
-            LATERAL + HEADING,
-            ("m", "m", "deg", "deg"),
-            printed,
-            _list_errors(results[pair]),
-            _list_errors(plain[pair]),
-            strict=True,
-        )
-        for quantity, unit, thesis, ours, bare in values:
+        quantities, values = zip(LATERAL + HEADING, ("m", "m", "deg", "deg"), strict=True), (results[pair], plain[pair])
+        columns = (printed, *map(_list_errors, values))
+        for (quantity, unit), thesis, ours, bare in zip(quantities, *columns, strict=True):
             note = f"without the engine's curve {bare:.3g} {unit}"
             if subject == "real":
                 note = "real tractor against our non-linear model; " + note
@@ -220,14 +196,8 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
         f"{MUD_RATIO:.2f}). Without the curve the models hardly differ.",
         "Heading errors are measured against the line to the target point (section 2.2.3).",
     )
-    return ExperimentSheet(
-        "slip",
-        "Asphalt and mud (Table 4.3)",
-        words,
-        tuple(rows),
-        _build_slip_panels(results),
-        (_build_point_table(tractor),),
-    )
+    panels, tables = _build_slip_panels(results), (_build_point_table(tractor),)
+    return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, tables)
 
 
 def _list_errors(result: PathTracking) -> tuple[float, float, float, float]:
@@ -261,8 +231,8 @@ def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[Pl
         x = np.linspace(0.0, float(place[:, 1].max()), 600)
         path_lines.append(PlotLine("path", x, 5.0 * np.sin(math.pi / 18.8 * x), 3, True))
         panels.append(PlotPanel(f"Paths on {ground}", "P_x (m)", "P_y (m)", tuple(path_lines), equal_axes=True))
-        panels.append(PlotPanel(f"Lateral error on {ground}", "Time (s)", "Lateral error (cm)", tuple(lateral)))
-        panels.append(PlotPanel(f"Heading error on {ground}", "Time (s)", "Heading error (degrees)", tuple(heading)))
+        panels.append(build_time_panel(f"Lateral error on {ground}", "Lateral error (cm)", lateral))
+        panels.append(build_time_panel(f"Heading error on {ground}", "Heading error (degrees)", heading))
     for model in ("nonlinear", "linear"):
         trace = results["mud", model].trace
         panels.append(build_slip_panel(f"Slip in mud, {model}", trace, float(trace.time_s[-1])))

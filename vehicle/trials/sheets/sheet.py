@@ -5,12 +5,10 @@ TABLE_3_1 to TABLE_4_3 are the numbers that the thesis prints, in centimetres, m
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-Array = npt.NDArray[np.float64]
+from vehicle.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -37,11 +35,11 @@ class PlotLine:
     """A line of a plot: x and y (t,), a colour number, and per point the stage of the steering simulator, if any."""
 
     label: str
-    x: Array
-    y: Array
+    x: Floats
+    y: Floats
     colour: int = 0
     dashed: bool = False
-    stages: Array | None = None
+    stages: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +54,21 @@ class PlotPanel:
     missing: str = ""
 
 
+def build_map_panel(title: str, lines: Iterable[PlotLine]) -> PlotPanel:
+    """Lines on a map, to scale."""
+    return PlotPanel(title, "East (m)", "North (m)", tuple(lines), equal_axes=True)
+
+
+def build_time_panel(title: str, y_label: str, lines: Iterable[PlotLine]) -> PlotPanel:
+    """Lines over time."""
+    return PlotPanel(title, "Time (s)", y_label, tuple(lines))
+
+
+def build_track_line(label: str, place: Floats, colour: int) -> PlotLine:
+    """A path (t, 2) on a map, from its own start."""
+    return PlotLine(label, place[:, 0] - place[0, 0], place[:, 1] - place[0, 1], colour)
+
+
 @dataclass(frozen=True, eq=False)
 class HeatMap:
     """Values (rows, columns) over two axes; `missing` says what nan means."""
@@ -64,9 +77,9 @@ class HeatMap:
     x_label: str
     y_label: str
     value_label: str
-    x: Array
-    y: Array
-    values: Array
+    x: Floats
+    y: Floats
+    values: Floats
     missing: str
 
 
@@ -102,7 +115,7 @@ class SteeredDrive:
     stable: bool
     slip_front_deg: float
     slip_rear_deg: float
-    trace_rows: Array
+    trace_rows: Floats
 
 
 @dataclass(frozen=True)
@@ -170,15 +183,14 @@ TABLE_3_3 = {
     ("traditional", 5): (5.1, 3.2, 2.5, 3.3, 4.3, 3.9, 4.6, 4.4),
 }
 # Physical space; the column of the digital twin is lost.
+_ERRORS = (
+    ("lateral error, maximum", "cm"), ("lateral error, average", "cm"),
+    ("heading error, maximum", "deg"), ("heading error, average", "deg"),
+)  # fmt: skip
 TABLE_3_4 = {
-    (1, "lateral error, maximum", "cm"): 13.9,
-    (1, "lateral error, average", "cm"): 5.2,
-    (1, "heading error, maximum", "deg"): 3.8,
-    (1, "heading error, average", "deg"): 1.49,
-    (2, "lateral error, maximum", "cm"): 11.7,
-    (2, "lateral error, average", "cm"): 2.3,
-    (2, "heading error, maximum", "deg"): 2.2,
-    (2, "heading error, average", "deg"): 0.52,
+    (path, *error): value
+    for path, values in ((1, (13.9, 5.2, 3.8, 1.49)), (2, (11.7, 2.3, 2.2, 0.52)))
+    for error, value in zip(_ERRORS, values, strict=True)
 }
 # From the text of section 3.4 about the lost column: twin less physical, per pass.
 TWIN_DIFFERENCES = {("lateral error, average", "cm"): (2.0, 0.4), ("heading error, average", "deg"): (0.2, 0.14)}

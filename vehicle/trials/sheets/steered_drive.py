@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fields.errors import mark_parameter
 from vehicle.errors import VehicleError
 from vehicle.model.ground import Tyres, get_tyres
-from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.model.tractor import load_tractor
 from vehicle.trials.drive import (
     Trace,
     compute_settled_radius,
@@ -21,7 +20,7 @@ from vehicle.trials.drive import (
 )
 from vehicle.trials.fixed_steering import build_step_commands, move_centre_of_mass
 from vehicle.trials.sheets.fixed_steering import build_slip_panel, build_trajectory_panel
-from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, PlotPanel, SteeredDrive
+from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, SteeredDrive, build_time_panel
 
 MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
 RECORD_EVERY = 6
@@ -56,20 +55,18 @@ def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace
     Raises VehicleError for a request that cannot be driven.
     """
     _check_request(request)
-    tractor = _load_request_tractor(request)
-    commands = build_step_commands([request.steer_deg], request.seconds)
-    trace = drive_by_steering_commands(
-        [replace_steering(tractor, request.steering)],
-        [_choose_tyres(request)],
-        commands,
-        speed_mps=request.speed_kmh / 3.6,
-        record_every=RECORD_EVERY,
-    )[0]
+    tractor = load_tractor(request.tractor)
+    if request.mass_m is not None:
+        tractor = move_centre_of_mass(tractor, request.mass_m)
+    tractors, tyres = [replace_steering(tractor, request.steering)], [_choose_tyres(request)]
+    commands, speed_mps = build_step_commands([request.steer_deg], request.seconds), request.speed_kmh / 3.6
+    trace = drive_by_steering_commands(tractors, tyres, commands, speed_mps=speed_mps, record_every=RECORD_EVERY)[0]
     radius = compute_settled_radius(trace, trace.point_m)
     front, rear = (float(np.degrees(slip[-1])) for slip in trace.compute_slips())
     circle = math.isfinite(radius) and radius < MAX_CIRCLE_RADIUS_M
-    driven = SteeredDrive(radius if circle else None, is_sideslip_settled(trace), front, rear, _build_rows(trace))
-    return driven, trace
+    heading, wheels = (90.0 - np.degrees(trace.get_column("angle"))) % 360.0, np.degrees(trace.get_column("steering"))
+    rows = np.column_stack([trace.time_s, trace.compute_path(), heading, wheels])
+    return SteeredDrive(radius if circle else None, is_sideslip_settled(trace), front, rear, rows), trace
 
 
 def _check_request(request: SteeredDriveRequest) -> None:
@@ -85,11 +82,6 @@ def _check_request(request: SteeredDriveRequest) -> None:
         raise VehicleError(
             f"{mark_parameter('speed_kmh')} is {request.speed_kmh:g}; use a speed above 0 and up to {MAX_SPEED_KMH:g}."
         )
-
-
-def _load_request_tractor(request: SteeredDriveRequest) -> Tractor:
-    tractor = load_tractor(request.tractor)
-    return tractor if request.mass_m is None else move_centre_of_mass(tractor, request.mass_m)
 
 
 def _choose_tyres(request: SteeredDriveRequest) -> Tyres:
@@ -111,37 +103,23 @@ def _choose_tyres(request: SteeredDriveRequest) -> Tyres:
     return tyres.model_copy(update=given)
 
 
-def _build_rows(trace: Trace) -> npt.NDArray[np.float64]:
-    place = trace.compute_path()
-    heading = (90.0 - np.degrees(trace.get_column("angle"))) % 360.0
-    return np.column_stack([trace.time_s, place, heading, np.degrees(trace.get_column("steering"))])
-
-
 def build_drive_sheet(request: SteeredDriveRequest, driven: SteeredDrive, trace: Trace) -> ExperimentSheet:
     """The drive in words and plots."""
     seconds = float(trace.time_s[-1])
     radius = trace.compute_radius()
-    shown = np.where(radius < _choose_radius_limit(driven), radius, np.nan)
+    # Up to so many metres that the circle fills the plot.
+    limit_m = SHOWN_RADII * driven.radius_m if driven.stable and driven.radius_m else WIDEST_SHOWN_M
+    shown = np.where(radius < limit_m, radius, np.nan)
+    wheels = np.degrees(trace.get_column("steering"))
     panels = (
         build_trajectory_panel("Path of the centre of mass", {f"{request.steer_deg:g} degrees": trace}, seconds),
         build_slip_panel("Slip angles", trace, seconds),
-        PlotPanel(
-            "Wheel angle",
-            "Time (s)",
-            "Angle (degrees)",
-            (PlotLine("wheel angle", trace.time_s, np.degrees(trace.get_column("steering")), 0),),
-        ),
-        PlotPanel("Momentary turning radius", "Time (s)", "Radius (m)", (PlotLine("radius", trace.time_s, shown, 0),)),
+        build_time_panel("Wheel angle", "Angle (degrees)", (PlotLine("wheel angle", trace.time_s, wheels, 0),)),
+        build_time_panel("Momentary turning radius", "Radius (m)", (PlotLine("radius", trace.time_s, shown, 0),)),
     )
     title = f"{request.steer_deg:g} degrees on {request.ground}, {request.model} tyres, {request.speed_kmh:g} km/h"
-    return ExperimentSheet(
-        "drive", title, (describe_drive(driven), "The wheels are stepped after one second at speed."), (), panels
-    )
-
-
-def _choose_radius_limit(driven: SteeredDrive) -> float:
-    """Metres up to which the momentary radius is drawn, so that the circle fills the plot."""
-    return SHOWN_RADII * driven.radius_m if driven.stable and driven.radius_m else WIDEST_SHOWN_M
+    words = describe_drive(driven), "The wheels are stepped after one second at speed."
+    return ExperimentSheet("drive", title, words, (), panels)
 
 
 def describe_drive(driven: SteeredDrive) -> str:

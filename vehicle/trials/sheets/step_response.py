@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
+import itertools
+from collections.abc import Sequence
 
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Tractor
@@ -16,6 +17,7 @@ from vehicle.trials.path_following import (
     drive_step_response,
     measure_weaving_m,
 )
+from vehicle.trials.sheets.path_following import build_wheel_panel
 from vehicle.trials.sheets.sheet import (
     TABLE_3_1,
     TABLE_3_2,
@@ -42,9 +44,8 @@ def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     rows = _compare_table_3_1(quiet) + _compare_table_3_2(quiet) + _compare_table_3_3(noisy, bare)
     words = _describe_results(quiet, noisy, bare, tractor.guidance.lateral_limit_m)
     tables = (_build_path_length_table(tractor, noisy, seed), _build_weaving_table(tractor))
-    return ExperimentSheet(
-        "step", "Step response (Tables 3.1 to 3.3)", words, tuple(rows), _build_panels(quiet), tables
-    )
+    title, panels = "Step response (Tables 3.1 to 3.3)", _build_panels(quiet)
+    return ExperimentSheet("step", title, words, tuple(rows), panels, tables)
 
 
 def _drive_quiet(tractor: Tractor) -> Steps:
@@ -58,45 +59,34 @@ def _drive_quiet(tractor: Tractor) -> Steps:
     }
 
 
-def _drive_noisy(tractor: Tractor, limit_m: float, seed: int) -> Steps:
+def _drive_noisy(
+    tractor: Tractor,
+    limit_m: float,
+    seed: int,
+    simulators: Sequence[str] = ("proposed", "traditional"),
+    second_m: float = SECOND_PATH_M,
+) -> Steps:
     """The drives of Table 3.3: on soil, each with its own GNSS errors."""
+    errors = load_default_error_table()
     return {
         ("soil", steering, speed, offset): drive_step_response(
-            tractor,
-            offset,
-            speed,
-            "soil",
-            steering,
-            position_errors=load_default_error_table(),
-            seed=1000 * seed + number,
-            limit_m=limit_m,
+            tractor, offset, speed, "soil", steering,
+            position_errors=errors, seed=1000 * seed + number, limit_m=limit_m, second_m=second_m,
         )
-        for steering in ("proposed", "traditional")
+        for steering in simulators
         for speed in SPEEDS_KMH
         for number, offset in enumerate(OFFSETS_CM)
-    }
+    }  # fmt: skip
 
 
 def _build_path_length_table(tractor: Tractor, noisy: Steps, seed: int) -> TextTable:
     """Table 3.3 with other lengths of path 2: the remaining swing in the last 15 m outweighs the GNSS errors."""
     rows = []
     for length in LENGTHS_M:
-        cells = [drive.mean_lateral_error_cm for key, drive in noisy.items() if key[1] == "proposed"]
+        drives = noisy
         if length != SECOND_PATH_M:
-            cells = [
-                drive_step_response(
-                    tractor,
-                    offset,
-                    speed,
-                    "soil",
-                    position_errors=load_default_error_table(),
-                    seed=1000 * seed + number,
-                    limit_m=tractor.guidance.lateral_limit_m,
-                    second_m=length,
-                ).mean_lateral_error_cm
-                for speed in SPEEDS_KMH
-                for number, offset in enumerate(OFFSETS_CM)
-            ]
+            drives = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed, ("proposed",), length)
+        cells = [drive.mean_lateral_error_cm for key, drive in drives.items() if key[1] == "proposed"]
         inside = sum(2.0 <= cell <= 6.0 for cell in cells)
         rows.append((f"{length:g} m", f"{inside} of {len(cells)}", f"{min(cells):.1f} cm", f"{max(cells):.1f} cm"))
     title = "Table 3.3, proposed simulator, by the assumed length of path 2"
@@ -107,9 +97,8 @@ def _compare_table_3_1(steps: Steps) -> list[ThesisComparison]:
     rows = []
     for (speed, kind), values in TABLE_3_1.items():
         for offset, thesis in zip(OFFSETS_CM, values, strict=True):
-            difference_cm = steps["asphalt", "proposed", speed, offset].compute_difference_cm(
-                steps["asphalt", "none", speed, offset]
-            )
+            bare = steps["asphalt", "none", speed, offset]
+            difference_cm = steps["asphalt", "proposed", speed, offset].compute_difference_cm(bare)
             note = f"{NO_LOG}; our path differs by {difference_cm[kind == 'average']:.1f} cm from one without simulator"
             name = f"3.1 {speed} km/h {offset:+d} cm"
             rows.append(ThesisComparison(name, f"trajectory difference, {kind}", "cm", thesis, None, note))
@@ -120,12 +109,9 @@ def _compare_table_3_2(steps: Steps) -> list[ThesisComparison]:
     rows = []
     for (steering, speed, kind), values in TABLE_3_2.items():
         for offset, thesis in zip(OFFSETS_CM, values, strict=True):
-            proposed, traditional = (
-                steps["soil", "proposed", speed, offset],
-                steps["soil", "traditional", speed, offset],
-            )
-            difference_cm = proposed.compute_difference_cm(traditional)[kind == "average"]
-            note = f"{NO_LOG}; our proposed and traditional simulators are {difference_cm:.1f} cm apart"
+            traditional = steps["soil", "traditional", speed, offset]
+            gap_cm = steps["soil", "proposed", speed, offset].compute_difference_cm(traditional)[kind == "average"]
+            note = f"{NO_LOG}; our proposed and traditional simulators are {gap_cm:.1f} cm apart"
             name = f"3.2 {steering} {speed} km/h {offset:+d} cm"
             rows.append(ThesisComparison(name, f"trajectory difference, {kind}", "cm", thesis, None, note))
     return rows
@@ -148,28 +134,23 @@ def _compare_table_3_3(noisy: Steps, bare: Steps) -> list[ThesisComparison]:
 
 def _compute_gap_range(steps: Steps, size: int) -> tuple[float, float]:
     """Smallest and largest gap (cm) between the simulators on soil over the drives with an offset of this size."""
-    gaps = [
-        steps["soil", "proposed", speed, sign * size].compute_difference_cm(
-            steps["soil", "traditional", speed, sign * size]
-        )[0]
-        for speed in SPEEDS_KMH
-        for sign in (-1, 1)
-    ]
+    gaps = []
+    for speed, offset in itertools.product(SPEEDS_KMH, (-size, size)):
+        traditional = steps["soil", "traditional", speed, offset]
+        gaps.append(steps["soil", "proposed", speed, offset].compute_difference_cm(traditional)[0])
     return min(gaps), max(gaps)
 
 
 def _build_weaving_table(tractor: Tractor) -> TextTable:
     """The plain and the limited Eq. 2.5 when the full offset applies at once."""
     limit = tractor.guidance.lateral_limit_m
-    rows = tuple(
-        (
-            f"{offset} cm",
-            *(f"{measure_weaving_m(tractor, offset, limit_m=most):.2f} m" for most in (UNLIMITED_M, limit)),
-        )
-        for offset in (50, 100, 150, 200)
-    )
+    rows = []
+    for offset in (50, 100, 150, 200):
+        weaving = [measure_weaving_m(tractor, offset, limit_m=most) for most in (UNLIMITED_M, limit)]
+        rows.append((f"{offset} cm", *(f"{metres:.2f} m" for metres in weaving)))
     title = "Started beside a straight path at 5 km/h on soil: largest lateral error in the third minute"
-    return TextTable(title, ("Offset at the start", "Plain Eq. 2.5", f"Lateral error limited to {limit:g} m"), rows)
+    header = ("Offset at the start", "Plain Eq. 2.5", f"Lateral error limited to {limit:g} m")
+    return TextTable(title, header, tuple(rows))
 
 
 def _describe_finding(quiet: Steps) -> str:
@@ -206,33 +187,21 @@ def _describe_results(quiet: Steps, noisy: Steps, bare: Steps, limit_m: float) -
 
 
 def _build_panels(steps: Steps) -> tuple[PlotPanel, ...]:
-    panels = []
-    for ground in GROUNDS:
-        lines = [
-            PlotLine(f"{offset:+d} cm", track.compute_path()[:, 1], 100 * track.compute_path()[:, 0], number)
-            for number, offset in enumerate((-200, -100, -50, 50, 100, 200))
-            for track in [steps[ground, "proposed", 5.0, offset].trace]
-        ]
-        panels.append(PlotPanel(f"Paths on {ground}, 5 km/h", "Along the path (m)", "To the right (cm)", tuple(lines)))
+    groups = {
+        f"Paths on {ground}, 5 km/h": {
+            f"{offset:+d} cm": steps[ground, "proposed", 5.0, offset] for offset in (-200, -100, -50, 50, 100, 200)
+        }
+        for ground in GROUNDS
+    }
     for offset in (50, 100, 200):
-        three = {name: steps["soil", name, 5.0, offset].trace for name in ("proposed", "traditional", "none")}
-        lines = [
-            PlotLine(name, t.compute_path()[:, 1], 100 * t.compute_path()[:, 0], n)
-            for n, (name, t) in enumerate(three.items())
-        ]
-        title = f"{offset} cm on soil, 5 km/h: three simulators"
+        simulators = {name: steps["soil", name, 5.0, offset] for name in ("proposed", "traditional", "none")}
+        groups[f"{offset} cm on soil, 5 km/h: three simulators"] = simulators
+    panels = []
+    for title, drives in groups.items():
+        paths = {label: drive.trace.compute_path() for label, drive in drives.items()}
+        lines = [PlotLine(label, xy[:, 1], 100 * xy[:, 0], number) for number, (label, xy) in enumerate(paths.items())]
         panels.append(PlotPanel(title, "Along the path (m)", "To the right (cm)", tuple(lines)))
     for name in ("proposed", "traditional"):
-        panels.append(_build_wheel_panel(f"Wheel angle, {name}, 200 cm on soil, 5 km/h", steps["soil", name, 5.0, 200]))
+        trace = steps["soil", name, 5.0, 200].trace
+        panels.append(build_wheel_panel(f"Wheel angle, {name}, 200 cm on soil, 5 km/h", trace, 9.0, 26.0))
     return tuple(panels)
-
-
-def _build_wheel_panel(title: str, drive: StepResponse) -> PlotPanel:
-    """Command and wheel angle from 9 to 26 s, the wheel angle coloured by stage."""
-    track = drive.trace
-    part = (track.time_s > 9.0) & (track.time_s < 26.0)
-    time = track.time_s[part]
-    command, wheels = (np.degrees(track.get_column(name))[part] for name in ("command", "steering"))
-    stages = track.get_column("stage")[part]
-    lines = (PlotLine("command", time, command, 3, True), PlotLine("wheel angle", time, wheels, 0, False, stages))
-    return PlotPanel(title, "Time (s)", "Angle (degrees)", lines)

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from vehicle.arrays import Floats
 from vehicle.energy.fuel import S_PER_H, W_PER_KW, ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
@@ -23,9 +23,17 @@ from vehicle.model.tractor import Implement, Tractor, remove_log_corrections
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS, SteeringCircle, drive_circle
 from vehicle.sim.world import simulate
 from vehicle.trials.drive import build_straight_mission, follow_mission
-from vehicle.trials.sheets.sheet import DriveCheck, ExperimentSheet, PlotLine, PlotPanel, TextTable, TractorVerdict
+from vehicle.trials.sheets.sheet import (
+    DriveCheck,
+    ExperimentSheet,
+    PlotLine,
+    PlotPanel,
+    TextTable,
+    TractorVerdict,
+    build_map_panel,
+    build_track_line,
+)
 
-Array = npt.NDArray[np.float64]
 TRIAL_GROUND = "soil"
 LANE_M, LANE_AT_M, LANE_LENGTH_M, LANE_TOLERANCE_M = 1.0, 20.0, 100.0, 0.05
 STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
@@ -54,7 +62,7 @@ class LaneTrial:
     beyond the lane.
     """
 
-    path: Array
+    path: Floats
     weaving_m: float
     settled_m: float | None
     overshoot_m: float
@@ -65,8 +73,8 @@ class HalfCircleTrial:
     """A half circle between two swaths: radius, path, driven path (t, 2), and its largest deviation (None: stuck)."""
 
     radius_m: float
-    path: Array
-    driven_path: Array
+    path: Floats
+    driven_path: Floats
     deviation_m: float | None
 
 
@@ -77,19 +85,11 @@ def drive_circles(tractor: Tractor) -> tuple[CircleTrial, ...]:
     """
     tractor, lock = remove_log_corrections(tractor), tractor.max_steering_deg
     return tuple(
-        CircleTrial(
-            ground, angle, tractor.get_power_law(ground).compute_radius_m(angle), drive_circle(tractor, angle, ground)
-        )
+        CircleTrial(ground, angle, tractor.radius[ground].compute_radius_m(angle), drive_circle(tractor, angle, ground))
         for ground in list_ground_names()
         if ground in tractor.radius
         for angle in (lock, -lock, 0.5 * lock, -0.5 * lock)
     )
-
-
-def compute_ackermann_radius_m(tractor: Tractor) -> float:
-    """Radius of the antenna's circle at full lock, from wheelbase and wheel angle alone."""
-    across = tractor.wheelbase_m / math.tan(math.radians(tractor.max_steering_deg))
-    return math.hypot(tractor.antenna_forward_m, across)
 
 
 def drive_lane_change(tractor: Tractor) -> LaneTrial:
@@ -126,21 +126,20 @@ def drive_half_circle(tractor: Tractor) -> HalfCircleTrial:
         for points, kind in zip(pieces, (SWATH, TURN, SWATH), strict=True)
     )
     run = simulate(Plan((Mission(legs),)), tractor, Implement(), max_time_s=MAX_DRIVE_S)
-    path = np.concatenate(pieces)
-    place, angle = run.get_poses(0)[:, :2], run.get_poses(0)[:, 2:]
+    path, place, angle = np.concatenate(pieces), run.get_poses(0)[:, :2], run.get_poses(0)[:, 2:]
     ahead = tractor.antenna_forward_m - tractor.rear_axle_m
     driven_path = place + ahead * np.hstack([np.cos(angle), np.sin(angle)])
-    if run.outcome != DONE:
-        return HalfCircleTrial(radius, path, driven_path, None)
     distances_m = shapely.distance(shapely.points(driven_path), shapely.LineString(path))
-    return HalfCircleTrial(radius, path, driven_path, float(distances_m.max()))
+    return HalfCircleTrial(radius, path, driven_path, float(distances_m.max()) if run.outcome == DONE else None)
 
 
 CIRCLE_TOLERANCE_SHARE, ACKERMANN_TOLERANCE_SHARE = 0.01, 0.35
 MAX_WEAVING_CM, MAX_SETTLING_M, MAX_OVERSHOOT_CM, MAX_DEVIATION_M = 5.0, 30.0, 50.0, 1.0
 RADIUS_ADVICE = "look at [radius]"
-EXPECTED_COLOUR = 4
+AXLE_ADVICE = "look at [radius], max_steering_deg, front_axle_m and rear_axle_m: one of them does not fit the others"
 GUIDANCE_ADVICE = "look at [guidance] and at steering.rate_deg_per_s"
+TURN_ADVICE = "look at steering.rate_deg_per_s and guidance.turn_lookahead_m, or drive turns slower"
+EXPECTED_COLOUR = 4
 
 
 def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
@@ -154,16 +153,14 @@ def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
             "with right and left, usually the radii on asphalt or up to a tenth more."
         )
     circle_trials, lane, half = drive_circles(tractor), drive_lane_change(tractor), drive_half_circle(tractor)
-    proofs = (*_check_circles(tractor, circle_trials), *_check_lane(lane), _check_half_circle(half))
-    verdict = TractorVerdict(
-        tractor.name, all(proof.is_good for proof in proofs), _describe_verdict(tractor, proofs), proofs
-    )
-    table = TextTable(
-        "Expected and driven",
-        ("Drive", "Ground", "Expected", "Driven", "Difference", "Good"),
-        tuple(map(_build_row, proofs)),
-    )
-    panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), _build_half_circle_panel(half))
+    proofs = (*_check_circles(tractor, circle_trials), *_check_guidance(lane, half))
+    words = _describe_verdict(tractor, proofs)
+    verdict = TractorVerdict(tractor.name, all(proof.is_good for proof in proofs), words, proofs)
+    header = ("Drive", "Ground", "Expected", "Driven", "Difference", "Good")
+    table = TextTable("Expected and driven", header, tuple(map(_build_row, proofs)))
+    half_title = f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it"
+    half_panel = build_map_panel(f"{half_title}, on {TRIAL_GROUND}", _build_lines(half.driven_path, half.path))
+    panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), half_panel)
     sentences = (*verdict.words, describe_radius_reference(tractor))
     return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", sentences, (), panels, (table,))
 
@@ -181,54 +178,26 @@ def _check_circles(tractor: Tractor, circle_trials: Sequence[CircleTrial]) -> It
     for trial in circle_trials:
         lock = "full lock" if abs(trial.steering_deg) == tractor.max_steering_deg else "half lock"
         side = "right" if trial.steering_deg > 0 else "left"
-        yield DriveCheck(
-            f"circle {side}, {lock}, {abs(trial.steering_deg):.1f} degrees",
-            trial.ground,
-            "m",
-            trial.expected_m,
-            trial.circle.radius_m,
-            CIRCLE_TOLERANCE_SHARE * trial.expected_m,
-            RADIUS_ADVICE,
-        )
-    expected_m, ground = compute_ackermann_radius_m(tractor), "asphalt" if "asphalt" in tractor.radius else TRIAL_GROUND
-    yield DriveCheck(
-        "radius at full lock, from wheelbase and wheel angle and in the file",
-        ground,
-        "m",
-        expected_m,
-        tractor.compute_smallest_radius_m(ground),
-        ACKERMANN_TOLERANCE_SHARE * expected_m,
-        "look at [radius], max_steering_deg, front_axle_m and rear_axle_m: one of them does not fit the others",
-    )
+        drive = f"circle {side}, {lock}, {abs(trial.steering_deg):.1f} degrees"
+        expected_m, tolerance_m = trial.expected_m, CIRCLE_TOLERANCE_SHARE * trial.expected_m
+        yield DriveCheck(drive, trial.ground, "m", expected_m, trial.circle.radius_m, tolerance_m, RADIUS_ADVICE)
+    ground, expected_m = "asphalt" if "asphalt" in tractor.radius else TRIAL_GROUND, tractor.ackermann_radius_m
+    radius_m, tolerance_m = tractor.compute_smallest_radius_m(ground), ACKERMANN_TOLERANCE_SHARE * expected_m
+    drive = "radius at full lock, from wheelbase and wheel angle and in the file"
+    yield DriveCheck(drive, ground, "m", expected_m, radius_m, tolerance_m, AXLE_ADVICE)
 
 
-def _check_lane(lane: LaneTrial) -> Iterator[DriveCheck]:
-    weaving, settled, beyond = 100.0 * lane.weaving_m, lane.settled_m, 100.0 * lane.overshoot_m
-    yield DriveCheck(
-        "straight path, RTK: largest error", TRIAL_GROUND, "cm", 0.0, weaving, MAX_WEAVING_CM, GUIDANCE_ADVICE
-    )
-    yield DriveCheck(
-        f"lane {LANE_M:g} m to the right: distance until within 5 cm",
-        TRIAL_GROUND,
-        "m",
-        0.0,
-        settled,
-        MAX_SETTLING_M,
-        GUIDANCE_ADVICE,
-    )
-    yield DriveCheck("the same: overshoot", TRIAL_GROUND, "cm", 0.0, beyond, MAX_OVERSHOOT_CM, GUIDANCE_ADVICE)
-
-
-def _check_half_circle(half: HalfCircleTrial) -> DriveCheck:
-    return DriveCheck(
-        f"half circle of {half.radius_m:.2f} m between swaths: largest deviation",
-        TRIAL_GROUND,
-        "m",
-        0.0,
-        half.deviation_m,
-        MAX_DEVIATION_M,
-        "look at steering.rate_deg_per_s and guidance.turn_lookahead_m, or drive turns slower",
-    )
+def _check_guidance(lane: LaneTrial, half: HalfCircleTrial) -> Iterator[DriveCheck]:
+    weaving_cm, beyond_cm = 100.0 * lane.weaving_m, 100.0 * lane.overshoot_m
+    lane_words = f"lane {LANE_M:g} m to the right: distance until within 5 cm"
+    half_words = f"half circle of {half.radius_m:.2f} m between swaths: largest deviation"
+    for drive, unit, driven, tolerance, advice in (
+        ("straight path, RTK: largest error", "cm", weaving_cm, MAX_WEAVING_CM, GUIDANCE_ADVICE),
+        (lane_words, "m", lane.settled_m, MAX_SETTLING_M, GUIDANCE_ADVICE),
+        ("the same: overshoot", "cm", beyond_cm, MAX_OVERSHOOT_CM, GUIDANCE_ADVICE),
+        (half_words, "m", half.deviation_m, MAX_DEVIATION_M, TURN_ADVICE),
+    ):
+        yield DriveCheck(drive, TRIAL_GROUND, unit, 0.0, driven, tolerance, advice)
 
 
 def _build_row(proof: DriveCheck) -> tuple[str, ...]:
@@ -256,7 +225,13 @@ def _describe_verdict(tractor: Tractor, proofs: Sequence[DriveCheck]) -> tuple[s
         f"{_build_row(proof)[2]}; {proof.advice}."
         for proof in wrong
     )
-    effect_note, battery_note = _describe_effects(tractor), describe_electric_drive(tractor)
+    effect_note, battery_note = "", describe_electric_drive(tractor)
+    if tractor.effects:
+        radius = drive_circle(tractor, tractor.max_steering_deg, TRIAL_GROUND).radius_m
+        effect_note = (
+            f"Effects from logs in the file: {', '.join(tractor.effects)}; with them full lock to the right drives "
+            f"{radius:.2f} m on {TRIAL_GROUND}. The circles here are without them, the other drives with them."
+        )
     assumption_note = f"Assumed values, not measured: {len(assumed)} of {len(tractor.source)}." if assumed else ""
     return (first, *advice, *(text for text in (effect_note, battery_note, assumption_note) if text))
 
@@ -279,29 +254,14 @@ def describe_electric_drive(tractor: Tractor) -> str:
     )
 
 
-def _describe_effects(tractor: Tractor) -> str:
-    """How effects found in logs change the circle at full lock; "" without effects."""
-    if not tractor.effects:
-        return ""
-    radius = drive_circle(tractor, tractor.max_steering_deg, TRIAL_GROUND).radius_m
-    return (
-        f"Effects from logs in the file: {', '.join(tractor.effects)}; with them full lock to the right drives "
-        f"{radius:.2f} m on {TRIAL_GROUND}. The circles here are without them, the other drives with them."
-    )
-
-
 def _build_circle_panels(circle_trials: Sequence[CircleTrial]) -> Iterator[PlotPanel]:
     for ground in dict.fromkeys(trial.ground for trial in circle_trials):
         lines = []
         for number, trial in enumerate(circle_trial for circle_trial in circle_trials if circle_trial.ground == ground):
             side = "right" if trial.steering_deg > 0 else "left"
             label = f"{abs(trial.steering_deg):.1f} degrees {side}, {trial.expected_m:.2f} m expected"
-            track = trial.circle.antenna_path
-            lines.append(PlotLine(label, track[:, 0] - track[0, 0], track[:, 1] - track[0, 1], number))
-            lines.append(_build_expected_line(trial))
-        yield PlotPanel(
-            f"Circles on {ground}; dashed: expected", "East (m)", "North (m)", tuple(lines), equal_axes=True
-        )
+            lines += [build_track_line(label, trial.circle.antenna_path, number), _build_expected_line(trial)]
+        yield build_map_panel(f"Circles on {ground}; dashed: expected", lines)
 
 
 def _build_expected_line(trial: CircleTrial) -> PlotLine:
@@ -320,19 +280,11 @@ def _build_lane_panel(lane: LaneTrial) -> PlotPanel:
     far = LANE_AT_M + 2.0 * MAX_SETTLING_M
     part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
     path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
-    lines = (
-        PlotLine("driven", part[:, 1], part[:, 0], 0),
-        PlotLine("expected", path[:, 0], path[:, 1], EXPECTED_COLOUR, dashed=True),
-    )
-    return PlotPanel(f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}", "Along (m)", "To the right (m)", lines)
+    title = f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}"
+    return PlotPanel(title, "Along (m)", "To the right (m)", _build_lines(part[:, ::-1], path))
 
 
-def _build_half_circle_panel(half: HalfCircleTrial) -> PlotPanel:
-    lines = (
-        PlotLine("driven", half.driven_path[:, 0], half.driven_path[:, 1], 0),
-        PlotLine("expected", half.path[:, 0], half.path[:, 1], EXPECTED_COLOUR, dashed=True),
-    )
-    title = (
-        f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it, on {TRIAL_GROUND}"
-    )
-    return PlotPanel(title, "East (m)", "North (m)", lines, equal_axes=True)
+def _build_lines(driven_path: Floats, path: Floats) -> tuple[PlotLine, PlotLine]:
+    """The driven path (t, 2), and the expected one (n, 2) dashed."""
+    expected = PlotLine("expected", path[:, 0], path[:, 1], EXPECTED_COLOUR, dashed=True)
+    return PlotLine("driven", driven_path[:, 0], driven_path[:, 1], 0), expected

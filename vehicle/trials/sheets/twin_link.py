@@ -11,17 +11,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vehicle.arrays import Floats
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
 from vehicle.model.tractor import Implement, Tractor, load_tractor
-from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, PlotPanel, TextTable, ThesisComparison
+from vehicle.trials.sheets.sheet import (
+    ExperimentSheet,
+    PlotLine,
+    PlotPanel,
+    TextTable,
+    ThesisComparison,
+    build_map_panel,
+    build_time_panel,
+)
 from vehicle.twin.mismatch import ModelMismatch
 from vehicle.twin.robot_tractor import RobotState, RobotTractor
 from vehicle.twin.step_motion import TractorNoise
 from vehicle.twin.twin import PREDICT, THESIS, PoseFix, Twin
 
-Array = npt.NDArray[np.float64]
 # Fig. 5.4 has no scale; the thesis only gives the time of the corner, 60 to 80 s at 4 km/h (Fig. 5.7).
 FIRST_STRAIGHT_M, CORNER_RADIUS_M, SECOND_STRAIGHT_M = 67.0, 10.0, 50.0
 EXTENSION_M = 5.0
@@ -32,7 +39,7 @@ MASTER_HZ = 30  # divides the rates of the links below and their ages
 class MasterDrive:
     """The drive of a master: the truth (t, 4) of time, antenna and heading, and the states reported at these times."""
 
-    truth: Array
+    truth: Floats
     reported: tuple[RobotState, ...]
 
 
@@ -43,23 +50,18 @@ class LinkDeviation:
     `twin_path` (t, 2) is the path of the twin.
     """
 
-    time_s: Array
-    distance_m: Array
-    heading_rad: Array
-    across_m: Array
-    twin_path: Array
+    time_s: Floats
+    distance_m: Floats
+    heading_rad: Floats
+    across_m: Floats
+    twin_path: Floats
 
 
 def build_corner_mission(speed_mps: float, ground: str = "soil", straight_share: float = 1.0) -> Mission:
     """The path of Fig. 5.4: long straight, corner to the left, long straight; `straight_share` scales the straights."""
     angles = np.linspace(0.0, 0.5 * math.pi, 31)
-    arc = np.stack(
-        [
-            CORNER_RADIUS_M * (np.cos(angles) - 1.0),
-            straight_share * FIRST_STRAIGHT_M + CORNER_RADIUS_M * np.sin(angles),
-        ],
-        axis=1,
-    )
+    start_m = straight_share * FIRST_STRAIGHT_M
+    arc = np.column_stack([CORNER_RADIUS_M * (np.cos(angles) - 1.0), start_m + CORNER_RADIUS_M * np.sin(angles)])
     end = arc[-1] - [straight_share * SECOND_STRAIGHT_M, 0.0]
     points = np.concatenate([[[0.0, 0.0]], arc, [end]])
     return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
@@ -75,14 +77,8 @@ def drive_master(
     straight_share: float = 1.0,
 ) -> MasterDrive:
     """Drive the path of build_corner_mission from standstill to its end; reported states have the noise."""
-    master = RobotTractor(
-        build_corner_mission(speed_mps, straight_share=straight_share),
-        tractor,
-        Implement(),
-        hidden_effects=hidden,
-        noise=noise,
-        seed=seed,
-    )
+    mission = build_corner_mission(speed_mps, straight_share=straight_share)
+    master = RobotTractor(mission, tractor, Implement(), hidden_effects=hidden, noise=noise, seed=seed)
     master.base_legs = 1
     truth, reported = [], []
     step = 0
@@ -117,7 +113,12 @@ def simulate_twin_link(
     samples = drive.truth[:: MASTER_HZ // sample_hz]
     for real in samples:
         while frames and frames[0].time_s + age_s <= real[0] + 1e-9:
-            _deliver_frame(twin, frames.pop(0), age_s, poses)
+            frame = frames.pop(0)
+            fix = _build_fix(frame, age_s)
+            twin.advance(fix.arrived_s)
+            twin.add_command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
+            if poses:
+                twin.add_fix(fix)
         state = twin.advance(float(real[0]))
         rows.append((state.x_m, state.y_m, state.heading_rad))
     return _measure_deviation(drive, samples, np.array(rows)), twin
@@ -127,32 +128,16 @@ def _build_fix(state: RobotState, age_s: float) -> PoseFix:
     return PoseFix(state.time_s, state.x_m, state.y_m, state.heading_rad, state.speed_mps, state.time_s + age_s)
 
 
-def _deliver_frame(twin: Twin, frame: RobotState, age_s: float, poses: bool) -> None:
-    fix = _build_fix(frame, age_s)
-    twin.advance(fix.arrived_s)
-    twin.add_command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
-    if poses:
-        twin.add_fix(fix)
-
-
-def _measure_deviation(drive: MasterDrive, real: Array, twin: Array) -> LinkDeviation:
+def _measure_deviation(drive: MasterDrive, real: Floats, twin: Floats) -> LinkDeviation:
     from shapely import LineString, distance, points
 
-    line = np.concatenate([drive.truth[:: MASTER_HZ // 10, 1:3], _extend_path(drive.truth)])
-    turned = twin[:, 2] - real[:, 3]
-    return LinkDeviation(
-        real[:, 0],
-        np.hypot(*(twin[:, :2] - real[:, 1:3]).T),
-        np.arctan2(np.sin(turned), np.cos(turned)),
-        np.asarray(distance(points(twin[:, :2]), LineString(line))),
-        twin[:, :2],
-    )
-
-
-def _extend_path(truth: Array) -> Array:
-    """A point (1, 2) straight beyond the end, for a twin that stops later than its master."""
-    _, x, y, angle = truth[-1]
-    return np.array([[x + EXTENSION_M * math.cos(angle), y + EXTENSION_M * math.sin(angle)]])
+    _, x, y, angle = drive.truth[-1]
+    # Straight beyond the end, for a twin that stops later than its master.
+    beyond = [[x + EXTENSION_M * math.cos(angle), y + EXTENSION_M * math.sin(angle)]]
+    line = LineString(np.concatenate([drive.truth[:: MASTER_HZ // 10, 1:3], beyond]))
+    place, turned = twin[:, :2], twin[:, 2] - real[:, 3]
+    apart, heading = np.hypot(*(place - real[:, 1:3]).T), np.arctan2(np.sin(turned), np.cos(turned))
+    return LinkDeviation(real[:, 0], apart, heading, np.asarray(distance(points(place), line)), place)
 
 
 LAN_AGE_S = 0.05  # assumed: "a tiny communication latency"
@@ -172,41 +157,35 @@ def build_twin_sheet(master: Tractor, seed: int = 1) -> ExperimentSheet:
     first = drive_master(master, PRE_MPS)
     pre = {method: simulate_twin_link(first, slave, method, rate_hz=PRE_HZ, age_s=LAN_AGE_S) for method in METHOD_NAMES}
     alone, _ = simulate_twin_link(first, slave, THESIS, rate_hz=PRE_HZ, age_s=LAN_AGE_S, poses=False)
-    second = drive_master(master, FIELD_MPS, hidden=HIDDEN, noise=TractorNoise(), seed=seed)
+    second, short = (
+        drive_master(master, FIELD_MPS, hidden=HIDDEN, noise=TractorNoise(), seed=seed, straight_share=share)
+        for share in (1.0, TABLE_STRAIGHT_SHARE)
+    )
     field = {
         method: simulate_twin_link(second, slave, method, rate_hz=FIELD_HZ, age_s=FIELD_AGE_S)
         for method in METHOD_NAMES
     }
-    short = drive_master(
-        master, FIELD_MPS, hidden=HIDDEN, noise=TractorNoise(), seed=seed, straight_share=TABLE_STRAIGHT_SHARE
-    )
     grids = {method: _compute_rate_age_deviations(short, slave, method) for method in METHOD_NAMES}
     deviations = (
         {method: deviation for method, (deviation, _) in pre.items()},
         {method: deviation for method, (deviation, _) in field.items()},
     )
     mismatches = pre[PREDICT][1].find_mismatch(), field[PREDICT][1].find_mismatch()
-    return ExperimentSheet(
-        name="twin",
-        title="Section 5.3: a virtual tractor that follows a real one over a link",
-        words=_describe_results(*deviations, mismatches),
-        comparisons=(*_compare_preliminary(deviations[0], alone), *_compare_field(deviations[1])),
-        panels=_build_panels(first, *deviations, grids),
-        tables=tuple(_build_rate_age_table(grids[method], method) for method in METHOD_NAMES),
-    )
+    title = "Section 5.3: a virtual tractor that follows a real one over a link"
+    words = _describe_results(*deviations, mismatches)
+    comparisons = (*_compare_preliminary(deviations[0], alone), *_compare_field(deviations[1]))
+    tables = tuple(_build_rate_age_table(grids[method], method) for method in METHOD_NAMES)
+    return ExperimentSheet("twin", title, words, comparisons, _build_panels(first, *deviations, grids), tables)
 
 
 def _compute_rate_age_deviations(drive: MasterDrive, slave: Tractor, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Mean distance (m) and heading difference (degrees) per rate (rows) and age (columns)."""
-    cells = [
-        [
-            simulate_twin_link(drive, slave, method, rate_hz=rate, age_s=age, sample_hz=TABLE_SAMPLE_HZ)[0]
-            for age in AGES_S
-        ]
-        for rate in RATES_HZ
-    ]
-    metres = np.array([[deviation.distance_m.mean() for deviation in row] for row in cells])
-    return metres, np.array([[_compute_heading_deg(deviation) for deviation in row] for row in cells])
+    metres, degrees = np.empty((2, len(RATES_HZ), len(AGES_S)))
+    for row, column in np.ndindex(metres.shape):
+        rate, age = RATES_HZ[row], AGES_S[column]
+        deviation, _ = simulate_twin_link(drive, slave, method, rate_hz=rate, age_s=age, sample_hz=TABLE_SAMPLE_HZ)
+        metres[row, column], degrees[row, column] = deviation.distance_m.mean(), _compute_heading_deg(deviation)
+    return metres, degrees
 
 
 def _compute_heading_deg(deviation: LinkDeviation) -> float:
@@ -214,63 +193,37 @@ def _compute_heading_deg(deviation: LinkDeviation) -> float:
 
 
 def _compare_preliminary(pre: dict[str, LinkDeviation], alone: LinkDeviation) -> tuple[ThesisComparison, ...]:
-    rows = []
+    rows, largest = [], "trajectory difference, largest"
     for method, deviation in pre.items():
         name = f"5.3.1 {METHOD_NAMES[method]}"
         printed = 14.5 if method == THESIS else None
         note = "" if method == THESIS else NOTHING_PRINTED
         share = 100.0 * float((deviation.across_m < AGREEMENT_M).mean())
         rows += [
-            ThesisComparison(
-                name, "trajectory difference, largest", "cm", printed, 100.0 * float(deviation.across_m.max()), note
-            ),
+            ThesisComparison(name, largest, "cm", printed, 100.0 * float(deviation.across_m.max()), note),
             ThesisComparison(name, "time with less than 5 cm", "%", None, share, note or 'printed as "most cases"'),
         ]
     words = "without any correction; the thesis has no such drive"
     last = 100.0 * float(alone.across_m.max())
-    return (*rows, ThesisComparison("5.3.1 no correction", "trajectory difference, largest", "cm", None, last, words))
+    return (*rows, ThesisComparison("5.3.1 no correction", largest, "cm", None, last, words))
 
 
 def _compare_field(field: dict[str, LinkDeviation]) -> tuple[ThesisComparison, ...]:
     rows = []
     for method, deviation in field.items():
-        name, thesis = f"5.3.2 {METHOD_NAMES[method]}", method == THESIS
-        heading = np.degrees(deviation.heading_rad)
-        note = "" if thesis else NOTHING_PRINTED
+        metres, degrees = deviation.distance_m, np.degrees(deviation.heading_rad)
         rows += [
             ThesisComparison(
-                name,
-                "position difference, mean",
-                "m",
-                None,
-                float(deviation.distance_m.mean()),
-                note or "printed as 0.5 to 1 m most of the time",
-            ),
-            ThesisComparison(
-                name,
-                "position difference, largest",
-                "m",
-                None,
-                float(deviation.distance_m.max()),
-                note or "printed as a figure only",
-            ),
-            ThesisComparison(
-                name,
-                "heading difference, mean",
-                "deg",
-                None,
-                _compute_heading_deg(deviation),
-                note or "printed as a range only",
-            ),
-            ThesisComparison(
-                name,
-                "heading difference, from lowest to highest",
-                "deg",
-                6.0 if thesis else None,
-                float(np.ptp(heading)),
-                note,
-            ),
-        ]
+                f"5.3.2 {METHOD_NAMES[method]}", quantity, unit, number if method == THESIS else None, float(ours),
+                note if method == THESIS else NOTHING_PRINTED,
+            )
+            for quantity, unit, number, ours, note in (
+                ("position difference, mean", "m", None, metres.mean(), "printed as 0.5 to 1 m most of the time"),
+                ("position difference, largest", "m", None, metres.max(), "printed as a figure only"),
+                ("heading difference, mean", "deg", None, np.abs(degrees).mean(), "printed as a range only"),
+                ("heading difference, from lowest to highest", "deg", 6.0, np.ptp(degrees), ""),
+            )
+        ]  # fmt: skip
     return tuple(rows)
 
 
@@ -280,7 +233,7 @@ def _describe_results(
     mismatches: tuple[ModelMismatch | None, ModelMismatch | None],
 ) -> tuple[str, ...]:
     drift = _compute_open_drift_cm()
-    thesis, ours = field[THESIS], field[PREDICT]
+    thesis, ours, sections = field[THESIS], field[PREDICT], ("5.3.1", "5.3.2")
     return (
         "5.3.1: the master is the EG105 on soil, the slave the MR1000A (Eq. 5.1), both simulated, 4 km/h. Assumed, as "
         "Fig. 5.4 has no scale: 67 m straight, a left corner of 10 m radius, 50 m straight; frames at 10 Hz and "
@@ -297,21 +250,16 @@ def _describe_results(
         f"{_compute_heading_deg(thesis):.2f} degrees by the thesis's method, {ours.distance_m.mean():.3f} m and "
         f"{_compute_heading_deg(ours):.2f} degrees by prediction. The printed 0.5 to 1 m are 0.6 to 1.1 s of driving: "
         "in the table below the thesis's method has them with frames 0.6 to 1 s old.",
-        *(
-            f"{section}: {_describe_mismatch(mismatch)}"
-            for section, mismatch in zip(("5.3.1", "5.3.2"), mismatches, strict=True)
-        ),
+        *(f"{section}: {_describe_mismatch(mismatch)}" for section, mismatch in zip(sections, mismatches, strict=True)),
     )
 
 
 def _compute_open_drift_cm() -> float:
     """Distance (cm) of the two tractors after a second in the corner at the master's wheel angle, by their radii."""
     master, slave = (load_tractor(name).get_power_law("soil") for name in ("eg105", "mr1000a"))
-    angles = -np.linspace(1.0, 35.0, 341)
-    wheel_angle_deg = angles[
-        int(np.argmin([abs(master.compute_radius_m(float(angle)) - CORNER_RADIUS_M) for angle in angles]))
-    ]
-    bend = 1.0 / slave.compute_radius_m(float(wheel_angle_deg)) - 1.0 / CORNER_RADIUS_M
+    angles = (-np.linspace(1.0, 35.0, 341)).tolist()
+    wheel_angle_deg = min(angles, key=lambda angle: abs(master.compute_radius_m(angle) - CORNER_RADIUS_M))
+    bend = 1.0 / slave.compute_radius_m(wheel_angle_deg) - 1.0 / CORNER_RADIUS_M
     return 50.0 * abs(bend) * PRE_MPS**2
 
 
@@ -342,16 +290,16 @@ def _build_panels(
     headings = _build_lines(field, lambda deviation: np.degrees(deviation.heading_rad))
     short = "5.3.2 on shorter straights: mean position difference"
     return (
-        PlotPanel("5.3.1: paths", "East (m)", "North (m)", (master, *lines), equal_axes=True),
-        PlotPanel("5.3.1: trajectory difference", "Time (s)", "Difference (cm)", across),
-        PlotPanel("5.3.2: position difference", "Time (s)", "Difference (m)", distances),
-        PlotPanel("5.3.2: heading difference", "Time (s)", "Difference (degrees)", headings),
+        build_map_panel("5.3.1: paths", (master, *lines)),
+        build_time_panel("5.3.1: trajectory difference", "Difference (cm)", across),
+        build_time_panel("5.3.2: position difference", "Difference (m)", distances),
+        build_time_panel("5.3.2: heading difference", "Difference (degrees)", headings),
         PlotPanel(short, "Age of frames (s)", "Difference (m)", ages),
     )
 
 
 def _build_lines(
-    deviations: dict[str, LinkDeviation], get_values: Callable[[LinkDeviation], Array]
+    deviations: dict[str, LinkDeviation], get_values: Callable[[LinkDeviation], Floats]
 ) -> tuple[PlotLine, ...]:
     """A line over time per method."""
     return tuple(

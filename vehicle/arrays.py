@@ -1,0 +1,25 @@
+"""Types of arrays, and what is asked of arrays everywhere: spans of truth, and distances along a polyline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Booleans = npt.NDArray[np.bool_]
+Records = npt.NDArray[Any]
+"""Records of a dtype with fields, such as those of vehicle.records."""
+
+
+def find_true_spans(flags: npt.ArrayLike) -> Integers:
+    """First index and one past the last of every run of true in `flags` (n,): spans (k, 2)."""
+    changes = np.diff(np.asarray(flags, dtype=np.bool_), prepend=False, append=False)
+    return np.flatnonzero(changes).reshape(-1, 2)
+
+
+def measure_along(points: Floats) -> Floats:
+    """Distances (n,) along a polyline (n, 2) from its first point."""
+    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
