@@ -138,16 +138,19 @@ def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg
         swapped = project(outer[:1, ::-1], crs, "EPSG:4326")[0].tolist()
     except FieldError:  # no place on the earth
         swapped = [math.nan, math.nan]
-    option, place = mark_parameter("swap_axes"), f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}"
+    option = mark_parameter("swap_axes")
     if can_be_farmland(*swapped):
         raise FieldError(
-            f"{place}, in the sea; with the two swapped it lies on land: "
-            f"{'leave out' if document.axes_swapped else 'add'} {option}."
+            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two "
+            f"swapped it lies on land: leave out {option}."
+            if document.axes_swapped
+            else f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two "
+            f"swapped it lies on land: add {option}."
         )
     if max(abs(longitude), abs(latitude)) <= NULL_ISLAND_DEG:
         raise FieldError(
-            f"{place}, in the sea off Africa, with or without {option}; its coordinates seem to be lost, so export it "
-            "again."
+            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea off Africa, with or "
+            f"without {option}; its coordinates seem to be lost, so export it again."
         )
 
 

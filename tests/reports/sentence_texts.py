@@ -27,7 +27,7 @@ TELLING_MODULES = (
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
     "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
-    "planner.traffic.giving_way.py", "strategies/registry.py",
+    "planner/traffic/giving_way.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",
     "planner/evaluation/headland_depth.py", "fields/terrain/checks.py",

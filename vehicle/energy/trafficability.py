@@ -186,8 +186,11 @@ def _describe_limit(limit: MoistureLimit, what: str, moisture_pct: float | None)
     start, low, high = limit.from_pct, limit.low_pct, limit.high_pct
     if start is None:
         return f"{what} from {low:.0f} % of moisture at the earliest."
-    latest = "or not at all" if high is None else f"{high:.0f} % at the latest"
-    sentence = f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {latest})."
+    sentence = (
+        f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, or not at all)."
+        if high is None
+        else f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {high:.0f} % at the latest)."
+    )
     if moisture_pct is None or moisture_pct < start:
         return sentence
     return f"{sentence} At present it has {moisture_pct:.0f} %."
