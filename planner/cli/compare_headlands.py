@@ -106,9 +106,9 @@ def compare_headlands(
     given = GivenOptions(context, options)
     widths_m = parse_widths(options["width"])
     requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-    inputs = [given.build_inputs(request) for request in share_obstacles(requests)]
+    orders = [given.build_order(request) for request in share_obstacles(requests)]
     farm = given.choice
-    questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
+    questions = list_headland_questions(orders, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
     comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)

@@ -10,9 +10,9 @@ from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import iter_completed
-from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.many_fields import plan_inputs
+from planner.pipeline.many_fields import plan_here
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.option_checks import FULL_CIRCLE_DEG
 from planner.request.plan_request import CONTOUR, STRAIGHT, PlanRequest
@@ -57,11 +57,11 @@ def measure_layout_slopes(context: PlanningContext) -> tuple[float, float]:
     return measure_cross_slope(lines, grid), measure_fall_line_share(lines, grid)
 
 
-def plan_bearing(inputs: PlanInputs) -> BearingRow | HeadlandError:
+def plan_bearing(order: WorkOrder) -> BearingRow | HeadlandError:
     """The best plan of one request of a comparison, or its refusal, in the current process."""
-    request = inputs.request
+    request = order.request
     try:
-        result = plan_inputs(inputs)
+        result = plan_here(order)
     except HeadlandError as refusal:
         return refusal
     context, best = result.context, result.ranking.best
@@ -80,7 +80,7 @@ def plan_bearing(inputs: PlanInputs) -> BearingRow | HeadlandError:
 
 
 def compare_bearings(
-    inputs: Sequence[PlanInputs],
+    orders: Sequence[WorkOrder],
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
@@ -92,19 +92,19 @@ def compare_bearings(
     """
     answers: dict[int, BearingRow | HeadlandError] = {}
     try:
-        for position, answer in iter_completed(executor, plan_bearing, [(each,) for each in inputs]):
+        for position, answer in iter_completed(executor, plan_bearing, [(each,) for each in orders]):
             answers[position] = answer
             if progress:
-                progress(len(answers), len(inputs))
+                progress(len(answers), len(orders))
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
     refusals = [answer for answer in answers.values() if isinstance(answer, HeadlandError)]
-    if len(refusals) == len(inputs) and len({str(refusal) for refusal in refusals}) == 1:
+    if len(refusals) == len(orders) and len({str(refusal) for refusal in refusals}) == 1:
         raise refusals[0]
     rows = tuple(
         BearingRow(each.request.bearing_deg, each.request.swaths, reason=describe_refusal(answer))
         if isinstance(answer := answers[position], HeadlandError)
         else answer
-        for position, each in enumerate(inputs)
+        for position, each in enumerate(orders)
     )
-    return BearingComparison(inputs[0].request.field_name, rows)
+    return BearingComparison(orders[0].request.field_name, rows)

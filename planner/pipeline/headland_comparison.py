@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from planner.errors import HeadlandError, WorkerError
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import iter_completed
-from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.many_fields import draw_best_plan, plan_inputs
+from planner.pipeline.many_fields import draw_best_plan, plan_here
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
@@ -48,21 +48,21 @@ class HeadlandChoices:
 
 @dataclass(frozen=True, eq=False)
 class HeadlandQuestion:
-    """A field with the inputs of its plans, whose request has the way to work the headland; with a map if asked for."""
+    """A field with the order of its plans, whose request has the way to work the headland; with a map if asked for."""
 
-    inputs: PlanInputs
+    order: WorkOrder
     choice: HeadlandChoice
     with_map: bool = False
     simulate_all: bool = False
 
 
 def list_headland_questions(
-    inputs: Iterable[PlanInputs], choices: HeadlandChoices, *, with_maps: bool = False, simulate_all: bool = False
+    orders: Iterable[WorkOrder], choices: HeadlandChoices, *, with_maps: bool = False, simulate_all: bool = False
 ) -> list[HeadlandQuestion]:
     """Every field with every way to work its headland, field by field. Raises RequestError."""
     return [
         HeadlandQuestion(replace(each, request=request), choice, with_maps, simulate_all)
-        for each in inputs
+        for each in orders
         for choice, request in choices.list_requests(each.request)
     ]
 
@@ -71,9 +71,9 @@ def answer_headland_question(
     question: HeadlandQuestion, describe_refusal: Callable[[HeadlandError], str] = str
 ) -> ComparedPlan:
     """Plan one field with one way to work its headland, in the current process."""
-    name, choice = question.inputs.request.field_name, question.choice
+    name, choice = question.order.request.field_name, question.choice
     try:
-        result = plan_inputs(question.inputs, question.simulate_all)
+        result = plan_here(question.order, question.simulate_all)
     except HeadlandError as refusal:
         return ComparedPlan(name, choice, refusal=describe_refusal(refusal))
     ranking = result.ranking

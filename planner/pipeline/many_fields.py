@@ -26,15 +26,14 @@ from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.text_files import read_text
 from planner.errors import FieldError, HeadlandError, RequestError, WorkerError, mark_parameter
-from planner.evaluation.context_inputs import read_requested_field
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
+from planner.evaluation.work_order import WorkOrder, read_requested_field
 from planner.pipeline.executors import SerialExecutor, iter_completed
-from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
-from planner.pipeline.planning import PlanningResult, plan
+from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
@@ -45,19 +44,19 @@ from reports.plan.small_map import SmallMap, build_small_map
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
-    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win.
+    """A field with the order of its plans; `simulate_all` also simulates plans that cannot win.
 
     With `with_map` the answer has a small map of the best plan.
     """
 
-    inputs: PlanInputs
+    order: WorkOrder
     simulate_all: bool = False
     with_map: bool = False
 
     @property
     def field_name(self) -> str:
         """The field as named in the request."""
-        return self.inputs.request.field_name
+        return self.order.request.field_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ class FieldAnswer:
 def answer_question(question: FieldQuestion) -> FieldAnswer:
     """Answer one question in the current process."""
     try:
-        result = plan_inputs(question.inputs, question.simulate_all)
+        result = plan_here(question.order, question.simulate_all)
     except HeadlandError as refusal:
         return FieldAnswer(None, refusal)
     return FieldAnswer(result.ranking, map=draw_best_plan(result) if question.with_map else None)
@@ -87,20 +86,9 @@ def draw_best_plan(result: PlanningResult) -> SmallMap | None:
     return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
 
 
-def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResult:
-    """Plan a request completed by its farm in the current process; raises HeadlandError."""
-    return plan(
-        inputs.request,
-        tractor=inputs.tractor,
-        implement=inputs.implement,
-        uncertainty=inputs.uncertainty,
-        cost_terms=inputs.terms,
-        supply=inputs.supply,
-        times=inputs.times,
-        yard=inputs.yard,
-        executor=SerialExecutor(),
-        simulate_all=simulate_all,
-    )
+def plan_here(order: WorkOrder, simulate_all: bool = False) -> PlanningResult:
+    """Plan a work order in the current process; raises HeadlandError."""
+    return plan_order(order, executor=SerialExecutor(), simulate_all=simulate_all)
 
 
 def iter_answers(
@@ -125,15 +113,15 @@ def iter_answers(
         raise WorkerError(LOST_WORKER_MESSAGE) from None
 
 
-def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
+def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:
     """SHA-256 of everything the answer depends on: values, files and code."""
-    request = inputs.request
+    request = order.request
     soil_table = None if request.soil is None else split_soil_name(request.soil)[1]
-    names = (request.tractor, inputs.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
+    names = (request.tractor, order.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
     files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
     hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
     hashes += hash_strategies(request.strategies)
-    return hash_content(inputs, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
+    return hash_content(order, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
 
 
 def _find_elevation_name(request: PlanRequest) -> str | None:

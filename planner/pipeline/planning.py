@@ -16,9 +16,9 @@ from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import prunes_candidates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import FieldChoice
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
+from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.candidate_evaluations import CandidateEvaluations
 from planner.pipeline.executors import create_executor
@@ -130,11 +130,6 @@ def _start_stage(report_stage: StageReport | None, words: str, total: int = 0) -
     return partial(report_stage, words)
 
 
-def _check_type(request: object) -> None:
-    if not isinstance(request, PlanRequest):
-        raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
-
-
 def plan(
     request: PlanRequest,
     *,
@@ -176,28 +171,47 @@ def plan(
     estimated to be slower is pruned, except on small fields and with `simulate_all`. A `time_share`, for executors in
     this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
-    _check_type(request)
-    candidates = list_candidates(request)
+    if not isinstance(request, PlanRequest):
+        raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
+    order = WorkOrder(request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard)
+    return plan_order(
+        order,
+        executor=executor,
+        progress=progress,
+        report_stage=report_stage,
+        with_pictures=with_pictures,
+        simulate_all=simulate_all,
+        time_share=time_share,
+    )
+
+
+def plan_order(
+    order: WorkOrder,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    report_stage: StageReport | None = None,
+    with_pictures: bool = False,
+    simulate_all: bool = False,
+    time_share: TimeShare = NO_LIMIT,
+) -> PlanningResult:
+    """Simulate and rank every candidate of a work order, as `plan` does."""
+    candidates = list_candidates(order.request)
     with ExitStack() as opened:
         if executor is None:
             executor = opened.enter_context(create_executor(len(group_candidates(candidates))))
-        context = prepare_context(
-            request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard,
-            report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share,
-        )  # fmt: skip
+        context = prepare_context(order, report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share)
         check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
         report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
-        evaluations = CandidateEvaluations(request, pack_context(context), candidates, executor, report, with_pictures)
+        evaluations = CandidateEvaluations(
+            order.request, pack_context(context), candidates, executor, report, with_pictures
+        )
         _evaluate_candidates(context, evaluations, simulate_all)
-        result = _build_result(context, evaluations, cost_terms)
-
-        def plan_part(part_request: PlanRequest) -> PlanRanking:
-            inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
-            return plan(part_request, executor=executor, **inputs).ranking
-
+        result = _build_result(context, evaluations)
         if time_share is not NO_LIMIT:
             return result
-        return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+        parts = tuple(_iter_part_plans(result, order, executor))
+        return replace(result, ranking=replace(result.ranking, parts=parts))
 
 
 def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluations, simulate_all: bool) -> None:
@@ -209,9 +223,7 @@ def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluat
         evaluations.refuse_rest()
 
 
-def _iter_part_plans(
-    result: PlanningResult, plan_part: Callable[[PlanRequest], PlanRanking]
-) -> Iterator[FieldPartPlan]:
+def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executor) -> Iterator[FieldPartPlan]:
     """The further parts of a divided field, planned on their own with the strategy and tractors of the best plan."""
     context, best = result.context, result.ranking.best
     request, field = context.request, context.layout.field
@@ -226,7 +238,8 @@ def _iter_part_plans(
         own_plan, reason = None, None
         for part_request in (alike, single):
             try:
-                ranking = plan_part(part_request)
+                part_order = WorkOrder(part_request, order.field, order.tractor, order.implement, supply=order.supply)
+                ranking = plan_order(part_order, executor=executor).ranking
                 own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
             except HeadlandError as refusal:
                 reason = str(refusal)
@@ -244,13 +257,11 @@ def _iter_part_plans(
         )
 
 
-def _build_result(
-    context: PlanningContext, evaluations: CandidateEvaluations, cost_terms: CostTerms | None
-) -> PlanningResult:
+def _build_result(context: PlanningContext, evaluations: CandidateEvaluations) -> PlanningResult:
     """The answer from the outcomes of all candidates."""
     candidates = evaluations.candidates
     results = [evaluations.results[index] for index in range(len(candidates))]
-    ranking = add_machine_names(rank_plans(context, results), cost_terms)
+    ranking = add_machine_names(rank_plans(context, results), context.cost_terms)
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     driven_pictures = None
     if evaluations.with_pictures:

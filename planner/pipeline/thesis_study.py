@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import RADIUS_FACTOR, WorkOrder
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
@@ -77,7 +77,7 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
         with create_executor(len(group_candidates(candidates))) as executor:
             return study(executor=executor, progress=progress)
     request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
-    context = prepare_context(replace(request, strategies=(ROW_BY_ROW,)))
+    context = prepare_context(WorkOrder(replace(request, strategies=(ROW_BY_ROW,))))
     outcomes = iter_outcomes(executor, pack_context(context), candidates, progress)
     results = {candidates[index]: one.result for index, one in outcomes}
     tables: dict[str, list[ThesisTableRow]] = {"6.1": [], "6.2": [], "6.3": []}

@@ -21,6 +21,7 @@ from planner.evaluation.ground.contact_checks import (
 from planner.evaluation.ground.coverage import _find_wide_pieces
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples
 
@@ -73,7 +74,9 @@ def ponds() -> PlanningContext:
     holes = [shapely.box(30, 30, 50, 50).exterior, shapely.box(90, 40, 100, 60).exterior]
     field = Field("ponds", shapely.Polygon(shapely.box(0, 0, 140, 100).exterior, holes))
     fence = shapely.LineString(field.boundary.exterior)
-    return prepare_context(PlanRequest(no_headland=True), replace(field, fences=(fence,), entrance=(70.0, 0.0)))
+    return prepare_context(
+        WorkOrder(PlanRequest(no_headland=True), replace(field, fences=(fence,), entrance=(70.0, 0.0)))
+    )
 
 
 @given(st.lists(st.tuples(st.floats(-5, 145), st.floats(-5, 105), st.floats(-3.2, 3.2)), min_size=1, max_size=40))

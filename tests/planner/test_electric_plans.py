@@ -22,6 +22,7 @@ from planner.evaluation.candidates.service_conflicts import find_service_stops
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -52,7 +53,7 @@ def build_electric_tractor(battery: BatteryParameters) -> Tractor:
 @cache
 def prepare(battery: BatteryParameters, refill: str | None = None) -> PlanningContext:
     request = PlanRequest(field="drawn", no_headland=True, refill=refill)
-    return prepare_context(request, BOX, build_electric_tractor(battery))
+    return prepare_context(WorkOrder(request, BOX, build_electric_tractor(battery)))
 
 
 @cache
@@ -191,7 +192,7 @@ def test_flat_shares_of_a_motor() -> None:
     rates = compute_hourly_rates(FarmPrices(oil_share=5.0), motor_efficiency=0.85)
     assert rates.fuel_at_work == pytest.approx(0.74 * 77.0 / 0.85 * 0.2)
     request = PlanRequest(field="drawn", no_headland=True, operation="mow")
-    context = prepare_context(request, BOX, build_electric_tractor(SMALL))
+    context = prepare_context(WorkOrder(request, BOX, build_electric_tractor(SMALL)))
     assert context.supply is None
     assert describe_ground(context) == (
         "What mow takes from the shaft is not known: charging is not planned, and whether the batteries last is not "
@@ -234,7 +235,7 @@ def test_a_built_in_field_from_end_to_end() -> None:
     """Iwamizawa with 30 kWh: worked with a stop to charge; the ranking holds kWh, the objective is energy."""
     battery = BatteryParameters(capacity_kwh=30.0, charger_kw=22.0)
     request = PlanRequest(field="iwamizawa", objective=LEAST_FUEL, gnss=False)
-    context = prepare_context(request, read_field("iwamizawa"), build_electric_tractor(battery))
+    context = prepare_context(WorkOrder(request, read_field("iwamizawa"), build_electric_tractor(battery)))
     found = simulate_candidate(context, Candidate("split-field", 1))
     assert found.result.feasible and found.result.charges == 1 and (found.result.worked_pct or 0.0) > 99.0
     assert found.run is not None and find_flat_battery(context, found.run) is None

@@ -25,6 +25,7 @@ from planner.evaluation.ground.coverage import measure_coverage, measure_excursi
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import build_worked_ground, find_unworked_areas
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import SHAPES
 
@@ -42,7 +43,7 @@ SHOWN = [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) 
 
 @cache
 def planned(name: str) -> tuple[PlanningContext, CandidateEvaluation]:
-    site = prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
+    site = prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False), SHAPES[name]))
     return site, simulate_candidate(site, Candidate("split-field", 2))
 
 

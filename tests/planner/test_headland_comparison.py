@@ -17,8 +17,8 @@ from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluatio
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.farm_inputs import build_inputs_without_farm
 from planner.pipeline.headland_comparison import (
     HeadlandChoices,
     compare_headlands,
@@ -127,7 +127,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
     """A rectangle of 48 m by 30 m and one of 36 m by 30 m with two and with three passes of 3 m, headland last."""
     path = write_farm(tmp_path_factory.mktemp("farm") / "farm.geojson", long=(0, 48, 30), short=(200, 36, 30))
     request = PlanRequest(f"{path}#long", local=True, tractors=(1,), strategies=("split-field",), bearing_deg=90.0)
-    inputs = [build_inputs_without_farm(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
+    inputs = [WorkOrder(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
     choices = HeadlandChoices(("square",), ("last",), (2, 3))
     return compare_headlands(list_headland_questions(inputs, choices, with_maps=True), SerialExecutor())
 
@@ -175,7 +175,7 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     path = tmp_path / "bell.geojson"
     path.write_text(shapely.to_geojson(bell), encoding="utf-8")
     request = PlanRequest(str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0)
-    questions = list_headland_questions([build_inputs_without_farm(request)], HeadlandChoices(("round",), ("last",)))
+    questions = list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",)))
     (each,) = compare_headlands(questions, SerialExecutor()).plans
     assert each.choice.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.parts] == [pytest.approx(4.0, abs=0.1)]

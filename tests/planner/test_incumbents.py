@@ -26,6 +26,7 @@ from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, prune_plan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, get_finished_field_s
@@ -35,7 +36,7 @@ from strategies.registry import STRATEGIES
 @pytest.fixture(scope="module")
 def round_site() -> PlanningContext:
     """60 m by 90 m with its headland worked."""
-    return prepare_context(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90)))
+    return prepare_context(WorkOrder(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90))))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def driven_once(round_site: PlanningContext) -> Callable[[str], CandidateEvaluat
 
 def test_only_plans_of_large_fields_are_pruned(small_site: PlanningContext) -> None:
     assert not prunes_candidates(small_site)
-    big = prepare_context(PlanRequest(no_headland=True), Field("big", shapely.box(0, 0, 500, 400)))
+    big = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("big", shapely.box(0, 0, 500, 400))))
     assert prunes_candidates(big)
     for objective, prunes in (("surest", False), ("fuel", False), ("cheapest", True)):
         request = replace(big.request, objective=objective)
@@ -55,7 +56,7 @@ def test_only_plans_of_large_fields_are_pruned(small_site: PlanningContext) -> N
 
 def test_rounds_are_work_like_tracks() -> None:
     for length_m, many in ((165, False), (330, True)):
-        site = prepare_context(PlanRequest(), Field("strip", shapely.box(0, 0, 24, length_m)))
+        site = prepare_context(WorkOrder(PlanRequest(), Field("strip", shapely.box(0, 0, 24, length_m))))
         assert site.layout.total_length_m / site.driving_rules.work_speed_mps < MIN_SWATH_WORK_S
         assert is_worth_pruning(site) is prunes_candidates(site) is many
 

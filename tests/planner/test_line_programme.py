@@ -18,6 +18,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
@@ -40,7 +41,7 @@ CURVED_SEED = 45005
 
 def prepare(field: Field, **request: object) -> PlanningContext:
     values: dict[str, object] = {"width_m": WIDTH_M, "tractors": (1,), **request}
-    return prepare_context(PlanRequest(**values), field=field)  # type: ignore[arg-type]
+    return prepare_context(WorkOrder(PlanRequest(**values), field=field))  # type: ignore[arg-type]
 
 
 def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
@@ -141,7 +142,7 @@ def test_a_field_that_passes_leave_much_of_is_worked() -> None:
     """A small field with a curved edge and a boom of 24 m: passes and turns leave a twelfth of it."""
     job = draw_job(CURVED_SEED, [], exact=True)
     request = PlanRequest(width_m=job["width_m"], speed_kmh=job["speed_kmh"], tractors=(1,))
-    found = prepare_context(request, field=build_field(job), tractor=build_tractor(job["radius_m"]))
+    found = prepare_context(WorkOrder(request, field=build_field(job), tractor=build_tractor(job["radius_m"])))
     result = simulate_candidate(found, Candidate("split-field", 1)).result
     assert result.feasible
     assert (result.worked_pct or 0.0) > 95.0
@@ -185,8 +186,7 @@ def test_what_starting_and_stopping_take_does_not_depend_on_where_heights_are_kn
     far = shapely.transform(RECTANGLE, lambda points: points + 500.0)
     grid = ElevationGrid(490.0, 490.0, 5.0, np.zeros((25, 45)))
     found = prepare_context(
-        PlanRequest(field="far", width_m=WIDTH_M, tractors=(1,)),
-        field=Field("far", far),
+        WorkOrder(PlanRequest(field="far", width_m=WIDTH_M, tractors=(1,)), field=Field("far", far)),
         physics=replace(LEVEL_GROUND, terrain=build_terrain(grid)),
     )
     level, high = (SiteMoves(build_site(one), []).drives.rest_s for one in (context, found))

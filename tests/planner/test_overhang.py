@@ -18,6 +18,7 @@ from planner.evaluation.ground.overhang import measure_overhang
 from planner.evaluation.ground.unworked_area import MAX_MISSED_SHARE
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from tests.examples import seldom
@@ -137,7 +138,9 @@ def test_mirrored_fields_are_driven_alike(lay: Any) -> None:
 ])  # fmt: skip
 def test_samples_at_ordinary_speeds(name: str, width_m: float, speed_kmh: float) -> None:
     auto, square, rounded = (
-        work(prepare_context(PlanRequest(field=name, width_m=width_m, speed_mps=speed_kmh / 3.6, corners=one)))
+        work(
+            prepare_context(WorkOrder(PlanRequest(field=name, width_m=width_m, speed_mps=speed_kmh / 3.6, corners=one)))
+        )
         for one in ("auto", "square", "round")
     )
     assert auto.feasible, auto.reason

@@ -88,9 +88,10 @@ class TestGivingWay:
 
 def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
     from planner.evaluation.preparation import prepare_context
+    from planner.evaluation.work_order import WorkOrder
     from planner.request.plan_request import PlanRequest
 
-    site = prepare_context(PlanRequest(field="netherlands", no_headland=True))
+    site = prepare_context(WorkOrder(PlanRequest(field="netherlands", no_headland=True)))
     for name in ("interleaved", "split-field"):
         tried = run_candidate(site, Candidate(name, 4))
         assert tried.reason is None and tried.run.contacts == () and tried.run.min_clearance_m > 0

@@ -13,7 +13,7 @@ import shapely
 from fields.text_files import read_text
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import load_gnss_errors
+from planner.evaluation.work_order import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_physics import PHYSICS_KEY, export_physics, read_physics
 from planner.pipeline.outputs.step_measures import measure_steps
