@@ -21,13 +21,19 @@ from vehicle.model.tractor import list_tractor_names
 
 
 def complete_request_by_farm(
-    request: PlanRequest, farm: FarmFile, given_parameters: Collection[str] = (), *, implement_name: str | None = None
+    request: PlanRequest,
+    farm: FarmFile | None,
+    given_parameters: Collection[str] = (),
+    *,
+    implement_name: str | None = None,
 ) -> WorkOrder:
     """Complete a request by tractor, count, width, speeds, operation and prices of a farm; its shift gives the start.
 
     The `given_parameters` of the request stay as they are; a given `tractor` may be the name of one of the farm's.
     Without `implement_name` the first implement that fits is used. Raises RequestError, VehicleError.
     """
+    if farm is None:
+        return WorkOrder(request)
     farm_tractor = _select_tractor(request, farm, given_parameters, implement_name)
     if farm_tractor is not None and "tractors" in given_parameters:
         _check_tractor_count(farm_tractor, max(request.tractors))

@@ -22,7 +22,7 @@ from pathlib import Path
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate, simulate_candidates
-from planner.evaluation.candidates.incumbents import prunes_candidates
+from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import list_candidates

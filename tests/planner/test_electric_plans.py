@@ -16,7 +16,7 @@ import shapely
 from fields import Field, read_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.service_conflicts import find_service_stops
 from planner.evaluation.context import PlanningContext
@@ -57,7 +57,7 @@ def prepare(battery: BatteryParameters, refill: str | None = None) -> PlanningCo
 
 
 @cache
-def drive(battery: BatteryParameters, refill: str | None = None, tractors: int = 1) -> CandidateEvaluation:
+def drive(battery: BatteryParameters, refill: str | None = None, tractors: int = 1) -> Outcome:
     found = simulate_candidate(prepare(battery, refill), Candidate("split-field", tractors))
     assert found.result.feasible, found.result.reason
     return found

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from fields import Field, FieldError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.evaluation.preparation import prepare_context
@@ -45,7 +45,7 @@ def site(entrance: tuple[float, float] | None = GATE) -> PlanningContext:
 
 
 @cache
-def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> CandidateEvaluation:
+def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> Outcome:
     return simulate_candidate(site(entrance), Candidate(strategy, tractors))
 
 

@@ -7,7 +7,7 @@ import pytest
 from shapely import Polygon, affinity, box
 
 from fields import Field
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
@@ -58,7 +58,7 @@ def sites() -> dict[str, PlanningContext]:
 
 def drive(site: PlanningContext, strategy: str, tractors: int) -> tuple[PlanResult, SimulationRun]:
     """The figures and the run of a candidate that can be driven."""
-    found: CandidateEvaluation = simulate_candidate(site, Candidate(strategy, tractors))
+    found: Outcome = simulate_candidate(site, Candidate(strategy, tractors))
     assert found.run is not None, found.result.reason
     return found.result, found.run
 

@@ -14,7 +14,7 @@ from shapely.ops import substring
 
 from fields import Field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
@@ -49,7 +49,7 @@ def rectangle(place: Callable[..., PlanningContext]) -> Callable[..., PlanningCo
     return lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options)
 
 
-def of(site: PlanningContext, name: str, tractors: int) -> CandidateEvaluation:
+def of(site: PlanningContext, name: str, tractors: int) -> Outcome:
     return simulate_candidate(site, Candidate(name, tractors))
 
 

@@ -13,7 +13,7 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
@@ -35,7 +35,7 @@ WIDE_M, HIGH_M, CELL_M = 48.0, 36.0, 0.2
 Grid = npt.NDArray[np.int64]
 
 
-def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[PlanningContext, CandidateEvaluation]:
+def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[PlanningContext, Outcome]:
     site = place(shapely.box(0, 0, WIDE_M, HIGH_M), no_headland=False, headland_order=order, headland_passes=3)
     return site, simulate_candidate(site, Candidate("split-field", 1))
 

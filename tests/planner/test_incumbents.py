@@ -12,18 +12,19 @@ from fields import Field
 from planner import SerialExecutor, plan
 from planner.evaluation.candidates.evaluate import (
     Candidate,
-    CandidateEvaluation,
+    Outcome,
     simulate_candidate,
     simulate_candidates,
 )
-from planner.evaluation.candidates.incumbents import (
+from planner.evaluation.candidates.line_programme import sketch_plans
+from planner.evaluation.candidates.pruning import (
     MIN_SWATH_WORK_S,
+    Incumbent,
+    estimate_loss_s,
     find_incumbent,
     is_worth_pruning,
     prunes_candidates,
 )
-from planner.evaluation.candidates.line_programme import sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, prune_plan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -40,7 +41,7 @@ def round_site() -> PlanningContext:
 
 
 @pytest.fixture(scope="module")
-def driven_once(round_site: PlanningContext) -> Callable[[str], CandidateEvaluation]:
+def driven_once(round_site: PlanningContext) -> Callable[[str], Outcome]:
     """Two tractors on that field by a strategy."""
     return cache(lambda strategy: simulate_candidate(round_site, Candidate(strategy, 2)))
 
@@ -84,7 +85,7 @@ def test_the_quickest_sketch_is_driven_first_and_is_the_rival_of_others(round_si
 
 @pytest.mark.parametrize("strategy", ["interleaved", "row-by-row"])
 def test_a_candidate_that_cannot_win_is_told_with_its_bound(
-    round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
+    round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str
 ) -> None:
     driven = driven_once(strategy)
     driven_s = driven.result.time_s
@@ -102,7 +103,7 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
 
 @pytest.mark.parametrize("strategy", ["row-by-row", "row-by-row-optimised", "col-by-col"])
 def test_a_formation_is_sketched_as_it_is_driven(
-    round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
+    round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str
 ) -> None:
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
     assert run is not None
@@ -117,10 +118,10 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
     seconds = [130.0, 90.0]
     for tractor_s, is_pruned in ((219.0, True), (221.0, False)):
         rival = Incumbent("split-field", 120.0, tractor_s)
-        assert (prune_plan(site, seconds, rival) is not None) is is_pruned
-        assert prune_plan(round_site, seconds, rival) is not None
-    assert prune_plan(round_site, seconds, Incumbent("split-field", 130.0)) is None
-    assert prune_plan(round_site, seconds, None) is None
+        assert (estimate_loss_s(site, seconds, rival) is not None) is is_pruned
+        assert estimate_loss_s(round_site, seconds, rival) is not None
+    assert estimate_loss_s(round_site, seconds, Incumbent("split-field", 130.0)) is None
+    assert estimate_loss_s(round_site, seconds, None) is None
 
 
 @pytest.mark.slow
@@ -130,7 +131,7 @@ def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPa
     found = []
     for worth_s in (0.0, 1e9):
         for name in ("MIN_SWATH_WORK_S", "MIN_TOTAL_WORK_S"):
-            monkeypatch.setattr(f"planner.evaluation.candidates.incumbents.{name}", worth_s)
+            monkeypatch.setattr(f"planner.evaluation.candidates.pruning.{name}", worth_s)
         found.append(plan(scenario, field=Field("drawn", shape), executor=SerialExecutor()).ranking)
     some, whole = ({(one.strategy, one.tractors): one for one in each.plans} for each in found)
     assert found[0].best == found[1].best

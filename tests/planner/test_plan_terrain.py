@@ -17,7 +17,7 @@ from fields.documents.reader import read_field
 from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_simulate
 from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
 from planner.evaluation.context import PlanningContext
@@ -57,7 +57,7 @@ def tilt(east: float, north: float, **values: str) -> PlanningContext:
 
 
 @cache
-def drive(east: float, north: float) -> CandidateEvaluation:
+def drive(east: float, north: float) -> Outcome:
     return simulate_candidate(tilt(east, north), ONE)
 
 

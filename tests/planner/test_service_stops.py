@@ -13,7 +13,7 @@ import shapely
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
@@ -57,7 +57,7 @@ def site_for(refill: str | None, no_headland: bool = True, supply: Supply | None
 
 
 @cache
-def driven(refill: str, tractors: int, strategy: str, no_headland: bool) -> CandidateEvaluation:
+def driven(refill: str, tractors: int, strategy: str, no_headland: bool) -> Outcome:
     return simulate_candidate(site_for(refill, no_headland), Candidate(strategy, tractors))
 
 

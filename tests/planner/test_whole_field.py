@@ -20,7 +20,7 @@ from shapely import affinity
 from fields import Field
 from planner.evaluation.candidates.evaluate import (
     Candidate,
-    CandidateEvaluation,
+    Outcome,
     simulate_candidate,
 )
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
@@ -69,7 +69,7 @@ def still(name: str) -> PlanningContext:
 
 
 @cache
-def tried(name: str, strategy: str, count: int) -> CandidateEvaluation:
+def tried(name: str, strategy: str, count: int) -> Outcome:
     return simulate_candidate(still(name), Candidate(strategy, count))
 
 

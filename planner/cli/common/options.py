@@ -145,19 +145,17 @@ class GivenOptions:
 
     def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; options that were given win. Raises HeadlandError."""
-        from planner.evaluation.work_order import WorkOrder
         from planner.farm.inventory import load_farm
         from planner.pipeline.farm_inputs import complete_request_by_farm
 
         farm, implement = self.choice.farm, self.choice.implement
-        if farm is not None:
-            given = _list_given_parameters(self.context)
-            return complete_request_by_farm(request, load_farm(farm), given, implement_name=implement)
-        if implement is not None:
+        if farm is None and implement is not None:
             raise RequestError(
                 f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
             )
-        return WorkOrder(request)
+        given = _list_given_parameters(self.context)
+        loaded = None if farm is None else load_farm(farm)
+        return complete_request_by_farm(request, loaded, given, implement_name=implement)
 
 
 def _list_given_parameters(context: typer.Context) -> frozenset[str]:

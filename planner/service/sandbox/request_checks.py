@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 def build_work_order(values: Mapping[str, Any]) -> WorkOrder:
     """What to plan, from the options of a plan request and its farm; raises HeadlandError as the command does."""
-    from planner.evaluation.work_order import WorkOrder
     from planner.farm.inventory import load_farm
     from planner.pipeline.farm_inputs import complete_request_by_farm
     from planner.request.options import list_given_parameters
@@ -29,8 +28,6 @@ def build_work_order(values: Mapping[str, Any]) -> WorkOrder:
         )
     shift_s = None if farm is None or values.get("deadline") is None else farm.times.shift_span_s[0]
     request = PlanRequest.from_options(values, shift_s=shift_s)
-    if farm is None:
-        return WorkOrder(request)
     return complete_request_by_farm(request, farm, list_given_parameters(PlanRequest, values), implement_name=implement)
 
 
