@@ -7,11 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import shapely
 
 from fields.geometry.entrances import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
 from fields.geometry.field_parts import cut_field_part
+from fields.layout.bearings import find_handedness
+from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide, lay_headland_passes
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import (
     Layout,
@@ -27,16 +30,15 @@ from planner.evaluation.field_physics import (
     build_field_physics,
     check_fuel_is_known,
 )
-from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m, lay_directed_passes
 from planner.evaluation.layout_choice import (
     Report,
     build_effort_rates,
+    build_slope_weigher,
     choose_quickest_index,
     lay_contours,
     list_layouts,
 )
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
-from planner.evaluation.slope_costs import build_slope_weigher
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.evaluation.work_order import (
     WorkOrder,
@@ -61,6 +63,7 @@ from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.turns import (
     TurnReach,
     compute_available_turn_depth_m,
+    compute_headland_m,
     list_allowed_kinds,
 )
 from strategies.program.driving_rules import DrivingRules
@@ -76,6 +79,7 @@ MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direc
 
 
 CreateContext = Callable[..., PlanningContext]
+ROUNDING_M = 1e-6
 
 
 def prepare_context(
@@ -254,4 +258,51 @@ def _complete_context(
         fitting_turns=tuple(seconds is not None for seconds in turn_times),
         headland_passes=headland_passes,
         obstacle_bends=obstacle_bends,
+    )
+
+
+def choose_headland_m(request: PlanRequest, radius_m: float, reach: TurnReach) -> float:
+    """Depth of the headland (m): as asked for, else what turns need."""
+    if request.requested_headland_m is not None:
+        return request.requested_headland_m
+    return compute_headland_m(request.turn, request.width_m, radius_m, reach)
+
+
+def add_headland_remark(field: Field, request: PlanRequest, radius_m: float, reach: TurnReach) -> Field:
+    """The field with a remark where turns need more headland passes than asked for."""
+    shortage = describe_shallow_headland(request, radius_m, reach)
+    return field if not shortage else replace(field, remarks=(*field.remarks, shortage))
+
+
+def describe_shallow_headland(request: PlanRequest, radius_m: float, reach: TurnReach) -> str:
+    """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
+    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    passes = request.headland_passes
+    if passes is None or passes * request.width_m > needed_m - ROUNDING_M:
+        return ""
+    subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
+    return (
+        f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
+        f"({math.ceil(needed_m / request.width_m - ROUNDING_M)} passes): where they do not fit, they lead over tracks."
+    )
+
+
+def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
+    """The headland passes; their direction is mirrored on a mirrored field."""
+    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
+    boundary = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
+    is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
+    return (
+        headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
+    )
+
+
+def reverse_pass(headland_pass: HeadlandPass) -> HeadlandPass:
+    """A headland pass driven the other way."""
+    return replace(
+        headland_pass,
+        sides=tuple(
+            HeadlandPassSide(s.points[::-1], -s.end_turn_rad, -s.start_turn_rad) for s in headland_pass.sides[::-1]
+        ),
     )

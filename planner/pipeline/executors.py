@@ -23,6 +23,8 @@ from planner.pipeline.interrupts import stop_repeating
 
 PATIENCE_S = 10.0
 MAX_TRIES = 3  # how often a task is given to another worker when its own has ended
+T = TypeVar("T")
+TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 
 class ClusterError(RequestError):
@@ -73,10 +75,6 @@ def _create_client(address: str) -> Any:
             f"'dask worker {address}'."
         )
     return client
-
-
-T = TypeVar("T")
-TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 
 class SerialExecutor(Executor):

@@ -41,6 +41,11 @@ from reports.common.rendering import make_json_safe
 from reports.plan.many_fields import FieldRecord
 from reports.plan.small_map import SmallMap, build_small_map
 
+KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
+LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
+Record = dict[str, Any]
+MAX_FIELDS = 100_000
+
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
@@ -132,11 +137,6 @@ def _find_elevation_name(request: PlanRequest) -> str | None:
         return get_elevation_name(request, read_requested_field(request, None))
     except HeadlandError:  # the answer will be this refusal
         return None
-
-
-KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
-LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
-Record = dict[str, Any]
 
 
 class AnswerFileError(RequestError):
@@ -238,9 +238,6 @@ def _replace_file(path: Path, records: Iterable[Record]) -> None:
 
 def _format_line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, ensure_ascii=False) + "\n"
-
-
-MAX_FIELDS = 100_000
 
 
 def expand_field_names(

@@ -43,6 +43,10 @@ from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
 MINUTE_S = 60.0
+TIME_TOLERANCE_S = 0.05
+MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
+MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
+MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 
 
 def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult | None) -> tuple[str, ...]:
@@ -120,12 +124,6 @@ def _format_minutes(seconds: float) -> str:
     if 0.0 < seconds < 0.5 * MINUTE_S:
         return f"{seconds:.0f} s"
     return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
-
-
-TIME_TOLERANCE_S = 0.05
-MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
-MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
-MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 
 
 def list_candidates(request: PlanRequest) -> list[Candidate]:

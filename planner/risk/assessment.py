@@ -49,6 +49,7 @@ TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1
 ACCELERATION_MPS2 = 0.7
 Array = npt.NDArray[np.float64]
+MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +145,6 @@ def _solve_speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
     if moving_s <= 0.0 or root < 0.0:
         return MAX_SPEED_FACTOR * speed
     return min(2.0 * length / (moving_s + math.sqrt(root)), MAX_SPEED_FACTOR * speed)
-
-
-MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 
 
 @dataclass(frozen=True)

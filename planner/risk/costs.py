@@ -20,6 +20,9 @@ from vehicle.missions.run import SimulationRun
 
 PCT_TO_SHARE = 0.01
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
+HOUR_S = 3600.0
+IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -132,11 +135,6 @@ def _compute_ownership_rates(
         mean_value * prices.insurance_pct * PCT_TO_SHARE / hours,
         compute_repair_cost(price, factor, power, life_hours) / life_hours,
     )
-
-
-HOUR_S = 3600.0
-IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from reports.common.wording import format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
+MIN_AMOUNT = 0.005
+MINUTE_S = 60.0
+ABOUT_EQUAL = " (about equal)"
 
 
 @dataclass(frozen=True)
@@ -191,11 +194,6 @@ def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, 
         plan.strategy,
         repr(plan),
     )
-
-
-MIN_AMOUNT = 0.005
-MINUTE_S = 60.0
-ABOUT_EQUAL = " (about equal)"
 
 
 def write_advice(

@@ -11,17 +11,16 @@ import numpy.typing as npt
 
 from planner.request.random_inputs import UncertaintySettings, compute_log_deviation
 
+HOUR_S = 3600.0
+Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
 
 def create_generator(seed: int, *names: str | int) -> np.random.Generator:
     """A generator that depends on the seed and the names alone (Philox: counter-based, the same on all machines)."""
     text = "/".join(str(part) for part in (seed, *names))
     key = int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "little")
     return np.random.Generator(np.random.Philox(key=key))
-
-
-HOUR_S = 3600.0
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fields import Field
 from fields.geometry.overlays import clip_area, drop_slivers, extract_polygons
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_checks import (
+from planner.evaluation.ground.contact_places import (
     FenceIntrusionCheck,
     ObstacleIntrusionCheck,
     find_poses_within_reach,
@@ -108,7 +108,7 @@ def test_poses_are_looked_at_in_parts_with_the_same_answer(
     check = ObstacleIntrusionCheck(ponds)
     whole = check.find_poses_to_check(poses)
     assert 20 < whole.sum() < 400
-    monkeypatch.setattr("planner.evaluation.ground.contact_checks.BATCH_SIZE", 30)
+    monkeypatch.setattr("planner.evaluation.ground.contact_places.BATCH_SIZE", 30)
     assert (check.find_poses_to_check(poses) == whole).all()
-    monkeypatch.setattr("planner.evaluation.ground.contact_checks.MAX_PARTS", 1)
+    monkeypatch.setattr("planner.evaluation.ground.contact_places.MAX_PARTS", 1)
     assert (check.find_poses_to_check(poses) == whole).all()

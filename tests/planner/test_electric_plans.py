@@ -15,10 +15,9 @@ import shapely
 
 from fields import Field, read_field
 from planner.errors import RequestError
-from planner.evaluation.candidates.energy_figures import find_flat_battery
+from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_stops
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context

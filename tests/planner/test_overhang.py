@@ -14,7 +14,7 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overhang import measure_overhang
+from planner.evaluation.ground.contact_places import measure_overhang
 from planner.evaluation.ground.unworked_area import MAX_MISSED_SHARE
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context

@@ -27,8 +27,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.pipeline.outputs.driving_steps import list_steps
-from planner.pipeline.outputs.saved_physics import export_physics, read_physics
-from planner.pipeline.outputs.saved_plans import rerun_plan, write_saved_plan
+from planner.pipeline.outputs.saved_plans import export_physics, read_physics, rerun_plan, write_saved_plan
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from tests.drawn_fields import feature, rectangle, write_features, write_heights

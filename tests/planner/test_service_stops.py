@@ -13,8 +13,8 @@ import shapely
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
+from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.solo_runs import SoloRuns
+from planner.evaluation.candidates.fleet_drive import SoloRuns
 from planner.traffic.giving_way import resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan

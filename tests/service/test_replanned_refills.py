@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager

@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from planner.evaluation.candidates.energy_figures import find_flat_battery
+from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
-from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,

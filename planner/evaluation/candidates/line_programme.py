@@ -13,12 +13,13 @@ import numpy as np
 
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, name_main_turns
 from planner.evaluation.candidates.fleet_drive import (
+    SoloRuns,
     build_rehearsal,
     build_scheduler,
     build_simulate,
     build_standing_check,
+    remove_gates,
 )
-from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall

@@ -32,6 +32,9 @@ TABLE_CELLS = 20_000
 MIN_CELL_M = 1.0
 BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
 Points = npt.NDArray[np.float64]
+MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
+TOUCHING_M = 1e-3
+MITRE_LIMIT = 2.0
 
 
 @compile_function
@@ -62,11 +65,6 @@ class InteriorCellTable:
     def find_uncertain(self, points: Points) -> npt.NDArray[np.int64]:
         """Indices of the points (t, 2 or more columns, x and y first) that may be outside or near the edge."""
         return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
-
-
-MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
-TOUCHING_M = 1e-3
-MITRE_LIMIT = 2.0
 
 
 @dataclass(frozen=True, eq=False)

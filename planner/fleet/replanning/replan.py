@@ -16,8 +16,8 @@ import shapely
 import shapely.ops
 
 from fields.errors import HeadlandError
+from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
-from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site, get_site_moves

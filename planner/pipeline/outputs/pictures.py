@@ -17,13 +17,19 @@ from fields.geometry.overlays import GRID_M
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
-from fields.terrain.slopes import choose_contour_interval_m, compute_gradients, compute_hill_shade, trace_contours
+from fields.terrain.elevation_grid import ElevationGrid
+from fields.terrain.slopes import (
+    choose_contour_interval_m,
+    compute_gradients,
+    compute_hill_shade,
+    summarise_slopes,
+    trace_contours,
+)
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
-from planner.pipeline.outputs.slope_facts import describe_slopes
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Relief
 from reports.common.plan_results import PlanRanking, PlanResult, Points, UnworkedPiece
@@ -38,6 +44,7 @@ USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
 """Heights are exaggerated so that nine tenths of the slopes look no steeper than this; below the last they are flat."""
 MAX_SHADE_PIXELS = 300
 CUT_OFF_TOLERANCE_M = 0.5  # the place of a piece may lie this far beside the cut-off ground it is part of
+MAX_ENDS = 60
 
 
 def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
@@ -159,9 +166,6 @@ def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, 
     """Outlines and holes of pieces of ground, simplified for drawing."""
     plain = (orient(piece.simplify(OUTLINE_TOLERANCE_M), 1.0) for piece in pieces)
     return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))
-
-
-MAX_ENDS = 60
 
 
 def describe_field(context: PlanningContext) -> dict[str, Any]:
@@ -358,3 +362,29 @@ def build_outline_picture(context: PlanningContext) -> PlanDrive:
         unworked=list_simplified_rings(tuple(unworked)),
         largest_missed=exclude_cut_off_piece(largest, layout.field),
     )
+
+
+def describe_slopes(elevation: ElevationGrid | None, field: Field) -> dict[str, Any]:
+    """Facts on the slopes of the ground outside of obstacles, units in the keys; empty without heights.
+
+    `steepest_at` is longitude and latitude, or x and y of a field in local metres; `aspect_deg` is the bearing in which
+    the field falls as a whole, with the share of its slopes that this explains.
+    """
+    summary = None if elevation is None else summarise_slopes(elevation, field.region_without_obstacles)
+    if elevation is None or summary is None:
+        return {}
+    x, y = summary.steepest_place_m
+    place = (
+        [round(x, 1), round(y, 1)] if field.crs is None else [round(v, 6) for v in field.to_wgs84([[x, y]])[0].tolist()]
+    )
+    return {
+        "heights": elevation.source,
+        "lowest_m": round(summary.lowest_m, 2),
+        "highest_m": round(summary.highest_m, 2),
+        "median_slope_pct": round(100.0 * summary.median, 2),
+        "p90_slope_pct": round(100.0 * summary.p90, 2),
+        "steepest_slope_pct": round(100.0 * summary.steepest, 2),
+        "steepest_at": place,
+        "aspect_deg": None if summary.aspect_deg is None else round(summary.aspect_deg, 1),
+        "aspect_share_pct": round(100.0 * summary.aspect_share, 1),
+    }
