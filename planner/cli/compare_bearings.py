@@ -52,8 +52,8 @@ def compare_bearings(
 
     Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
     """
-    from planner.pipeline.bearing_comparison import USUAL_BEARINGS_DEG, list_bearing_requests
-    from planner.pipeline.bearing_comparison import compare_bearings as compare
+    from planner.pipeline.comparisons import USUAL_BEARINGS_DEG, list_bearing_requests
+    from planner.pipeline.comparisons import compare_bearings as compare
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
     chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)

@@ -30,7 +30,7 @@ from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WOR
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from planner.pipeline.headland_comparison import HeadlandQuestion
+    from planner.pipeline.many_fields import FieldQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
@@ -89,7 +89,7 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
+    from planner.pipeline.comparisons import HeadlandChoices, list_headland_questions
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_page import render_headland_page
 
@@ -150,8 +150,8 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
-    from planner.pipeline.headland_comparison import compare_headlands as compare
+def _compare(questions: Sequence[FieldQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
+    from planner.pipeline.comparisons import compare_headlands as compare
 
     warm_up()
     with (

@@ -9,7 +9,7 @@ import glob
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -25,7 +25,7 @@ from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.text_files import read_text
-from planner.errors import FieldError, HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.errors import FieldError, HeadlandError, RequestError, mark_parameter
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
@@ -34,7 +34,6 @@ from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan_order
-from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import make_json_safe
@@ -107,15 +106,12 @@ def iter_answers(
 
     Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
     """
-    try:
-        yield from iter_completed(
-            executor,
-            answer_question,
-            [(question,) for question in questions],
-            lambda indices: report_work([questions[index].field_name for index in indices]),
-        )
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    return iter_completed(
+        executor,
+        answer_question,
+        [(question,) for question in questions],
+        lambda indices: report_work([questions[index].field_name for index in indices]),
+    )
 
 
 def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:

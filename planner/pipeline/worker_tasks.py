@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from threading import current_thread
 
 import numpy as np
 
-from planner.errors import WorkerError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.time_share import TimeSpentError
@@ -26,10 +25,6 @@ from vehicle.sim.world import simulate
 
 CONTEXT_ATTRIBUTE = "headland_context"  # under this name a thread keeps its context
 Progress = Callable[[int, int], None]
-LOST_WORKER_MESSAGE = (
-    "A planning process ended or could not be started, probably out of memory; use fewer "
-    f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
-)
 
 
 def pack_context(context: PlanningContext) -> bytes:
@@ -103,15 +98,12 @@ def iter_outcomes(
     groups = group_candidates(candidates)
     tasks = [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups]
     done = 0
-    try:
-        for task, outcomes in iter_completed(executor, evaluate_task, tasks):
-            for number, outcome in outcomes:
-                done += 1
-                if progress:
-                    progress(done, len(candidates))
-                yield groups[task][number], outcome
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    for task, outcomes in iter_completed(executor, evaluate_task, tasks):
+        for number, outcome in outcomes:
+            done += 1
+            if progress:
+                progress(done, len(candidates))
+            yield groups[task][number], outcome
 
 
 def warm_up_simulation() -> None:

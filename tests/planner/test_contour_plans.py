@@ -20,7 +20,7 @@ from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.bearing_comparison import list_bearing_requests
+from planner.pipeline.comparisons import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
 from reports.plan.bearing_report import BearingComparison, BearingRow, describe_bearings
 from strategies.path_planning.errors import StrategyError

@@ -13,8 +13,8 @@ from shapely.affinity import translate
 from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
 from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.comparisons import HeadlandChoices, compare_headlands, list_headland_questions
 from planner.pipeline.executors import LocalPool, SerialExecutor
-from planner.pipeline.headland_comparison import HeadlandChoices, compare_headlands, list_headland_questions
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import plan
