@@ -41,19 +41,12 @@ class HeadlandChoices:
     orders: tuple[str, ...] = ()
     passes: tuple[int, ...] = ()
 
-    def list_requests(self, request: PlanRequest) -> list[tuple[HeadlandChoice, PlanRequest]]:
+    def list_requests(self, request: PlanRequest) -> list[PlanRequest]:
         """The request with every way to work the headland. Raises RequestError for values that cannot be planned."""
         orders = self.orders or HEADLAND_ORDERS_BY_OPERATION[request.operation]
-        ways = [
-            HeadlandChoice(*values, request.width_m)
-            for values in product(self.corners or CORNERS, orders, self.passes or (None,))
-        ]
         return [
-            (
-                way,
-                replace(request, corners=way.corners, headland_order=way.order, headland_passes=way.passes),
-            )
-            for way in ways
+            replace(request, corners=corners, headland_order=order, headland_passes=passes)
+            for corners, order, passes in product(self.corners or CORNERS, orders, self.passes or (None,))
         ]
 
 
@@ -64,7 +57,7 @@ def list_headland_questions(
     return [
         FieldQuestion(replace(each, request=request), simulate_all, with_maps)
         for each in orders
-        for _, request in choices.list_requests(each.request)
+        for request in choices.list_requests(each.request)
     ]
 
 

@@ -173,7 +173,7 @@ def test_money_and_carbon_by_the_prices_of_a_farm() -> None:
     """A kWh for 0.5 and 1 kg: the difference in cost between dear and free electricity is half of the energy."""
     context, found = prepare(AMPLE), drive(AMPLE)
     assert found.run is not None
-    run = CandidateRun(found.run, None, "u", None)
+    run = CandidateRun(found.run, None, "u")
 
     def measure(price: float) -> tuple[float, float, float]:
         prices = FarmPrices(electricity_per_kwh=price, grid_co2_kg_per_kwh=1.0, fuel_per_l=100.0)

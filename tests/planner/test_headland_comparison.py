@@ -26,7 +26,7 @@ from planner.pipeline.comparisons import (
 )
 from planner.pipeline.executors import SerialExecutor
 from planner.request.plan_request import PlanRequest
-from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
+from reports.plan.headland_comparison import HeadlandComparison
 from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
@@ -100,22 +100,18 @@ class TestChoices:
     def test_every_corner_with_every_order_and_number(self) -> None:
         choices = HeadlandChoices(("square", "round"), ("first", "last"), (2, 3))
         asked = choices.list_requests(PlanRequest())
-        assert [choice for choice, _ in asked] == [
-            HeadlandChoice(corners, order, passes, 3.0)
+        assert [(one.corners, one.headland_order, one.headland_passes, one.width_m) for one in asked] == [
+            (corners, order, passes, 3.0)
             for corners in ("square", "round")
             for order in ("first", "last")
             for passes in (2, 3)
         ]
-        for choice, request in asked:
-            assert (request.corners, request.headland_order, request.headland_passes) == (
-                choice.corners, choice.order, choice.passes,
-            )  # fmt: skip
 
     @pytest.mark.parametrize(("operation", "count"), [("till", 6), ("sow", 3), ("mow", 3)])
     def test_default_is_what_the_work_allows(self, operation: str, count: int) -> None:
         asked = HeadlandChoices().list_requests(PlanRequest(operation=operation))
-        assert len(asked) == count and all(choice.passes is None for choice, _ in asked)
-        assert {choice.corners for choice, _ in asked} == {"square", "round", "auto"}
+        assert len(asked) == count and all(one.headland_passes is None for one in asked)
+        assert {one.corners for one in asked} == {"square", "round", "auto"}
 
     def test_headland_that_is_not_worked_is_refused(self) -> None:
         with pytest.raises(RequestError, match="leaves the headland"):

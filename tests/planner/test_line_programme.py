@@ -12,7 +12,7 @@ from fields.geometry.obstacles import Obstacle
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, describe_left, sketch_plans
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, list_left_remarks, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
@@ -130,12 +130,11 @@ def test_the_same_request_gives_the_same_drive_bit_for_bit(context: PlanningCont
 
 
 def test_lines_that_are_left_are_in_the_remark(context: PlanningContext, programme: Programme) -> None:
-    assert describe_left(programme, context) is None
+    assert list_left_remarks(programme, context) == ()
     left = Programme(programme.table, ((),), (0, 1))
     area_m2 = sum(line.own_m2 for line in programme.table.lines[:2])
-    remark = describe_left(left, context)
-    assert remark is not None
-    assert f"2 lines of work are left, {area_m2:.0f} m2 in all" in remark
+    remark, _ = list_left_remarks(left, context)
+    assert f"2 lines of work are left ({area_m2:.0f} m2 in all" in remark
 
 
 def test_a_field_that_passes_leave_much_of_is_worked() -> None:

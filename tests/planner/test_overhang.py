@@ -96,7 +96,7 @@ def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     evaluation = simulate_candidate(site, Candidate("split-field", 1))
     assert "beyond the outline" not in (evaluation.result.remark or "") and evaluation.run is not None
     strict = replace(site, request=replace(site.request, overhang_m=0.2))
-    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none", None))
+    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none"))
     assert (result.outside_along_m or 0.0) > 1.0
     assert f"reach up to {result.outside_m:.1f} m beyond the outline" in (result.remark or "")
 

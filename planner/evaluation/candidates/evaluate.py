@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
-from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
@@ -171,16 +171,15 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     places = find_contact_places(run, context)
     reason = _find_fault(context, run, places) or find_service_conflict(run, context.supply)
     reason = reason or find_flat_battery(context, run)
-    remarks = [] if reason else _list_remarks(context, run)
-    remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
-    return replace(driven, reason=reason, remark=remark, faults=faults)
+    remarks = driven.remarks if reason else (*driven.remarks, *_list_remarks(context, run))
+    return replace(driven, reason=reason, remarks=remarks, faults=tuple(place.fault for place in places))
 
 
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> Outcome:
     """The figures of a run, with those of its samples."""
     result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
     largest = describe_largest_piece(context, result.largest_missed)
-    result = replace(result, remark=join_remarks(largest, result.remark))
+    result = result if largest is None else replace(result, remarks=(largest, *result.remarks))
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,

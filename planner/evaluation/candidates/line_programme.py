@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import CandidateRun, join_remarks, name_main_turns
+from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
 from planner.evaluation.candidates.fleet_drive import (
     SoloRuns,
     build_rehearsal,
@@ -261,22 +261,22 @@ class ProgrammeDriver:
         table = composed.programme.table
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-        left, apart = describe_left(composed.programme, self._context), describe_formation_share(composed.plan)
-        return CandidateRun(run, reason, name_main_turns(turns), join_remarks(apart, left))
+        left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
+        return CandidateRun(run, reason, name_main_turns(turns), left if apart is None else (apart, *left))
 
 
-def describe_left(programme: Programme, context: PlanningContext) -> str | None:
-    """A remark on the lines that are left, with their area and the place of the largest; None without any to tell."""
+def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[str, ...]:
+    """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
     left = [programme.table.lines[number] for number in programme.left]
     area_m2 = math.fsum(line.own_m2 for line in left)
     if area_m2 < MENTIONED_M2:
-        return None
+        return ()
     largest = max(left, key=lambda line: line.own_m2)
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
     where, count = describe_position(x_m, y_m, context), "1 line of work is"
     if len(left) > 1:
         where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
-        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine; a smaller turning radius or a "
-        "narrower implement may help"
+        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine",
+        "a smaller turning radius or a narrower implement may help",
     )
