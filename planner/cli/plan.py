@@ -146,7 +146,7 @@ def _collect_records(
             error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
         raise
     other_lines = [line for key, line in earlier_lines.items() if key not in set(keys)]
-    writer.write_all_records([*other_lines, *(lines[index] for index in sorted(lines))])
+    writer.replace_records([*other_lines, *(lines[index] for index in sorted(lines))])
     return [finished[index] for index in range(len(questions))]
 
 

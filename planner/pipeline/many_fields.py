@@ -210,7 +210,9 @@ class AnswerFile:
     def replace_records(self, records: Iterable[Record]) -> None:
         """Replace the file by these records."""
         if self._path is not None:
-            _replace_file(self._path, records)
+            draft = self._path.with_name(self._path.name + ".part")
+            draft.write_text("".join(map(_format_line, records)), encoding="utf-8", newline="\n")
+            draft.replace(self._path)
 
     def append_record(self, record: Mapping[str, Any]) -> None:
         """Append one record."""
@@ -220,16 +222,6 @@ class AnswerFile:
             file.write(_format_line(record))
             file.flush()
             os.fsync(file.fileno())
-
-    def write_all_records(self, records: Iterable[Record]) -> None:
-        """Replace the file by all records, in the order of the questions."""
-        self.replace_records(records)
-
-
-def _replace_file(path: Path, records: Iterable[Record]) -> None:
-    draft = path.with_name(path.name + ".part")
-    draft.write_text("".join(_format_line(record) for record in records), encoding="utf-8", newline="\n")
-    draft.replace(path)
 
 
 def _format_line(record: Mapping[str, Any]) -> str:
@@ -302,7 +294,11 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
     for text in dict.fromkeys(text for request in requests for text in request.obstacles):
         _refuse_unmatched([partial(add_obstacles, field, [text]) for field in fields.values()])
     for text in dict.fromkeys(text for request in requests for text in request.ignored):
-        _refuse_number(text)
+        if text.strip().isdecimal():
+            raise RequestError(
+                f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
+                "several fields give the name of the obstacle."
+            )
         _refuse_unmatched([partial(leave_out_obstacles, field, [text]) for field in fields.values()])
     return [
         replace(
@@ -336,11 +332,3 @@ def _refuse_unmatched(changes: Sequence[Callable[[], Field]]) -> None:
             return
     if refusals:
         raise refusals[0]
-
-
-def _refuse_number(text: str) -> None:
-    if text.strip().isdecimal():
-        raise RequestError(
-            f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
-            "several fields give the name of the obstacle."
-        )

@@ -292,7 +292,8 @@ def _select_eligible(
         return plans, Shortfall("rain", note), FASTEST
     budget = criteria.budget
     affordable, all_affordable = (
-        [plan for plan in candidates if _is_affordable(plan, budget)] for candidates in (before_rain, all_plans)
+        [plan for plan in candidates if budget is None or (plan.paid_cost or 0.0) <= budget]
+        for candidates in (before_rain, all_plans)
     )
     if affordable or budget is None:
         return affordable, None, criteria.objective
@@ -303,10 +304,6 @@ def _select_eligible(
     closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
     note = f"{subject} is within the budget of {budget:.2f} {unit}; {closest} costs {least_paid:.2f} {unit}."
     return cheapest, Shortfall("budget", note), CHEAPEST
-
-
-def _is_affordable(plan: PlanResult, budget: float | None) -> bool:
-    return budget is None or (plan.paid_cost or 0.0) <= budget
 
 
 def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> tuple[list[PlanResult], str | None]:

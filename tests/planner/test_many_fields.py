@@ -152,7 +152,7 @@ def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
     with path.open("a", encoding="utf-8") as file:
         file.write('{"key": "c", "ref')
     assert list(read_answer_file(path)) == ["b", "a"]
-    keeper.write_all_records([{"key": "a"}, {"key": "b"}])
+    keeper.replace_records([{"key": "a"}, {"key": "b"}])
     assert path.read_text(encoding="utf-8") == '{"key": "a"}\n{"key": "b"}\n'
 
 

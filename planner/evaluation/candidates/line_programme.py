@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -106,7 +106,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
     Raises StrategyError where there is none, or the lines do not suffice for that many tractors.
     """
     sketch, sketches, refusals = _choose_sketcher(context, strategy, tractors), list[SketchedPlan](), []
-    for order in _list_orders(context):
+    for order in context.request.headland_orders or ("",):
         context.time_share.check()
         try:
             one = sketch(order)
@@ -132,11 +132,6 @@ def _compose_sketch(
             "narrower implement."
         )
     return replace(one, build=partial(_finish_plan, context, one, notes))
-
-
-def _list_orders(context: PlanningContext) -> Sequence[str]:
-    """Orders of headland and swaths that are asked for; "" for any."""
-    return context.request.headland_orders or ("",)
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:

@@ -188,11 +188,7 @@ def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:
     core = unworked.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     parts = shapely.get_parts(clip_area(unworked, wide))
-    return np.array(sorted(parts, key=_build_piece_sort_key), dtype=np.object_)
-
-
-def _build_piece_sort_key(piece: shapely.Polygon) -> tuple[float, tuple[float, ...]]:
-    return -piece.area, piece.bounds
+    return np.array(sorted(parts, key=lambda piece: (-piece.area, piece.bounds)), dtype=np.object_)
 
 
 def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:

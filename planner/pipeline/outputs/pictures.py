@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.geometry.field import Field
-from fields.geometry.field_lines import GuidanceLine, HeadlandEdge
+from fields.geometry.field_lines import HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
 from fields.geometry.overlays import GRID_M
 from fields.layout.cells import Cell
@@ -96,15 +96,14 @@ def _build_relief(context: PlanningContext) -> Relief | None:
 def build_run_picture(context: PlanningContext, run: SimulationRun, result: PlanResult) -> PlanDrive:
     """The run of a plan on its field, as plain arrays."""
     plural = "s" if result.tractors > 1 else ""
-    shares = run.compute_time_shares()
+    shares = run.compute_time_shares() | ({} if context.supply is None else {"refilling": run.standing_s})
     return replace(
         build_field_picture(context, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
         step_s=float(run.time_s[1] - run.time_s[0]),
         xy=tuple(compute_guided_path(run, context, tractor) for tractor in range(run.plan.tractors)),
         status=tuple(run.get_statuses(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
-        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()}
-        | _list_service_seconds_by_tractor(context, run),
+        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
@@ -117,11 +116,6 @@ def build_refused_picture(context: PlanningContext, ranking: PlanRanking) -> Pla
     places = {(round(one.x_m, 1), round(one.y_m, 1)) for plan in ranking.plans for one in plan.faults}
     picture = build_field_picture(context, f"{context.layout.field.name}: no plan works")
     return replace(picture, fault_places=tuple(sorted(places)))
-
-
-def _list_service_seconds_by_tractor(context: PlanningContext, run: SimulationRun) -> dict[str, tuple[float, ...]]:
-    """Seconds that every tractor stood at service stops; empty if nothing is carried."""
-    return {} if context.supply is None else {"refilling": tuple(float(seconds) for seconds in run.standing_s)}
 
 
 def _build_cut_off_piece(part: shapely.Polygon) -> UnworkedPiece:
@@ -175,7 +169,8 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
     ``unworked``.
     """
     layout, field, driving_rules = context.layout, context.layout.field, context.driving_rules
-    lengths = [swath.length_m for swath in layout.swaths]
+    lengths, ground = [swath.length_m for swath in layout.swaths], field.region_without_obstacles
+    covered = shapely.intersection(build_worked_ground(context), ground, grid_size=GRID_M)
     return {
         "name": field.name,
         "source": field.source,
@@ -185,7 +180,10 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "bypassed": len(field.small_obstacles),
         "cut_off_m2": round(field.cut_off_m2, 1),
         "fence_m": round(sum(fence.length for fence in field.fences), 1),
-        "lines": [_describe_line(one) for one in field.guidance_lines],
+        "lines": [
+            {"name": one.name, "bearing_deg": round(one.bearing_deg, 2), "length_m": round(float(one.line.length), 1)}
+            for one in field.guidance_lines
+        ],
         "headlands": [_describe_headland(one) for one in field.headland_edges],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
@@ -199,7 +197,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "swath_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(driving_rules.radius_m, 2),
         "max_tractors": min(50, len({swath.line for swath in layout.swaths})),
-        "covered_pct": round(100.0 * _compute_layout_coverage_share(context), 2),
+        "covered_pct": round(100.0 * float(covered.area / ground.area), 2),
         "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
         **describe_slopes(context.physics.elevation, field),
         "turns": _describe_turns(context),
@@ -217,11 +215,6 @@ def describe_cells(layout: Layout) -> list[dict[str, float]]:
         }
         for cell in layout.cells
     ]
-
-
-def _describe_line(line: GuidanceLine) -> dict[str, Any]:
-    """A guidance line of the field file."""
-    return {"name": line.name, "bearing_deg": round(line.bearing_deg, 2), "length_m": round(float(line.line.length), 1)}
 
 
 def _describe_headland(edge: HeadlandEdge) -> dict[str, Any]:
@@ -271,14 +264,6 @@ def _describe_headland_passes(context: PlanningContext) -> list[dict[str, Any]]:
         for number in sorted({one.number for one in context.headland_passes})
         if (same_number := [one for one in context.headland_passes if one.number == number])
     ]
-
-
-def _compute_layout_coverage_share(context: PlanningContext) -> float:
-    """Share of the field under swaths and headland passes as laid out."""
-    field_area = context.layout.field.region_without_obstacles
-    return float(
-        shapely.intersection(build_worked_ground(context), field_area, grid_size=GRID_M).area / field_area.area
-    )
 
 
 def _describe_unworked(context: PlanningContext, area: UnworkedArea) -> dict[str, Any]:
