@@ -139,13 +139,12 @@ def _compute_ownership_rates(
 
 @dataclass(frozen=True)
 class PlanCost:
-    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added; with standard errors.
+    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added, with its standard error.
 
     Work continues to the end whatever the weather; the price of late ground is the loss by rain.
     """
 
     paid: float
-    paid_error: float
     expected: float
     expected_error: float
 
@@ -186,7 +185,6 @@ def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -
     late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
     return PlanCost(
         float(paid.mean()),
-        _compute_standard_error(paid),
         float((paid + late_ground).mean()),
         _compute_standard_error(paid + late_ground),
     )

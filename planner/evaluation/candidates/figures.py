@@ -11,12 +11,7 @@ from planner.evaluation.candidates.energy_figures import list_energy_figures, li
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
-from planner.evaluation.ground.coverage import (
-    Coverage,
-    count_reversals,
-    measure_coverage,
-    replace_infinite,
-)
+from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS

@@ -25,11 +25,7 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.giving_way import resolve_conflicts
-from strategies.formations.compose import (
-    compose_formation,
-    describe_formation_share,
-    sketch_formation,
-)
+from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST

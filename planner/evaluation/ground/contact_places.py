@@ -157,16 +157,14 @@ def _measure_post_depth_m(boxes: Boxes, fence: shapely.Geometry) -> float:
 class ContactPlace:
     """What a tractor or its implement touches or crosses, and where.
 
-    `number` counts the obstacles (Field.solid_obstacles), then the fences of a field; None for the outline. The rows
-    are those of the record between which it happens, x and y the middle of the tractor where it reaches deepest.
+    `number` counts the obstacles (Field.solid_obstacles), then the fences of a field; None for the outline. x and y are
+    the middle of the tractor where it reaches deepest.
     """
 
     kind: str
     number: int | None
     name: str
     tractor: int
-    first_row: int
-    last_row: int
     x_m: float
     y_m: float
     depth_m: float
@@ -213,7 +211,7 @@ def _iter_outline_places(run: SimulationRun, context: PlanningContext) -> Iterat
         rows = np.flatnonzero(depths_m >= MAX_OUTSIDE_M)
         for group in _split_rows(rows):
             deepest = int(group[np.argmax(depths_m[group])])
-            yield _build_place(run, OUTLINE, None, "the outline", tractor, group, deepest, float(depths_m[deepest]))
+            yield _build_place(run, OUTLINE, None, "the outline", tractor, deepest, float(depths_m[deepest]))
 
 
 def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -231,7 +229,7 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
             deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
             depth_m = float(depths_m[np.searchsorted(near_rows, deepest)])
             nearest = int(np.argmin(shapely.distance(list(fences), shapely.Point(poses[deepest, :2]))))
-            yield _build_place(run, FENCE, obstacle_count + nearest, "the fence", tractor, group, deepest, depth_m)
+            yield _build_place(run, FENCE, obstacle_count + nearest, "the fence", tractor, deepest, depth_m)
 
 
 def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -255,9 +253,8 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
             for group in _split_rows(touching_rows):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
-                yield _build_place(
-                    run, OBSTACLE, number, names[number], tractor, group, int(group[deepest]), depths_m[deepest]
-                )
+                row = int(group[deepest])
+                yield _build_place(run, OBSTACLE, number, names[number], tractor, row, depths_m[deepest])
 
 
 def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
@@ -268,17 +265,11 @@ def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
 
 
 def _build_place(
-    run: SimulationRun,
-    kind: str,
-    number: int | None,
-    name: str,
-    tractor: int,
-    rows: npt.NDArray[np.int64],
-    deepest: int,
-    depth_m: float,
+    run: SimulationRun, kind: str, number: int | None, name: str, tractor: int, deepest: int, depth_m: float
 ) -> ContactPlace:
+    """The place where a tractor reaches deepest in a row of the record."""
     x, y = run.get_poses(tractor)[deepest, :2].tolist()
-    return ContactPlace(kind, number, name, tractor, int(rows[0]), int(rows[-1]), x, y, depth_m)
+    return ContactPlace(kind, number, name, tractor, x, y, depth_m)
 
 
 @dataclass(frozen=True)

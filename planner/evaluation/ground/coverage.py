@@ -14,14 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.overlays import (
-    Areas,
-    clip_area,
-    drop_slivers,
-    extract_polygons,
-    subtract_area,
-    unite_areas,
-)
+from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_results import UnworkedPiece

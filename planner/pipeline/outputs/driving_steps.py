@@ -18,19 +18,7 @@ import shapely
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from vehicle.arrays import find_true_spans, measure_along
-from vehicle.missions.plan import (
-    DRIVE,
-    DRIVE_IN,
-    ENTER,
-    HEADLAND_PASS,
-    LEAVE,
-    REFILL,
-    ROUTE,
-    SWATH,
-    TURN,
-    Leg,
-    LegTask,
-)
+from vehicle.missions.plan import DRIVE, DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
 from vehicle.missions.run import SimulationRun
 from vehicle.records import FINISHED, STANDING, WAITING
 
