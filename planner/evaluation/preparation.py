@@ -191,8 +191,10 @@ def _prepare_ground(
     request: PlanRequest, field: Field, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
 ) -> tuple[Field, float]:
     """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
-    headland_m = choose_headland_m(request, radius_m, reach)
-    field = add_headland_remark(field, request, radius_m, reach)
+    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    headland_m = needed_m if request.requested_headland_m is None else request.requested_headland_m
+    if shortage := describe_shallow_headland(request, needed_m):
+        field = replace(field, remarks=(*field.remarks, shortage))
     with attach_parameter("entrance"):
         check_entrance(field, headland_m)
     if not request.no_headland:
@@ -248,22 +250,8 @@ def _complete_context(
     )
 
 
-def choose_headland_m(request: PlanRequest, radius_m: float, reach: TurnReach) -> float:
-    """Depth of the headland (m): as asked for, else what turns need."""
-    if request.requested_headland_m is not None:
-        return request.requested_headland_m
-    return compute_headland_m(request.turn, request.width_m, radius_m, reach)
-
-
-def add_headland_remark(field: Field, request: PlanRequest, radius_m: float, reach: TurnReach) -> Field:
-    """The field with a remark where turns need more headland passes than asked for."""
-    shortage = describe_shallow_headland(request, radius_m, reach)
-    return field if not shortage else replace(field, remarks=(*field.remarks, shortage))
-
-
-def describe_shallow_headland(request: PlanRequest, radius_m: float, reach: TurnReach) -> str:
+def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
     """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
-    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
     passes = request.headland_passes
     if passes is None or passes * request.width_m > needed_m - ROUNDING_M:
         return ""
@@ -280,9 +268,7 @@ def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: f
     boundary = field.boundary
     rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
     is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
-    return (
-        headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
-    )
+    return headland_passes if is_left_handed else tuple(map(reverse_pass, headland_passes))
 
 
 def reverse_pass(headland_pass: HeadlandPass) -> HeadlandPass:

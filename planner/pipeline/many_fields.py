@@ -140,18 +140,17 @@ class AnswerFileError(RequestError):
 
 
 def save_record(key: str, record: FieldRecord) -> Record:
-    """A record as plain values for the answer file, with the key of its question and a checksum."""
-    return add_checksum({KEY_FIELD: key, **make_json_safe(asdict(record))})
+    """A record as plain values for the answer file, with the key of its question and a checksum.
+
+    By the checksum `read_answer_file` detects changes.
+    """
+    saved: Record = {KEY_FIELD: key, **make_json_safe(asdict(record))}
+    return {**saved, CHECKSUM_FIELD: _compute_checksum(saved)}
 
 
 def restore_record(saved: Mapping[str, Any]) -> FieldRecord:
     """The record of a line of the answer file that this Headland wrote."""
     return TypeAdapter(FieldRecord).validate_python(saved)
-
-
-def add_checksum(record: Mapping[str, Any]) -> Record:
-    """The record with a checksum, by which `read_answer_file` detects changes."""
-    return {**record, CHECKSUM_FIELD: _compute_checksum(record)}
 
 
 def has_checksum(record: Mapping[str, Any]) -> bool:

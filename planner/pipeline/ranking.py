@@ -17,7 +17,7 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
-from planner.evaluation.ground_sentences import describe_ground, list_height_remarks
+from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
@@ -156,7 +156,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         for place, result in enumerate(feasible, start=1)
     ]
     infeasible = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
-    request, field = context.request, context.layout.field
+    request, field, elevation = context.request, context.layout.field, context.physics.elevation
     ranking = PlanRanking(
         field_name=field.name,
         area_ha=field.area_ha,
@@ -171,7 +171,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
         pull=_compute_pull(context),
-        field_remarks=(*field.remarks, *list_height_remarks(context.physics)),
+        field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
     )
     advised = add_ranking_advice(ranking, context.criteria)

@@ -274,18 +274,14 @@ class RiskSettings:
     workday: Workday | None = None
 
     def sample_field_limit_s(self) -> Array:
-        """Seconds of field work that fit before the limit, (samples,)."""
-        limit_s = self.sample_time_limit_s()
+        """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
+        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
+        limit_s = rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
         return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
 
     def compute_field_clock_s(self, field_s: float) -> float:
         """Seconds after the start by the clock when so many seconds of field work are done."""
         return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
-
-    def sample_time_limit_s(self) -> Array:
-        """When work must be done, (samples,): at the deadline or the rain; infinite without either."""
-        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
-        return rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
 
     @property
     def has_limit(self) -> bool:

@@ -32,70 +32,58 @@ OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned pa
 Flags = npt.NDArray[np.bool_]
 
 
-class FenceIntrusionCheck:
+class _IntrusionCheck:
+    """How far a tractor or its implement is over a shape, which boxes must touch."""
+
+    def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
+        self._context, self._shape = context, shape
+        shapely.prepare(shape)
+
+    def find_poses_to_check(self, poses: Points) -> npt.NDArray[np.bool_]:
+        """Which of the poses (t,) may have a box at the shape; elsewhere the depth is 0."""
+        return _find_poses_in_shape_reach(poses, self._context, self._shape)
+
+    def measure_intrusion_m(self, poses: Points) -> float:
+        """How far (m) a box reaches over the shape, or a corner of it into a box, at poses (t, 3) of the centre."""
+        if self._shape.is_empty:
+            return 0.0
+        boxes = place_boxes_at(poses[self.find_poses_to_check(poses)], self._context)
+        boxes = boxes[shapely.intersects(self._shape, boxes)]
+        return self._measure_boxes_m(boxes) if len(boxes) else 0.0
+
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
+        raise NotImplementedError
+
+
+class FenceIntrusionCheck(_IntrusionCheck):
     """How far a tractor or its implement is over the fences of a field."""
 
     def __init__(self, context: PlanningContext) -> None:
         field = context.layout.field
-        self._context = context
-        self._fence = shapely.union_all(field.fences)
+        fence = shapely.union_all(field.fences)
         if field.entrance is not None:
-            self._fence = shapely.difference(
-                self._fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m)
-            )
+            fence = shapely.difference(fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m))
+        super().__init__(context, fence)
         self._area = shapely.Polygon((field.original_boundary or field.boundary).exterior)
-        shapely.prepare([self._fence, self._area])
+        shapely.prepare(self._area)
 
-    def find_poses_to_check(self, poses: Points) -> npt.NDArray[np.bool_]:
-        """Which of the poses (t,) may have a box at a fence; elsewhere the depth is 0."""
-        return _find_poses_in_shape_reach(poses, self._context, self._fence)
-
-    def measure_intrusion_m(self, poses: Points) -> float:
-        """How far (m) a box reaches over a fence, or a post into a box, at poses (t, 3) of the centre of mass."""
-        if self._fence.is_empty:
-            return 0.0
-        boxes = _build_boxes_within_reach(poses, self._context, self._fence)
-        boxes = boxes[shapely.intersects(self._fence, boxes)]
-        return (
-            max(_measure_overhang_m(boxes, self._area, self._fence), _measure_post_depth_m(boxes, self._fence))
-            if len(boxes)
-            else 0.0
-        )
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
+        return max(_measure_overhang_m(boxes, self._area, self._shape), _measure_post_depth_m(boxes, self._shape))
 
 
-class ObstacleIntrusionCheck:
+class ObstacleIntrusionCheck(_IntrusionCheck):
     """How far a tractor or its implement is over the obstacles and holes of a field."""
 
     def __init__(self, context: PlanningContext, obstacle: shapely.Geometry | None = None) -> None:
         """Of one obstacle, or of all of the field."""
-        self._context = context
-        self._obstacle_area = shapely.union_all(
-            context.layout.field.solid_obstacles if obstacle is None else [obstacle]
-        )
-        self._core = self._obstacle_area.buffer(-MIN_OVERLAP_M)
-        shapely.prepare(self._core)
+        self._area = shapely.union_all(context.layout.field.solid_obstacles if obstacle is None else [obstacle])
+        super().__init__(context, self._area.buffer(-MIN_OVERLAP_M))
 
-    def find_poses_to_check(self, poses: Points) -> npt.NDArray[np.bool_]:
-        """Which of the poses (t,) may have a box at an obstacle; elsewhere the depth is 0."""
-        return _find_poses_in_shape_reach(poses, self._context, self._core)
-
-    def measure_intrusion_m(self, poses: Points) -> float:
-        """How far (m) a box reaches over an obstacle, or a corner of one into a box, at poses (t, 3) of the centre."""
-        if self._core.is_empty:
-            return 0.0
-        boxes = _build_boxes_within_reach(poses, self._context, self._core)
-        boxes = boxes[shapely.intersects(self._core, boxes)]
-        if not len(boxes):
-            return 0.0
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
         corners = shapely.points(shapely.get_coordinates(boxes))
-        inside = corners[shapely.contains_properly(self._obstacle_area, corners)]
-        over = float(np.max(shapely.distance(self._obstacle_area.boundary, inside), initial=MIN_OVERLAP_M))
-        return max(over, _measure_post_depth_m(boxes, self._obstacle_area))
-
-
-def _build_boxes_within_reach(poses: Points, context: PlanningContext, shape: shapely.Geometry) -> Boxes:
-    """Boxes of tractor and implement at the poses where they could touch a shape."""
-    return place_boxes_at(poses[_find_poses_in_shape_reach(poses, context, shape)], context)
+        inside = corners[shapely.contains_properly(self._area, corners)]
+        over = float(np.max(shapely.distance(self._area.boundary, inside), initial=MIN_OVERLAP_M))
+        return max(over, _measure_post_depth_m(boxes, self._area))
 
 
 def place_boxes_at(poses: Points, context: PlanningContext) -> Boxes:
