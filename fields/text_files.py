@@ -116,6 +116,11 @@ def quote_path(path: str | Path) -> str:
     return f"'{text if len(text) <= MAX_SHOWN_CHARS else '...' + text[3 - MAX_SHOWN_CHARS :]}'"
 
 
+def lower_first(sentence: str) -> str:
+    """A sentence as it goes on behind a colon."""
+    return sentence[:1].lower() + sentence[1:]
+
+
 def count_noun(count: int, noun: str) -> str:
     """A count with its noun: 1 ring, 2 rings."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

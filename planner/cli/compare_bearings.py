@@ -52,21 +52,21 @@ def compare_bearings(
 
     Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
     """
-    from planner.pipeline.bearing_comparison import USUAL_BEARINGS_DEG, list_bearing_requests
-    from planner.pipeline.bearing_comparison import compare_bearings as compare
+    from planner.pipeline.comparisons import USUAL_BEARINGS_DEG, list_bearing_requests
+    from planner.pipeline.comparisons import compare_bearings as compare
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
     chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
     given = GivenOptions(context, options)
-    completed = given.build_inputs(given.build_request(field=field))
-    inputs = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
+    completed = given.build_order(given.build_request(field=field))
+    orders = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
     executor_choice = ExecutorChoice(processes, cluster)
     warm_up()
     with (
-        executor_choice.open_executor(len(inputs)) as executor,
+        executor_choice.open_executor(len(orders)) as executor,
         create_progress_callback("Comparing bearings") as progress,
     ):
-        comparison = compare(inputs, executor, progress, lambda refusal: refusal.render_sentence(get_option_name))
+        comparison = compare(orders, executor, progress, lambda refusal: refusal.render_sentence(get_option_name))
     print_answer(json, format_bearing_json, build_bearing_table, comparison)
     if all(row.plan is None for row in comparison.rows):
         raise typer.Exit(NO_PLAN_STATUS)

@@ -30,7 +30,7 @@ from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WOR
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from planner.pipeline.headland_comparison import HeadlandQuestion
+    from planner.pipeline.many_fields import FieldQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
@@ -89,7 +89,7 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
+    from planner.pipeline.comparisons import HeadlandChoices, list_headland_questions
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_page import render_headland_page
 
@@ -106,9 +106,9 @@ def compare_headlands(
     given = GivenOptions(context, options)
     widths_m = parse_widths(options["width"])
     requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-    inputs = [given.build_inputs(request) for request in share_obstacles(requests)]
+    orders = [given.build_order(request) for request in share_obstacles(requests)]
     farm = given.choice
-    questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
+    questions = list_headland_questions(orders, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
     comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
@@ -150,8 +150,8 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
-    from planner.pipeline.headland_comparison import compare_headlands as compare
+def _compare(questions: Sequence[FieldQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
+    from planner.pipeline.comparisons import compare_headlands as compare
 
     warm_up()
     with (

@@ -48,6 +48,7 @@ def field(
     Example: headland field denmark --width 6 --png denmark.png
     """
     from planner.evaluation.preparation import prepare_context
+    from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.outputs.pictures import describe_field
     from reports.plan.field_report import build_field_report
     from reports.plan.ranking_export import format_facts_json
@@ -64,12 +65,11 @@ def field(
     if list_only:
         _list_parcels(field, options["local"], options["crs"], options["swap_axes"], json)
         return
-    plan_inputs = given.build_inputs(given.build_request(field=field))
+    order = given.build_order(given.build_request(field=field))
     warm_up()
     with create_progress_callback("Laying out the field"):
-        planning_context = prepare_context(
-            plan_inputs.request, tractor=plan_inputs.tractor, implement=plan_inputs.implement
-        )
+        order = WorkOrder(order.request, tractor=order.tractor, implement=order.implement)
+        planning_context = prepare_context(order)
         facts = describe_field(planning_context)
         results = [(png, _draw_map(planning_context))] if png else []
     elevation = planning_context.physics.elevation

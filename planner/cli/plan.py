@@ -37,7 +37,7 @@ from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
-    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
@@ -89,8 +89,8 @@ def plan_batch(
     )
     earlier_lines = {} if checkpoint is None else read_answer_file(checkpoint)
     every_plan, with_map = given.choice.simulate_all, html is not None
-    questions = [FieldQuestion(given.build_inputs(one), every_plan, with_map) for one in share_obstacles(requests)]
-    keys = [hash_question(question.inputs, every_plan) for question in questions]
+    questions = [FieldQuestion(given.build_order(one), every_plan, with_map) for one in share_obstacles(requests)]
+    keys = [hash_question(question.order, every_plan) for question in questions]
     warm_up()
     with open_stage_bar("Planning fields") as bar, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
@@ -137,7 +137,7 @@ def _collect_records(
                 index = pending[position]
                 question, refusal = questions[index], answer.refusal
                 reason = None if refusal is None else refusal.render_sentence(get_option_name)
-                width_m = question.inputs.request.width_m
+                width_m = question.order.request.width_m
                 finished[index] = FieldRecord(question.field_name, width_m, answer.ranking, reason, answer.map)
                 lines[index] = save_record(keys[index], finished[index])
                 writer.append_record(lines[index])
@@ -146,7 +146,7 @@ def _collect_records(
             error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
         raise
     other_lines = [line for key, line in earlier_lines.items() if key not in set(keys)]
-    writer.write_all_records([*other_lines, *(lines[index] for index in sorted(lines))])
+    writer.replace_records([*other_lines, *(lines[index] for index in sorted(lines))])
     return [finished[index] for index in range(len(questions))]
 
 
@@ -258,7 +258,7 @@ def plan(
     )  # fmt: skip
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
-        given.build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
+        given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
     remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
     print_remarks([*remarks, *describe_hidden_strategies()])
@@ -300,29 +300,20 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
 
 
 def _simulate_plans(
-    plan_inputs: PlanInputs, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
+    order: WorkOrder, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
 ) -> PlanningResult:
     from planner.cli.common.progress import open_stage_bar
 
-    request = plan_inputs.request
     with open_stage_bar(LOADING) as bar, ExitStack() as opened:
-        from planner.pipeline.planning import STAGES_S
-        from planner.pipeline.planning import plan as simulate_all
+        from planner.pipeline.planning import STAGES_S, plan_order
         from planner.pipeline.ranking import list_candidates
         from planner.pipeline.worker_tasks import group_candidates
 
         warm_up(bar, STAGES_S)
-        tasks = group_candidates(list_candidates(request))
+        tasks = group_candidates(list_candidates(order.request))
         executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
-        return simulate_all(
-            request,
-            tractor=plan_inputs.tractor,
-            implement=plan_inputs.implement,
-            uncertainty=plan_inputs.uncertainty,
-            cost_terms=plan_inputs.terms,
-            supply=plan_inputs.supply,
-            times=plan_inputs.times,
-            yard=plan_inputs.yard,
+        return plan_order(
+            order,
             executor=executor,
             report_stage=bar.report,
             with_pictures=pictures,

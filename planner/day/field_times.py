@@ -10,7 +10,7 @@ import os
 import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ import numpy as np
 
 from fields.geometry.field import Field
 from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
-from planner.errors import HeadlandError, WorkerError
+from planner.errors import HeadlandError
 from planner.evaluation.field_physics import get_elevation_name
 from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.farm.inventory import FarmFile
@@ -29,7 +29,7 @@ from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
 from planner.pipeline.planning import plan
-from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
+from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
@@ -202,17 +202,14 @@ def compute_field_times(
     def report_fields(indices: list[int]) -> None:
         report_work([missing_tasks[index][0].field.name for index in indices])
 
-    try:
-        for done, (index, field_time) in enumerate(
-            iter_completed(executor, compute_field_time, missing_tasks, report_fields), start=1
-        ):
-            known_times[missing_keys[index]] = field_time
-            if field_time.is_lasting:
-                is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
-            if progress:
-                progress(len(task_by_key) - len(missing_keys) + done, len(task_by_key))
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    for done, (index, field_time) in enumerate(
+        iter_completed(executor, compute_field_time, missing_tasks, report_fields), start=1
+    ):
+        known_times[missing_keys[index]] = field_time
+        if field_time.is_lasting:
+            is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
+        if progress:
+            progress(len(task_by_key) - len(missing_keys) + done, len(task_by_key))
     return tuple(tuple(None if key is None else known_times[key] for key in row) for row in keys), is_cached
 
 

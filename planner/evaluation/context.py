@@ -10,13 +10,8 @@ from typing import Any
 import shapely
 
 from fields.layout.headland_passes import HeadlandPass
-from fields.layout.swaths import (
-    Layout,
-)
-from planner.evaluation.field_physics import (
-    LEVEL_GROUND,
-    FieldPhysics,
-)
+from fields.layout.swaths import Layout
+from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.farm.workday import Workday

@@ -32,11 +32,6 @@ def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def list_height_remarks(physics: FieldPhysics) -> tuple[str, ...]:
-    """What was converted, filled in or left out of the heights."""
-    return () if physics.elevation is None else physics.elevation.remarks
-
-
 def _describe_heights(physics: FieldPhysics) -> list[str]:
     elevation = physics.elevation
     if elevation is None:

@@ -6,69 +6,54 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
+import numpy as np
 import shapely
 
 from fields.geometry.entrances import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
 from fields.geometry.field_parts import cut_field_part
+from fields.layout.bearings import find_handedness
+from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide, lay_headland_passes
 from fields.layout.options import replace_bearings
-from fields.layout.swaths import (
-    Layout,
-    check_width,
-    compute_free_space,
-)
+from fields.layout.swaths import Layout, check_width, compute_free_space
 from planner.errors import attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
-from planner.evaluation.context_inputs import (
-    FieldChoice,
-    choose_radius_m,
-    complete_cost_terms,
-    fill_in_default_names,
-    load_gnss_errors,
-    read_requested_field,
-    resolve_guidance_line,
-)
-from planner.evaluation.field_physics import (
-    FieldPhysics,
-    adapt_to_ground,
-    build_field_physics,
-    check_fuel_is_known,
-)
-from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m, lay_directed_passes
+from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground, build_field_physics, check_fuel_is_known
 from planner.evaluation.layout_choice import (
     Report,
     build_effort_rates,
+    build_slope_weigher,
     choose_quickest_index,
     lay_contours,
     list_layouts,
 )
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
-from planner.evaluation.slope_costs import build_slope_weigher
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
-from planner.farm.settings import FarmTimes, Yard
+from planner.evaluation.work_order import (
+    WorkOrder,
+    choose_radius_m,
+    complete_cost_terms,
+    load_gnss_errors,
+    read_requested_field,
+    resolve_guidance_line,
+)
+from planner.farm.settings import Yard
 from planner.farm.workday import build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import (
-    MIN_CLEARANCE_M,
-    STRAIGHT,
-    PlanRequest,
-)
-from planner.request.random_inputs import UncertaintySettings
+from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
-from planner.risk.costs import CostTerms
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.turns import (
     TurnReach,
     compute_available_turn_depth_m,
+    compute_headland_m,
     list_allowed_kinds,
 )
 from strategies.program.driving_rules import DrivingRules
-from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
@@ -81,51 +66,43 @@ MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direc
 
 
 CreateContext = Callable[..., PlanningContext]
+ROUNDING_M = 1e-6
 
 
 def prepare_context(
-    request: PlanRequest,
-    field: FieldChoice = None,
-    tractor: Tractor | str | Path | None = None,
-    implement: Implement | None = None,
-    uncertainty: UncertaintySettings | None = None,
-    cost_terms: CostTerms | None = None,
-    supply: Supply | None = None,
-    times: FarmTimes | None = None,
-    yard: Yard | None = None,
+    order: WorkOrder,
+    *,
     report_layouts: Report | None = None,
     physics: FieldPhysics | None = None,
     time_share: TimeShare = NO_LIMIT,
 ) -> PlanningContext:
-    """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
+    """Read the field and the tractor of an order, time the turns, size the headland, lay out the swaths.
 
-    `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
-    request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
-    the service point of the supply.
-    `report_layouts` is called with (layouts compared, all of them). `physics` replaces heights and soil of the request.
-    Half of a `time_share` may go into comparing layouts; then those compared so far decide. Raises FieldError,
-    VehicleError, StrategyError or RequestError.
+    The request or the field names the service point of the supply. `report_layouts` is called with (layouts compared,
+    all of them). `physics` replaces heights and soil of the request. Half of a `time_share` may go into comparing
+    layouts; then those compared so far decide. Raises FieldError, VehicleError, StrategyError or RequestError.
     """
-    request = fill_in_default_names(request, field, tractor)
+    request = order.name_choices()
     with attach_parameter("field"):
-        field = read_requested_field(request, field)
+        field = read_requested_field(request, order.field)
         request = resolve_guidance_line(request, field)
     with attach_parameter("gnss_table"):
         position_errors = load_gnss_errors(request)
     with attach_parameter("tractor"):
-        tractor = resolve_tractor(request.tractor if tractor is None else tractor)
+        tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
     with attach_parameter("refill"):
-        supply = locate_service_point(request, field, supply, is_electric=tractor.battery is not None)
+        supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
     with attach_parameter("farm"):
-        workday = None if times is None else build_workday(field, request.start_s, times, yard or Yard())
-    cost_terms = complete_cost_terms(cost_terms, workday, tractor)
+        times = order.times
+        workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard())
+    cost_terms = complete_cost_terms(order.cost_terms, workday, tractor)
     with attach_parameter("rain"):
-        criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
+        criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)
     farm_tractor = None if cost_terms is None else cost_terms.tractor
     physics = physics or build_field_physics(request, field, tractor, farm_tractor)
     tractor = adapt_to_ground(tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
-    implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
+    implement = (order.implement or Implement()).model_copy(update={"width_m": request.width_m})
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     if request.part is not None:
@@ -214,8 +191,10 @@ def _prepare_ground(
     request: PlanRequest, field: Field, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
 ) -> tuple[Field, float]:
     """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
-    headland_m = choose_headland_m(request, radius_m, reach)
-    field = add_headland_remark(field, request, radius_m, reach)
+    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    headland_m = needed_m if request.requested_headland_m is None else request.requested_headland_m
+    if shortage := describe_shallow_headland(request, needed_m):
+        field = replace(field, remarks=(*field.remarks, shortage))
     with attach_parameter("entrance"):
         check_entrance(field, headland_m)
     if not request.no_headland:
@@ -268,4 +247,35 @@ def _complete_context(
         fitting_turns=tuple(seconds is not None for seconds in turn_times),
         headland_passes=headland_passes,
         obstacle_bends=obstacle_bends,
+    )
+
+
+def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
+    """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
+    passes = request.headland_passes
+    if passes is None or passes * request.width_m > needed_m - ROUNDING_M:
+        return ""
+    subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
+    return (
+        f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
+        f"({math.ceil(needed_m / request.width_m - ROUNDING_M)} passes): where they do not fit, they lead over tracks."
+    )
+
+
+def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
+    """The headland passes; their direction is mirrored on a mirrored field."""
+    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
+    boundary = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
+    is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
+    return headland_passes if is_left_handed else tuple(map(reverse_pass, headland_passes))
+
+
+def reverse_pass(headland_pass: HeadlandPass) -> HeadlandPass:
+    """A headland pass driven the other way."""
+    return replace(
+        headland_pass,
+        sides=tuple(
+            HeadlandPassSide(s.points[::-1], -s.end_turn_rad, -s.start_turn_rad) for s in headland_pass.sides[::-1]
+        ),
     )

@@ -194,14 +194,14 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
     # Planning is only loaded here, once the logs have been diagnosed.
     from planner.evaluation.candidates.evaluate import Candidate, run_candidate
     from planner.evaluation.preparation import prepare_context
+    from planner.evaluation.work_order import WorkOrder
     from planner.request.plan_request import PlanRequest
     from vehicle.missions.run import DONE
     from vehicle.sim.world import World
 
     try:
-        context = prepare_context(
-            PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, no_headland=True), tractor=original
-        )
+        request = PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, no_headland=True)
+        context = prepare_context(WorkOrder(request, tractor=original))
         first = run_candidate(context, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."

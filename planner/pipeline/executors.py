@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
@@ -23,6 +23,12 @@ from planner.pipeline.interrupts import stop_repeating
 
 PATIENCE_S = 10.0
 MAX_TRIES = 3  # how often a task is given to another worker when its own has ended
+T = TypeVar("T")
+LOST_WORKER_MESSAGE = (
+    "A planning process ended or could not be started, probably out of memory; use fewer "
+    f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
+)
+TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 
 class ClusterError(RequestError):
@@ -73,10 +79,6 @@ def _create_client(address: str) -> Any:
             f"'dask worker {address}'."
         )
     return client
-
-
-T = TypeVar("T")
-TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 
 class SerialExecutor(Executor):
@@ -183,6 +185,7 @@ def iter_completed(
 
     A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception.
     `report_work` is called with the indices of the tasks at work before one is begun and while all are waited for.
+    Raises WorkerError where processes are lost.
     """
     window = executor.task_window if isinstance(executor, LocalPool) else len(arguments)
     running = window // TASKS_PER_PROCESS if isinstance(executor, LocalPool) else window
@@ -203,10 +206,27 @@ def iter_completed(
                 report_work(list(waiting.values())[:running])
                 wait(waiting, return_when=FIRST_COMPLETED)
             yield from _pop_finished(waiting)
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
     finally:
         if not isinstance(executor, LocalPool):  # a broken pool fails on futures that are cancelled but still listed
             for future in waiting:
                 future.cancel()
+
+
+def collect_answers(
+    executor: Executor,
+    function: Callable[..., T],
+    arguments: list[tuple[Any, ...]],
+    progress: Callable[[int, int], None] | None = None,
+) -> list[T]:
+    """All results in the order of their arguments; `progress` is called with (done, total)."""
+    answers: dict[int, T] = {}
+    for index, answer in iter_completed(executor, function, arguments):
+        answers[index] = answer
+        if progress:
+            progress(len(answers), len(arguments))
+    return [answers[index] for index in range(len(arguments))]
 
 
 def _pop_finished(waiting: dict[Future[T], int]) -> Iterator[tuple[int, T]]:

@@ -1,58 +1,39 @@
-"""A plan request completed by a farm file: tractor, implement, prices, times and uncertainty."""
+"""A plan request completed by a farm file to a work order: tractor, implement, prices, times and uncertainty."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Container
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FarmPrices, FarmTimes, Yard
+from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings, copy_settings
+from planner.request.random_inputs import copy_settings
 from planner.risk.costs import CostTerms, compute_hourly_rates
-from strategies.program.supply import Supply
 from vehicle.energy.draft import TILL
-from vehicle.model.tractor import Implement, Tractor, list_tractor_names
-
-
-@dataclass(frozen=True)
-class PlanInputs:
-    """A request with the values of a farm, and the machines to plan it with (`tractor`: an object or a file).
-
-    `farm_tractor` is None where the request names another tractor. `terms` and `uncertainty` are the farm's prices and
-    laws, `supply` is what the implement carries, `times` and `yard` make up its day. Without a farm all are None.
-    """
-
-    request: PlanRequest
-    tractor: Tractor | str | None
-    implement: Implement | None
-    farm_tractor: FarmTractor | None
-    farm_implement: FarmImplement | None
-    terms: CostTerms | None = None
-    uncertainty: UncertaintySettings | None = None
-    supply: Supply | None = None
-    times: FarmTimes | None = None
-    yard: Yard | None = None
-
-
-def build_inputs_without_farm(request: PlanRequest) -> PlanInputs:
-    """A request without a farm."""
-    return PlanInputs(request, None, None, None, None)
+from vehicle.model.tractor import list_tractor_names
 
 
 def complete_request_by_farm(
-    request: PlanRequest, farm: FarmFile, given_parameters: Collection[str] = (), *, implement_name: str | None = None
-) -> PlanInputs:
+    request: PlanRequest,
+    farm: FarmFile | None,
+    given_parameters: Collection[str] = (),
+    *,
+    implement_name: str | None = None,
+) -> WorkOrder:
     """Complete a request by tractor, count, width, speeds, operation and prices of a farm; its shift gives the start.
 
     The `given_parameters` of the request stay as they are; a given `tractor` may be the name of one of the farm's.
     Without `implement_name` the first implement that fits is used. Raises RequestError, VehicleError.
     """
+    if farm is None:
+        return WorkOrder(request)
     farm_tractor = _select_tractor(request, farm, given_parameters, implement_name)
     if farm_tractor is not None and "tractors" in given_parameters:
         _check_tractor_count(farm_tractor, max(request.tractors))
@@ -77,17 +58,15 @@ def complete_request_by_farm(
         farm_implement,
         learned_notes=_describe_learned_values(farm, farm_implement),
     )
-    return PlanInputs(
+    return WorkOrder(
         replace(request, **farm_values),
-        None if farm_tractor is None else farm_tractor.origin,
-        sized_implement,
-        farm_tractor,
-        farm_implement,
-        terms,
-        copy_settings(farm.uncertainty),
-        farm_implement.build_supply(farm.times.refill_s),
-        farm.times,
-        farm.yard,
+        tractor=None if farm_tractor is None else farm_tractor.origin,
+        implement=sized_implement,
+        uncertainty=copy_settings(farm.uncertainty),
+        cost_terms=terms,
+        supply=farm_implement.build_supply(farm.times.refill_s),
+        times=farm.times,
+        yard=farm.yard,
     )
 
 

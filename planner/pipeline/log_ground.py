@@ -22,7 +22,7 @@ from fields.terrain.point_files import read_height_points
 from fields.terrain.point_grids import choose_length_m, find_spikes, fit_surface, level_tracks
 from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import interpolate_gradients
-from fields.text_files import quote_path
+from fields.text_files import lower_first, quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import compute_tyre_drift
 from vehicle.identification.diagnosis.results import Diagnosis
@@ -79,7 +79,7 @@ def add_known_ground(logs: Sequence[Log], heights: HeightFile | None = None) -> 
     try:
         grid = _fit_own_heights(logs)
     except ElevationError as error:
-        return _add_remark(logs, f"{OWN_SOURCE} are not used: {_lower(str(error))}")
+        return _add_remark(logs, f"{OWN_SOURCE} are not used: {lower_first(str(error))}")
     return _add_remark(_add_falls(logs, grid, (0.0, 0.0), OWN_SOURCE), f"{OWN_SOURCE} are {grid.source}.")
 
 
@@ -134,10 +134,6 @@ def _add_remark(logs: Sequence[Log], *remarks: str) -> list[Log]:
 
 def _list_places(log: Log, rows: Mask) -> Array:
     return np.column_stack([log.easting_m[rows], log.northing_m[rows]])
-
-
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
 
 
 def _find_crs(logs: Sequence[Log], heights: HeightFile) -> tuple[str | None, str]:

@@ -9,7 +9,7 @@ import glob
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -25,39 +25,42 @@ from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.text_files import read_text
-from planner.errors import FieldError, HeadlandError, RequestError, WorkerError, mark_parameter
-from planner.evaluation.context_inputs import read_requested_field
+from planner.errors import FieldError, HeadlandError, RequestError, mark_parameter
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
+from planner.evaluation.work_order import WorkOrder, read_requested_field
 from planner.pipeline.executors import SerialExecutor, iter_completed
-from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
-from planner.pipeline.planning import PlanningResult, plan
-from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
+from planner.pipeline.planning import PlanningResult, plan_order
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import make_json_safe
 from reports.plan.many_fields import FieldRecord
 from reports.plan.small_map import SmallMap, build_small_map
 
+KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
+LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
+Record = dict[str, Any]
+MAX_FIELDS = 100_000
+
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
-    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win.
+    """A field with the order of its plans; `simulate_all` also simulates plans that cannot win.
 
     With `with_map` the answer has a small map of the best plan.
     """
 
-    inputs: PlanInputs
+    order: WorkOrder
     simulate_all: bool = False
     with_map: bool = False
 
     @property
     def field_name(self) -> str:
         """The field as named in the request."""
-        return self.inputs.request.field_name
+        return self.order.request.field_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ class FieldAnswer:
 def answer_question(question: FieldQuestion) -> FieldAnswer:
     """Answer one question in the current process."""
     try:
-        result = plan_inputs(question.inputs, question.simulate_all)
+        result = plan_here(question.order, question.simulate_all)
     except HeadlandError as refusal:
         return FieldAnswer(None, refusal)
     return FieldAnswer(result.ranking, map=draw_best_plan(result) if question.with_map else None)
@@ -87,20 +90,9 @@ def draw_best_plan(result: PlanningResult) -> SmallMap | None:
     return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
 
 
-def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResult:
-    """Plan a request completed by its farm in the current process; raises HeadlandError."""
-    return plan(
-        inputs.request,
-        tractor=inputs.tractor,
-        implement=inputs.implement,
-        uncertainty=inputs.uncertainty,
-        cost_terms=inputs.terms,
-        supply=inputs.supply,
-        times=inputs.times,
-        yard=inputs.yard,
-        executor=SerialExecutor(),
-        simulate_all=simulate_all,
-    )
+def plan_here(order: WorkOrder, simulate_all: bool = False) -> PlanningResult:
+    """Plan a work order in the current process; raises HeadlandError."""
+    return plan_order(order, executor=SerialExecutor(), simulate_all=simulate_all)
 
 
 def iter_answers(
@@ -114,26 +106,23 @@ def iter_answers(
 
     Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
     """
-    try:
-        yield from iter_completed(
-            executor,
-            answer_question,
-            [(question,) for question in questions],
-            lambda indices: report_work([questions[index].field_name for index in indices]),
-        )
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    return iter_completed(
+        executor,
+        answer_question,
+        [(question,) for question in questions],
+        lambda indices: report_work([questions[index].field_name for index in indices]),
+    )
 
 
-def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
+def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:
     """SHA-256 of everything the answer depends on: values, files and code."""
-    request = inputs.request
+    request = order.request
     soil_table = None if request.soil is None else split_soil_name(request.soil)[1]
-    names = (request.tractor, inputs.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
+    names = (request.tractor, order.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
     files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
     hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
     hashes += hash_strategies(request.strategies)
-    return hash_content(inputs, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
+    return hash_content(order, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
 
 
 def _find_elevation_name(request: PlanRequest) -> str | None:
@@ -146,28 +135,22 @@ def _find_elevation_name(request: PlanRequest) -> str | None:
         return None
 
 
-KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
-LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
-Record = dict[str, Any]
-
-
 class AnswerFileError(RequestError):
     """The answer file is not one, or was changed."""
 
 
 def save_record(key: str, record: FieldRecord) -> Record:
-    """A record as plain values for the answer file, with the key of its question and a checksum."""
-    return add_checksum({KEY_FIELD: key, **make_json_safe(asdict(record))})
+    """A record as plain values for the answer file, with the key of its question and a checksum.
+
+    By the checksum `read_answer_file` detects changes.
+    """
+    saved: Record = {KEY_FIELD: key, **make_json_safe(asdict(record))}
+    return {**saved, CHECKSUM_FIELD: _compute_checksum(saved)}
 
 
 def restore_record(saved: Mapping[str, Any]) -> FieldRecord:
     """The record of a line of the answer file that this Headland wrote."""
     return TypeAdapter(FieldRecord).validate_python(saved)
-
-
-def add_checksum(record: Mapping[str, Any]) -> Record:
-    """The record with a checksum, by which `read_answer_file` detects changes."""
-    return {**record, CHECKSUM_FIELD: _compute_checksum(record)}
 
 
 def has_checksum(record: Mapping[str, Any]) -> bool:
@@ -226,7 +209,9 @@ class AnswerFile:
     def replace_records(self, records: Iterable[Record]) -> None:
         """Replace the file by these records."""
         if self._path is not None:
-            _replace_file(self._path, records)
+            draft = self._path.with_name(self._path.name + ".part")
+            draft.write_text("".join(map(_format_line, records)), encoding="utf-8", newline="\n")
+            draft.replace(self._path)
 
     def append_record(self, record: Mapping[str, Any]) -> None:
         """Append one record."""
@@ -237,22 +222,9 @@ class AnswerFile:
             file.flush()
             os.fsync(file.fileno())
 
-    def write_all_records(self, records: Iterable[Record]) -> None:
-        """Replace the file by all records, in the order of the questions."""
-        self.replace_records(records)
-
-
-def _replace_file(path: Path, records: Iterable[Record]) -> None:
-    draft = path.with_name(path.name + ".part")
-    draft.write_text("".join(_format_line(record) for record in records), encoding="utf-8", newline="\n")
-    draft.replace(path)
-
 
 def _format_line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, ensure_ascii=False) + "\n"
-
-
-MAX_FIELDS = 100_000
 
 
 def expand_field_names(
@@ -321,7 +293,11 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
     for text in dict.fromkeys(text for request in requests for text in request.obstacles):
         _refuse_unmatched([partial(add_obstacles, field, [text]) for field in fields.values()])
     for text in dict.fromkeys(text for request in requests for text in request.ignored):
-        _refuse_number(text)
+        if text.strip().isdecimal():
+            raise RequestError(
+                f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
+                "several fields give the name of the obstacle."
+            )
         _refuse_unmatched([partial(leave_out_obstacles, field, [text]) for field in fields.values()])
     return [
         replace(
@@ -355,11 +331,3 @@ def _refuse_unmatched(changes: Sequence[Callable[[], Field]]) -> None:
             return
     if refusals:
         raise refusals[0]
-
-
-def _refuse_number(text: str) -> None:
-    if text.strip().isdecimal():
-        raise RequestError(
-            f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
-            "several fields give the name of the obstacle."
-        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
@@ -14,18 +14,18 @@ import shapely
 
 from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.incumbents import prunes_candidates
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
+from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import FieldChoice
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
+from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.farm.settings import FarmTimes, Yard
-from planner.pipeline.candidate_evaluations import CandidateEvaluations
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
-from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, group_candidates, pack_context
+from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
@@ -33,7 +33,7 @@ from planner.risk.costs import CostTerms
 from reports.common.language import mark_text
 from reports.common.notebook import ResultView, ShownResult
 from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import FieldPartPlan, PlanRanking
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, choose_by_count
 from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.notebook import build_answer_view
 from reports.plan.ranking_export import format_ranking_csv
@@ -130,11 +130,6 @@ def _start_stage(report_stage: StageReport | None, words: str, total: int = 0) -
     return partial(report_stage, words)
 
 
-def _check_type(request: object) -> None:
-    if not isinstance(request, PlanRequest):
-        raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
-
-
 def plan(
     request: PlanRequest,
     *,
@@ -176,42 +171,83 @@ def plan(
     estimated to be slower is pruned, except on small fields and with `simulate_all`. A `time_share`, for executors in
     this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
-    _check_type(request)
-    candidates = list_candidates(request)
+    if not isinstance(request, PlanRequest):
+        raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
+    order = WorkOrder(request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard)
+    return plan_order(
+        order,
+        executor=executor,
+        progress=progress,
+        report_stage=report_stage,
+        with_pictures=with_pictures,
+        simulate_all=simulate_all,
+        time_share=time_share,
+    )
+
+
+def plan_order(
+    order: WorkOrder,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    report_stage: StageReport | None = None,
+    with_pictures: bool = False,
+    simulate_all: bool = False,
+    time_share: TimeShare = NO_LIMIT,
+) -> PlanningResult:
+    """Simulate and rank every candidate of a work order, as `plan` does."""
+    candidates = list_candidates(order.request)
     with ExitStack() as opened:
         if executor is None:
             executor = opened.enter_context(create_executor(len(group_candidates(candidates))))
-        context = prepare_context(
-            request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard,
-            report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share,
-        )  # fmt: skip
+        context = prepare_context(order, report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share)
         check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
         report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
-        evaluations = CandidateEvaluations(request, pack_context(context), candidates, executor, report, with_pictures)
-        _evaluate_candidates(context, evaluations, simulate_all)
-        result = _build_result(context, evaluations, cost_terms)
-
-        def plan_part(part_request: PlanRequest) -> PlanRanking:
-            inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
-            return plan(part_request, executor=executor, **inputs).ranking
-
+        outcomes = iter_outcomes(
+            executor,
+            pack_context(context),
+            candidates,
+            report,
+            prunes=not simulate_all and prunes_candidates(context),
+            with_pictures=with_pictures,
+        )
+        result = _build_result(context, candidates, _collect_outcomes(outcomes), with_pictures)
         if time_share is not NO_LIMIT:
             return result
-        return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+        parts = tuple(_iter_part_plans(result, order, executor))
+        return replace(result, ranking=replace(result.ranking, parts=parts))
 
 
-def _evaluate_candidates(context: PlanningContext, evaluations: CandidateEvaluations, simulate_all: bool) -> None:
-    """Evaluate every candidate once; those that time does not suffice for are refused."""
+@dataclass(eq=False)
+class _Collected:
+    """Outcomes without their runs and plans by number of the candidate.
+
+    `driven` holds the outcomes, with their runs, of the plans to take with every number of tractors.
+    """
+
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    plans: dict[int, Plan] = field(default_factory=dict)
+    driven: dict[int, Outcome] = field(default_factory=dict)
+
+
+def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> _Collected:
+    """The outcomes of all candidates that there is time for."""
+    found = _Collected()
     with suppress(TimeSpentError):
-        evaluations.evaluate(prunes=not simulate_all and prunes_candidates(context))
-    if len(evaluations.results) < len(evaluations.candidates):
-        context.time_share.lift()
-        evaluations.refuse_rest()
+        for number, outcome in outcomes:
+            found.outcomes[number] = replace(outcome, run=None)
+            if outcome.run is None:
+                continue
+            found.plans[number] = outcome.run.plan
+            count = outcome.result.tractors
+            results = [one.result for one in found.outcomes.values()]
+            alike = [one for one in results if one.feasible and one.tractors == count]
+            if choose_by_count(alike).get(count) is outcome.result:
+                found.driven[count] = outcome
+    return found
 
 
-def _iter_part_plans(
-    result: PlanningResult, plan_part: Callable[[PlanRequest], PlanRanking]
-) -> Iterator[FieldPartPlan]:
+def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executor) -> Iterator[FieldPartPlan]:
     """The further parts of a divided field, planned on their own with the strategy and tractors of the best plan."""
     context, best = result.context, result.ranking.best
     request, field = context.request, context.layout.field
@@ -226,7 +262,8 @@ def _iter_part_plans(
         own_plan, reason = None, None
         for part_request in (alike, single):
             try:
-                ranking = plan_part(part_request)
+                part_order = WorkOrder(part_request, order.field, order.tractor, order.implement, supply=order.supply)
+                ranking = plan_order(part_order, executor=executor).ranking
                 own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
             except HeadlandError as refusal:
                 reason = str(refusal)
@@ -245,20 +282,31 @@ def _iter_part_plans(
 
 
 def _build_result(
-    context: PlanningContext, evaluations: CandidateEvaluations, cost_terms: CostTerms | None
+    context: PlanningContext, candidates: Sequence[Candidate], found: _Collected, with_pictures: bool
 ) -> PlanningResult:
-    """The answer from the outcomes of all candidates."""
-    candidates = evaluations.candidates
-    results = [evaluations.results[index] for index in range(len(candidates))]
-    ranking = add_machine_names(rank_plans(context, results), cost_terms)
+    """The answer from the outcomes of all candidates; those that time does not suffice for are refused."""
+    if len(found.outcomes) < len(candidates):
+        context.time_share.lift()
+    refusal = PlanResult("", 0, context.request.turn, False, "planning ran out of time")
+    results = [
+        found.outcomes[number].result
+        if number in found.outcomes
+        else replace(refusal, strategy=candidate.strategy, tractors=candidate.tractors)
+        for number, candidate in enumerate(candidates)
+    ]
+    ranking = add_machine_names(rank_plans(context, results), context.cost_terms)
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     driven_pictures = None
-    if evaluations.with_pictures:
-        driven_pictures = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
-    plans_by_key = {keys[index]: evaluations.plans[index] for index in sorted(evaluations.plans)}
-    best = _find_best_outcome(ranking, evaluations)
-    if best is None or best.run is None:
+    if with_pictures:
+        pictures = {number: outcome.picture for number, outcome in sorted(found.outcomes.items())}
+        driven_pictures = {keys[number]: picture for number, picture in pictures.items() if picture is not None}
+    plans_by_key = {keys[number]: plan for number, plan in sorted(found.plans.items())}
+    if ranking.best is None:
         return PlanningResult(context, ranking, None, driven_pictures, plans_by_key)
+    best = found.driven.get(ranking.best.tractors)
+    if best is None or best.result.strategy != ranking.best.strategy:  # only the final comparison made it the best
+        best = simulate_candidate(context, Candidate(ranking.best.strategy, ranking.best.tractors))
+    assert best.run is not None  # it is feasible
     if context.criteria is not None:
         check_and_shares = check_best_plan(
             best.run,
@@ -284,17 +332,3 @@ def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> Pla
         learned_notes = tuple(f"From the farm's own logs: {note}." for note in cost_terms.learned_notes)
         ranking = replace(ranking, assumptions=(*ranking.assumptions, *learned_notes))
     return replace(ranking, scenario={**ranking.scenario, **names})
-
-
-def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) -> TaskOutcome | None:
-    """The outcome of the best plan; simulated again if only the final comparison has made it the best."""
-    plan = ranking.best
-    if plan is None:
-        return None
-    driven = evaluations.driven.get(plan.tractors)
-    if driven is not None and driven.result.strategy == plan.strategy:
-        return driven
-    best_candidate = next(
-        each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
-    )
-    return evaluate_task(evaluations.packed_context, [best_candidate])[0][1]

@@ -17,7 +17,7 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
-from planner.evaluation.ground_sentences import describe_ground, list_height_remarks
+from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
@@ -43,6 +43,10 @@ from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
 MINUTE_S = 60.0
+TIME_TOLERANCE_S = 0.05
+MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
+MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
+MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 
 
 def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult | None) -> tuple[str, ...]:
@@ -122,12 +126,6 @@ def _format_minutes(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
 
 
-TIME_TOLERANCE_S = 0.05
-MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
-MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
-MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
-
-
 def list_candidates(request: PlanRequest) -> list[Candidate]:
     """Every combination worth simulating.
 
@@ -158,7 +156,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         for place, result in enumerate(feasible, start=1)
     ]
     infeasible = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
-    request, field = context.request, context.layout.field
+    request, field, elevation = context.request, context.layout.field, context.physics.elevation
     ranking = PlanRanking(
         field_name=field.name,
         area_ha=field.area_ha,
@@ -173,7 +171,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
         pull=_compute_pull(context),
-        field_remarks=(*field.remarks, *list_height_remarks(context.physics)),
+        field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
     )
     advised = add_ranking_advice(ranking, context.criteria)

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from fields.text_files import count_noun, read_text
+from fields.text_files import count_noun, lower_first, read_text
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.log_checks import describe_unsaved
@@ -87,7 +87,7 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> SoilRow:
         RequestError: there is none, or it may not be saved.
     """
     if not diagnosis.is_savable:
-        raise RequestError(f"{line.path} is left as it is: {_lower(describe_unsaved(diagnosis))}")
+        raise RequestError(f"{line.path} is left as it is: {lower_first(describe_unsaved(diagnosis))}")
     levels = {level.id for level in diagnosis.grounds}
     values: dict[str, float] = {}
     for finding in diagnosis.findings:
@@ -138,7 +138,3 @@ def format_soil_table(row: SoilRow, path: Path) -> str:
     writer.writeheader()
     writer.writerows([*rows, new])
     return out.getvalue()
-
-
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]

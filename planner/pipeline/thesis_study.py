@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import RADIUS_FACTOR, WorkOrder
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
@@ -77,7 +77,7 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
         with create_executor(len(group_candidates(candidates))) as executor:
             return study(executor=executor, progress=progress)
     request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
-    context = prepare_context(replace(request, strategies=(ROW_BY_ROW,)))
+    context = prepare_context(WorkOrder(replace(request, strategies=(ROW_BY_ROW,))))
     outcomes = iter_outcomes(executor, pack_context(context), candidates, progress)
     results = {candidates[index]: one.result for index, one in outcomes}
     tables: dict[str, list[ThesisTableRow]] = {"6.1": [], "6.2": [], "6.3": []}
@@ -103,68 +103,51 @@ def _judge_claims(results: dict[Candidate, PlanResult]) -> tuple[ThesisClaim, ..
         names = ", ".join(f"{c.tractors} {c.strategy}" for c in missing)
         return (ThesisClaim("all rows can be driven", False, f"not feasible here: {names}"),)
     seconds = {candidate: float(value or 0.0) for candidate, value in time.items()}
+    rows = {count: seconds[Candidate(ROW_BY_ROW, count)] for count in TRACTOR_COUNTS}
+    hours = {count: count * row_s / 3600.0 for count, row_s in rows.items()}
+    up_to_nine = [rows[count] for count in TRACTOR_COUNTS[:-1]]
+    alone, apart = seconds[Candidate(SPLIT_FIELD, 1)], seconds[Candidate(SPLIT_FIELD, 3)]
+    alone_h, apart_h = alone / 3600.0, 3 * apart / 3600.0
+    plain, timed, col = rows[5], seconds[Candidate(OPTIMISED_ROWS, 5)], seconds[Candidate(COLUMN_BY_COLUMN, 5)]
+    gain_pct = 100.0 * (1.0 - timed / plain)
     return (
-        _judge_faster_with_more(seconds),
-        _judge_eleven_slower(seconds),
-        _judge_one_cheapest(seconds),
-        _judge_one_cheapest_apart(seconds),
-        _judge_formation_faster(seconds),
-        _judge_optimised_faster(seconds),
-        _judge_columns_similar(seconds),
+        ThesisClaim(
+            "from 1 to 9 tractors in formation, more tractors are faster",
+            up_to_nine == sorted(up_to_nine, reverse=True),
+            " > ".join(f"{value:.0f} s" for value in up_to_nine),
+        ),
+        ThesisClaim(
+            "11 tractors are slower than 9",
+            rows[11] > rows[9],
+            f"both need 3 passes; 11 tractors take {rows[11]:.1f} s, 9 take {rows[9]:.1f} s",
+        ),
+        ThesisClaim(
+            "one tractor is cheapest per hectare (formations)",
+            min(hours, key=lambda count: hours[count]) == 1,
+            "tractor-hours in formation: " + ", ".join(f"{count}: {value:.2f}" for count, value in hours.items()),
+        ),
+        ThesisClaim(
+            "one tractor is also cheaper than 3 on separate blocks",
+            alone_h < apart_h,
+            f"tractor-hours with wide turns: 1 alone: {alone_h:.2f}, 3 on separate blocks: {apart_h:.2f}; separate "
+            "blocks need no turns between them, and driving in from the road is not counted",
+        ),
+        ThesisClaim(
+            "3 tractors in formation are faster than 3 working separately",
+            rows[3] < apart,
+            f"in formation {rows[3]:.0f} s, separately {apart:.0f} s; {ORDER_NOTE}",
+        ),
+        ThesisClaim(
+            "optimised waiting is at least 10 % faster than row by row",
+            gain_pct >= 10.0,
+            f"{timed:.0f} s against {plain:.0f} s: {gain_pct:.1f} % faster (thesis: 17.2 %)",
+        ),
+        ThesisClaim(
+            "col by col is within a minute of row by row",
+            abs(col - plain) < 60.0,
+            f"{col:.0f} s against {plain:.0f} s: {col - plain:+.0f} s (thesis: +37 s)",
+        ),
     )
-
-
-TimesByCandidate = dict[Candidate, float]
-
-
-def _judge_faster_with_more(times_s: TimesByCandidate) -> ThesisClaim:
-    rows = [times_s[Candidate(ROW_BY_ROW, count)] for count in TRACTOR_COUNTS[:-1]]
-    why = " > ".join(f"{value:.0f} s" for value in rows)
-    holds = rows == sorted(rows, reverse=True)
-    return ThesisClaim("from 1 to 9 tractors in formation, more tractors are faster", holds, why)
-
-
-def _judge_eleven_slower(times_s: TimesByCandidate) -> ThesisClaim:
-    nine, eleven = times_s[Candidate(ROW_BY_ROW, 9)], times_s[Candidate(ROW_BY_ROW, 11)]
-    why = f"both need 3 passes; 11 tractors take {eleven:.1f} s, 9 take {nine:.1f} s"
-    return ThesisClaim("11 tractors are slower than 9", eleven > nine, why)
-
-
-def _judge_one_cheapest(times_s: TimesByCandidate) -> ThesisClaim:
-    hours = {count: count * times_s[Candidate(ROW_BY_ROW, count)] / 3600.0 for count in TRACTOR_COUNTS}
-    why = "tractor-hours in formation: " + ", ".join(f"{count}: {value:.2f}" for count, value in hours.items())
-    return ThesisClaim("one tractor is cheapest per hectare (formations)", min(hours, key=lambda c: hours[c]) == 1, why)
-
-
-def _judge_one_cheapest_apart(times_s: TimesByCandidate) -> ThesisClaim:
-    one_alone_h, three_apart_h = (
-        times_s[Candidate(SPLIT_FIELD, 1)] / 3600.0,
-        3 * times_s[Candidate(SPLIT_FIELD, 3)] / 3600.0,
-    )
-    why = (
-        f"tractor-hours with wide turns: 1 alone: {one_alone_h:.2f}, 3 on separate blocks: {three_apart_h:.2f}; "
-        "separate blocks need no turns between them, and driving in from the road is not counted"
-    )
-    return ThesisClaim("one tractor is also cheaper than 3 on separate blocks", one_alone_h < three_apart_h, why)
-
-
-def _judge_formation_faster(times_s: TimesByCandidate) -> ThesisClaim:
-    together, apart = times_s[Candidate(ROW_BY_ROW, 3)], times_s[Candidate(SPLIT_FIELD, 3)]
-    why = f"in formation {together:.0f} s, separately {apart:.0f} s; {ORDER_NOTE}"
-    return ThesisClaim("3 tractors in formation are faster than 3 working separately", together < apart, why)
-
-
-def _judge_optimised_faster(times_s: TimesByCandidate) -> ThesisClaim:
-    plain, timed = times_s[Candidate(ROW_BY_ROW, 5)], times_s[Candidate(OPTIMISED_ROWS, 5)]
-    gain = 100.0 * (1.0 - timed / plain)
-    why = f"{timed:.0f} s against {plain:.0f} s: {gain:.1f} % faster (thesis: 17.2 %)"
-    return ThesisClaim("optimised waiting is at least 10 % faster than row by row", gain >= 10.0, why)
-
-
-def _judge_columns_similar(times_s: TimesByCandidate) -> ThesisClaim:
-    row, col = times_s[Candidate(ROW_BY_ROW, 5)], times_s[Candidate(COLUMN_BY_COLUMN, 5)]
-    why = f"{col:.0f} s against {row:.0f} s: {col - row:+.0f} s (thesis: +37 s)"
-    return ThesisClaim("col by col is within a minute of row by row", abs(col - row) < 60.0, why)
 
 
 def _list_assumptions(context: PlanningContext) -> tuple[str, ...]:

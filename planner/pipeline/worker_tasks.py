@@ -7,21 +7,17 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass
+from concurrent.futures import Executor
 from threading import current_thread
 
 import numpy as np
 
-from planner.errors import WorkerError, mark_parameter
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidates
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
 from planner.traffic.precedence import TrafficRules, schedule_plan
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import PlanResult
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, load_tractor
@@ -29,19 +25,6 @@ from vehicle.sim.world import simulate
 
 CONTEXT_ATTRIBUTE = "headland_context"  # under this name a thread keeps its context
 Progress = Callable[[int, int], None]
-LOST_WORKER_MESSAGE = (
-    "A planning process ended or could not be started, probably out of memory; use fewer "
-    f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
-)
-
-
-@dataclass(frozen=True, eq=False)
-class TaskOutcome:
-    """A candidate's result, its run if it is feasible, and its picture if requested."""
-
-    result: PlanResult
-    run: SimulationRun | None = None
-    picture: PlanDrive | None = None
 
 
 def pack_context(context: PlanningContext) -> bytes:
@@ -56,28 +39,25 @@ def pack_context(context: PlanningContext) -> bytes:
 
 def evaluate_task(
     packed_context: bytes, candidates: Sequence[Candidate], with_pictures: bool = False, prunes: bool = False
-) -> list[tuple[int, TaskOutcome]]:
+) -> list[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors in a packed context, with their numbers; see simulate_candidates.
 
+    Only feasible plans keep their run.
     Where time does not suffice for all, those that it sufficed for; raises TimeSpentError without any.
     """
-    context, outcomes = _unpack_context(packed_context), list[tuple[int, TaskOutcome]]()
+    context, outcomes = _unpack_context(packed_context), list[tuple[int, Outcome]]()
     try:
         for number, one in simulate_candidates(context, candidates, prunes):
-            outcomes.append((number, _build_outcome(context, one, with_pictures)))
+            result, run = one.result, one.run
+            if run is None or run.outcome != DONE:
+                outcomes.append((number, Outcome(result)))
+                continue
+            picture = build_run_picture(context, run, result) if with_pictures else None
+            outcomes.append((number, Outcome(result, run if result.feasible else None, picture)))
     except TimeSpentError:
         if not outcomes:
             raise
     return outcomes
-
-
-def _build_outcome(context: PlanningContext, evaluation: CandidateEvaluation, with_pictures: bool) -> TaskOutcome:
-    result, run = evaluation.result, evaluation.run
-    if run is None or run.outcome != DONE:
-        return TaskOutcome(result)
-    return TaskOutcome(
-        result, run if result.feasible else None, build_run_picture(context, run, result) if with_pictures else None
-    )
 
 
 def _unpack_context(packed_context: bytes) -> PlanningContext:
@@ -110,7 +90,7 @@ def iter_outcomes(
     *,
     prunes: bool = False,
     with_pictures: bool = False,
-) -> Iterator[tuple[int, TaskOutcome]]:
+) -> Iterator[tuple[int, Outcome]]:
     """Yield (index, outcome) of candidates as tasks finish, one for every number of tractors, the largest first.
 
     `progress` is called with (done, total). With `prunes` only what may be the quickest of its number is driven.
@@ -118,15 +98,12 @@ def iter_outcomes(
     groups = group_candidates(candidates)
     tasks = [(packed_context, [candidates[index] for index in group], with_pictures, prunes) for group in groups]
     done = 0
-    try:
-        for task, outcomes in iter_completed(executor, evaluate_task, tasks):
-            for number, outcome in outcomes:
-                done += 1
-                if progress:
-                    progress(done, len(candidates))
-                yield groups[task][number], outcome
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    for task, outcomes in iter_completed(executor, evaluate_task, tasks):
+        for number, outcome in outcomes:
+            done += 1
+            if progress:
+                progress(done, len(candidates))
+            yield groups[task][number], outcome
 
 
 def warm_up_simulation() -> None:

@@ -49,6 +49,7 @@ TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1
 ACCELERATION_MPS2 = 0.7
 Array = npt.NDArray[np.float64]
+MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +145,6 @@ def _solve_speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
     if moving_s <= 0.0 or root < 0.0:
         return MAX_SPEED_FACTOR * speed
     return min(2.0 * length / (moving_s + math.sqrt(root)), MAX_SPEED_FACTOR * speed)
-
-
-MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 
 
 @dataclass(frozen=True)
@@ -294,7 +292,8 @@ def _select_eligible(
         return plans, Shortfall("rain", note), FASTEST
     budget = criteria.budget
     affordable, all_affordable = (
-        [plan for plan in candidates if _is_affordable(plan, budget)] for candidates in (before_rain, all_plans)
+        [plan for plan in candidates if budget is None or (plan.paid_cost or 0.0) <= budget]
+        for candidates in (before_rain, all_plans)
     )
     if affordable or budget is None:
         return affordable, None, criteria.objective
@@ -305,10 +304,6 @@ def _select_eligible(
     closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
     note = f"{subject} is within the budget of {budget:.2f} {unit}; {closest} costs {least_paid:.2f} {unit}."
     return cheapest, Shortfall("budget", note), CHEAPEST
-
-
-def _is_affordable(plan: PlanResult, budget: float | None) -> bool:
-    return budget is None or (plan.paid_cost or 0.0) <= budget
 
 
 def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> tuple[list[PlanResult], str | None]:

@@ -20,6 +20,9 @@ from vehicle.missions.run import SimulationRun
 
 PCT_TO_SHARE = 0.01
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
+HOUR_S = 3600.0
+IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -134,20 +137,14 @@ def _compute_ownership_rates(
     )
 
 
-HOUR_S = 3600.0
-IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
-Array = npt.NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class PlanCost:
-    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added; with standard errors.
+    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added, with its standard error.
 
     Work continues to the end whatever the weather; the price of late ground is the loss by rain.
     """
 
     paid: float
-    paid_error: float
     expected: float
     expected_error: float
 
@@ -188,7 +185,6 @@ def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -
     late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
     return PlanCost(
         float(paid.mean()),
-        _compute_standard_error(paid),
         float((paid + late_ground).mean()),
         _compute_standard_error(paid + late_ground),
     )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.farm.workday import Workday
 from planner.request.random_inputs import (
     RANDOM_INPUTS,
     UncertaintySettings,
@@ -259,17 +259,6 @@ DEFAULT_SAMPLES = 10_000
 DEFAULT_UNCERTAINTY = UncertaintySettings()
 
 
-class WorkClock(Protocol):
-    """The part of a farm's day that is for work, and the work time before field work begins."""
-
-    @property
-    def before_field_s(self) -> float: ...
-
-    def compute_work_s(self, clock_s: Array) -> Array: ...
-
-    def compute_clock_s(self, work_s: float) -> float: ...
-
-
 @dataclass(frozen=True)
 class RiskSettings:
     """Distributions, rain and deadline (seconds after the start), number of samples and seed.
@@ -282,21 +271,17 @@ class RiskSettings:
     deadline_s: float | None = None
     samples: int = DEFAULT_SAMPLES
     seed: int = 1
-    workday: WorkClock | None = None
+    workday: Workday | None = None
 
     def sample_field_limit_s(self) -> Array:
-        """Seconds of field work that fit before the limit, (samples,)."""
-        limit_s = self.sample_time_limit_s()
+        """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
+        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
+        limit_s = rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
         return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
 
     def compute_field_clock_s(self, field_s: float) -> float:
         """Seconds after the start by the clock when so many seconds of field work are done."""
         return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
-
-    def sample_time_limit_s(self) -> Array:
-        """When work must be done, (samples,): at the deadline or the rain; infinite without either."""
-        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
-        return rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
 
     @property
     def has_limit(self) -> bool:
@@ -308,21 +293,18 @@ class RiskSettings:
 class RiskEstimate:
     """The risk figures of one plan.
 
-    `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. `mean_s` and the quantiles
-    are of the finish of the last tractor, `p50_done_s` and `p95_done_s` of the end of field work by the clock;
-    `unworked_share` is the mean share of work not done at the limit.
+    `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. The quantiles are of the
+    finish of the last tractor, `p50_done_s` and `p95_done_s` of the end of field work by the clock.
     `variance_shares` are the shares of the variance of the finish that vanish when an input is switched off, by name.
     """
 
     finish_probability: float | None
     finish_probability_interval: tuple[float, float] | None
-    mean_s: float
     p50_s: float
     p80_s: float
     p95_s: float
     p50_done_s: float
     p95_done_s: float
-    unworked_share: float
     variance_shares: dict[str, float]
     outcomes: SampledOutcomes
 
@@ -346,13 +328,11 @@ def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_varianc
     return RiskEstimate(
         finish_probability=in_time / settings.samples if settings.has_limit else None,
         finish_probability_interval=compute_wilson_interval(in_time, settings.samples) if settings.has_limit else None,
-        mean_s=float(outcomes.finish_s.mean()),
         p50_s=p50,
         p80_s=p80,
         p95_s=p95,
         p50_done_s=p50_done_s,
         p95_done_s=p95_done_s,
-        unworked_share=float(1.0 - outcomes.worked_share.mean()),
         variance_shares=compute_variance_shares(graph, settings) if with_variance_shares else {},
         outcomes=outcomes,
     )

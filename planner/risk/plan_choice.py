@@ -10,13 +10,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from planner.errors import RequestError, mark_parameter, suggest_name
-from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, OBJECTIVES, SUREST
+from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, SUREST
 from reports.common.plan_results import MODEL_ERROR_SHARE, is_share_different
 from reports.common.wording import format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
+MIN_AMOUNT = 0.005
+MINUTE_S = 60.0
+ABOUT_EQUAL = " (about equal)"
 
 
 @dataclass(frozen=True)
@@ -67,16 +69,6 @@ class PlanFigures:
         return math.sqrt(share * (1.0 - share) / self.samples)
 
 
-def check_objective(objective: str) -> None:
-    """Refuse an unknown objective."""
-    if objective not in OBJECTIVES:
-        raise RequestError(
-            f"{mark_parameter('objective')} {objective!r} is unknown{suggest_name(objective, OBJECTIVES)}; use "
-            f"{', '.join(OBJECTIVES)}.",
-            parameter="objective",
-        )
-
-
 def choose_best(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> PlanFigures:
     """The plan to take: of the plans equal to the best one, the one with the fewest tractors.
 
@@ -85,7 +77,6 @@ def choose_best(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> Plan
     least energy as simulated; plans whose energy is not known are left out if that of others is. Of equal plans with
     as many tractors that take as long the one of better `quality` is taken.
     """
-    check_objective(objective)
     if objective == CHEAPEST:
         equal = select_surest(
             _select_equally_good_plans(plans, lambda plan: plan.ranked_cost, lambda plan: plan.expected_error)
@@ -191,11 +182,6 @@ def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, 
         plan.strategy,
         repr(plan),
     )
-
-
-MIN_AMOUNT = 0.005
-MINUTE_S = 60.0
-ABOUT_EQUAL = " (about equal)"
 
 
 def write_advice(

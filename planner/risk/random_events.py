@@ -11,17 +11,16 @@ import numpy.typing as npt
 
 from planner.request.random_inputs import UncertaintySettings, compute_log_deviation
 
+HOUR_S = 3600.0
+Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
 
 def create_generator(seed: int, *names: str | int) -> np.random.Generator:
     """A generator that depends on the seed and the names alone (Philox: counter-based, the same on all machines)."""
     text = "/".join(str(part) for part in (seed, *names))
     key = int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "little")
     return np.random.Generator(np.random.Philox(key=key))
-
-
-HOUR_S = 3600.0
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ def draw_stop_events(
         )
     ]
     at_s, sample, duration_s = (
-        (np.concatenate(column) for column in zip(*arrivals, strict=True)) if arrivals else _build_no_events()
+        (np.concatenate(column) for column in zip(*arrivals, strict=True)) if arrivals else (np.zeros(0),) * 3
     )
     order = np.lexsort((sample, at_s))
     return StopEvents(at_s[order], sample[order].astype(np.int64), duration_s[order])
@@ -71,10 +70,6 @@ def draw_lognormal(mean: float, cv: float, normals: Array) -> Array:
     """Lognormal values with this mean and coefficient of variation, from standard normal numbers."""
     spread = compute_log_deviation(cv)
     return np.asarray(mean * np.exp(spread * normals - 0.5 * spread * spread))
-
-
-def _build_no_events() -> tuple[Array, Array, Array]:
-    return np.zeros(0), np.zeros(0), np.zeros(0)
 
 
 def _draw_event_times(

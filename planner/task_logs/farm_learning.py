@@ -13,8 +13,8 @@ import numpy as np
 
 from fields.text_files import count_noun, quote_path, read_text
 from planner.errors import RequestError
-from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.evaluation.preparation import MAX_REVERSE_SPEED_MPS
+from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.farm.inventory import FarmFile, load_farm, parse_farm
 from planner.farm.machines import FarmImplement
 from planner.request.option_texts import MPS_PER_KMH

@@ -111,7 +111,8 @@ class TrajectoryCache:
         """The trajectory of a mission, simulated if not cached; None if the tractor does not finish."""
         key = compute_mission_key(mission)
         if key not in self.trajectories:
-            run = simulate_alone(_drop_waits(mission))
+            free_legs = tuple(leg.copy_with(gates=(), follow=None) for leg in mission.legs)
+            run = simulate_alone(Mission(free_legs))
             trajectory = _build_trajectory(mission, run) if run.outcome == DONE else None
             self.pose_count += len(trajectory.poses) if trajectory else 0
             self.trajectories[key] = trajectory
@@ -145,11 +146,6 @@ def compute_mission_key(mission: Mission) -> bytes:
         digest.update(f"{leg.ground} {leg.task.kind}".encode())
         digest.update(np.ascontiguousarray(leg.points, dtype=np.float64).tobytes())
     return digest.digest()
-
-
-def _drop_waits(mission: Mission) -> Mission:
-    """The mission of a tractor that waits for nobody."""
-    return Mission(tuple(leg.copy_with(gates=(), follow=None) for leg in mission.legs))
 
 
 def _build_trajectory(mission: Mission, run: SimulationRun) -> SoloTrajectory:

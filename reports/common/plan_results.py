@@ -71,7 +71,7 @@ class PlanResult(ShownResult):
     """One plan. Values that were not simulated are None; `reason` says why, or why the plan is infeasible.
 
     Attributes:
-        remark: what its strategy could not do, though the plan can be driven.
+        remarks: what its strategy could not do, though the plan can be driven.
         rank: of feasible plans from 1, by the time to finish the field, then tractors.
         time_s, cost: of the plan as driven.
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
@@ -142,7 +142,7 @@ class PlanResult(ShownResult):
     order_gap_pct: float | None = None
     formation_pct: float | None = None
     on_pareto_front: bool = False
-    remark: str | None = None
+    remarks: tuple[str, ...] = ()
     headland_passes: int | None = None
     headland_s: float | None = None
     transport_s: float | None = None
@@ -177,6 +177,11 @@ class PlanResult(ShownResult):
     energy_kwh_per_ha: float | None = None
     charges: int | None = None
     charging_s: float | None = None
+
+    @property
+    def remark(self) -> str | None:
+        """All remarks in one text; None without any."""
+        return "; ".join(self.remarks) or None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:

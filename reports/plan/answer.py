@@ -283,5 +283,4 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )
-    remarks = (best.remark or "").split("; ")
-    return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in remarks if remark]
+    return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in best.remarks]

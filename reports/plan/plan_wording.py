@@ -147,9 +147,8 @@ def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
     """
     groups: dict[str, list[tuple[PlanResult, str]]] = {}
     for plan in plans:
-        for part in (plan.remark or "").split("; "):
-            if part:
-                groups.setdefault(_NUMBER.sub("#", part), []).append((plan, part))
+        for remark in plan.remarks:
+            groups.setdefault(_NUMBER.sub("#", remark), []).append((plan, remark))
     return [_format_grouped_remark(members) for members in groups.values()]
 
 

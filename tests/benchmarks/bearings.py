@@ -27,6 +27,7 @@ from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.layout_choice import estimate_finish_s
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import get_finished_field_s
@@ -75,7 +76,7 @@ def lay_out(request: PlanRequest, field: Field, bearing_deg: float | None) -> La
     """The layout of a request, or None if it has none."""
     begun = time.process_time()
     try:
-        context = prepare_context(replace(request, bearing_deg=bearing_deg), field)
+        context = prepare_context(WorkOrder(replace(request, bearing_deg=bearing_deg), field))
     except (FieldError, RequestError, StrategyError):
         return None
     took = time.process_time() - begun
@@ -143,7 +144,7 @@ def main() -> None:
         strategies=(STRATEGY,),
     )  # fmt: skip
     parcels = list(list_parcels(options.folder, options.parcels, options.from_ha, options.to_ha))
-    prepare_context(request, parcels[0][1])
+    prepare_context(WorkOrder(request, parcels[0][1]))
     print("parcel                ha [chosen             ]  est. s  hand s  ratio   at     CPU given  driven s   hand s")
     rows = [
         row

@@ -22,6 +22,7 @@ from planner.evaluation.candidates.line_programme import ComposedPlan, Programme
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -124,7 +125,7 @@ def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: ND
     """Plan a field along the driver's bearing in the driver's order and in the planner's; None where either cannot be
     driven. `interior` marks the rows that are off the headland."""
     inner = Worked(done.points[interior], done.steps[interior], done.time_s[interior])
-    site = prepare_context(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
+    site = prepare_context(WorkOrder(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field))
     width_m = scenario.width_m
 
     table, order = MoveTable(get_site_moves(site)), driven_order(site.layout.swaths, inner, width_m)

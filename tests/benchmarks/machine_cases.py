@@ -13,8 +13,8 @@ from fields.geometry.field import Field
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.evaluation.ground.coverage import measure_excursion_m
+from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.option_texts import MPS_PER_KMH

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_checks import FenceIntrusionCheck, ObstacleIntrusionCheck
+from planner.evaluation.ground.contact_places import FenceIntrusionCheck, ObstacleIntrusionCheck
 from planner.evaluation.ground.coverage import locate_antenna
 from planner.evaluation.machine_outlines import build_body
 from vehicle.missions.plan import ENTER, LEAVE

@@ -22,8 +22,9 @@ from pathlib import Path
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate, simulate_candidates
-from planner.evaluation.candidates.incumbents import prunes_candidates
+from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import list_candidates
 from planner.request.option_texts import parse_counts
 from planner.request.plan_request import PlanRequest
@@ -98,7 +99,7 @@ def work(name: str, where: Field, scenario: PlanRequest) -> Row:
 
 def _plans(row: Row, where: Field, scenario: PlanRequest, ledger: Ledger) -> None:
     with ledger.book_part("layout"):
-        site = prepare_context(scenario, where)
+        site = prepare_context(WorkOrder(scenario, where))
     row.tracks = len(site.layout.swaths)
     todo = list_candidates(scenario)
     for count in scenario.tractors:
@@ -192,7 +193,7 @@ def main() -> None:
     counts = parse_counts(options.tractors)
     more = {"strategies": tuple(options.strategies.split(","))} if options.strategies else {}
     scenario = PlanRequest(width_m=options.width, tractors=counts, no_headland=options.no_headland, **more)
-    warm = prepare_context(PlanRequest(field="iwamizawa", no_headland=options.no_headland))
+    warm = prepare_context(WorkOrder(PlanRequest(field="iwamizawa", no_headland=options.no_headland)))
     for name in ("split-field", "row-by-row-optimised"):
         simulate_candidate(warm, Candidate(name, 2))
     heads = " ".join(f"{part[:7]:>7}" for part in PARTS)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.leg_graph import LegGraph, build_leg_graph
@@ -96,7 +97,7 @@ def measured_job(parcel: Parcel, log: TimeLog, width_m: float) -> Job:
         field=log.name, width_m=width_m, speed_mps=working_mps, operation="harvest", tractors=(1,),
         strategies=("split-field",),
     )  # fmt: skip
-    site = prepare_context(scenario, field)
+    site = prepare_context(WorkOrder(scenario, field))
     one = simulate_candidate(site, Candidate("split-field", 1))
     if one.run is None or not one.result.feasible or one.result.time_s is None:
         raise SystemExit(f"{log.name}: no plan ({one.result.reason})")

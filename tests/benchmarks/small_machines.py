@@ -19,6 +19,7 @@ from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 
@@ -46,7 +47,7 @@ def prepare(name: str, **options: Any) -> PlanningContext:
         field=name, tractor=str(MOWER), tractors=(1,), width_m=WIDTH_M, radius_m=RADIUS_M,
         speed_mps=WORK_MPS, turn_speed_mps=TURN_MPS, **options,
     )  # fmt: skip
-    return prepare_context(request, Field(name, shapely.Polygon(FIELDS[name])))
+    return prepare_context(WorkOrder(request, Field(name, shapely.Polygon(FIELDS[name]))))
 
 
 def plan(context: PlanningContext) -> PlanResult:

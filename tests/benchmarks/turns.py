@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turns import build_fishtail, build_omega_turn, build_switch_back, build_u_turn
@@ -44,7 +45,7 @@ def driven(clock: TurnTimer, path: DrivePath, tool_m: float) -> tuple[float, flo
 
 def main() -> None:
     """Print one line per kind of turn."""
-    site = prepare_context(PlanRequest(field="iwamizawa"))
+    site = prepare_context(WorkOrder(PlanRequest(field="iwamizawa")))
     clock = TurnTimer(site.tractor, site.implement, site.driving_rules, "soil")
     radius = site.driving_rules.radius_m
     print(f"turning radius {radius:.2f} m, {site.driving_rules.turn_speed_mps * 3.6:.1f} km/h")

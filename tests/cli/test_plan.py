@@ -236,13 +236,13 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_
 
 BEGINS = """
 import sys
-import planner.pipeline.candidate_evaluations as candidate_evaluations
+import planner.pipeline.planning as planning
 from planner.cli.main import main
-iter_outcomes = candidate_evaluations.iter_outcomes
+iter_outcomes = planning.iter_outcomes
 def told(*arguments, **options):
     print("simulating", file=sys.stderr, flush=True)
     return iter_outcomes(*arguments, **options)
-candidate_evaluations.iter_outcomes = told
+planning.iter_outcomes = told
 main()
 """
 """The command, which says on standard error that it begins to simulate."""

@@ -13,6 +13,7 @@ from fields import Field
 from fields.geometry.obstacles import Obstacle
 from planner.errors import RequestError
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import check_margin
 from planner.request.plan_request import PlanRequest
 from tests.cli.refusals import SQUARE, assert_refused
@@ -115,7 +116,7 @@ def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., An
 def test_a_margin_is_to_blame_where_no_plan_works() -> None:
     """The same pole and margin: 55 % of the field is left, too much to refuse a plan but enough to explain none."""
     field = Field("plot", shapely.box(0, 0, 100, 60), obstacles=(Obstacle("pole", shapely.Point(50, 30), 0.25),))
-    context = prepare_context(PlanRequest(field="plot", margin_m=29.0, no_headland=True), field)
+    context = prepare_context(WorkOrder(PlanRequest(field="plot", margin_m=29.0, no_headland=True), field))
     check_margin(context, feasible=True)
     with pytest.raises(RequestError, match=r"margin_m\) of 29 m leaves 5\d %.*no plan works there.*smaller margin"):
         check_margin(context, feasible=False)

@@ -18,6 +18,7 @@ from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import TimeShare, TimeSpentError
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import LocalPool, SerialExecutor, iter_completed
 from planner.request.plan_request import PlanRequest
 from vehicle.model.tractor import Implement, load_tractor
@@ -127,7 +128,7 @@ def test_the_rest_of_the_day_is_planned_and_the_hard_field_named(
 
 
 def test_a_context_sent_to_another_process_has_no_limit() -> None:
-    context = prepare_context(REQUEST, build_task().field, time_share=TimeShare(1e6))
+    context = prepare_context(WorkOrder(REQUEST, build_task().field), time_share=TimeShare(1e6))
     sent = pickle.loads(pickle.dumps(context))
     assert sent.time_share.is_spent() is False
 

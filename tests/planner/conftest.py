@@ -11,6 +11,7 @@ import shapely
 from fields import Field
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 
@@ -28,7 +29,7 @@ def moved(field: Field, move: Callable[[Any], Any]) -> Field:
 def site_on(polygon: shapely.Polygon, entrance: tuple[float, float] | None = None, **options: Any) -> PlanningContext:
     """A site on a polygon in local metres, its headland left for turning unless `no_headland` is False."""
     scenario = PlanRequest(field="drawn", **{"no_headland": True, **options})
-    return prepare_context(scenario, Field("drawn", polygon, entrance=entrance))
+    return prepare_context(WorkOrder(scenario, Field("drawn", polygon, entrance=entrance)))
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
 from planner.errors import HeadlandError
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import L_SHAPE, SHAPES
 
@@ -90,7 +91,7 @@ def leave_out_numbers(sentence: str) -> str:
 def refuse_layout(field: Field, request: PlanRequest) -> str:
     """The sentence of a refusal of the layout; empty where the field is laid out."""
     try:
-        prepare_context(request, field)
+        prepare_context(WorkOrder(request, field))
     except HeadlandError as refusal:
         return str(refusal)
     return ""

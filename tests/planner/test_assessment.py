@@ -11,6 +11,7 @@ from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.settings import FarmPrices
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
@@ -76,13 +77,15 @@ class TestWhatIsAsked:
 
     def test_rain_is_read_before_anything_is_simulated(self) -> None:
         with pytest.raises(RequestError, match="is none of: a time") as refusal:
-            prepare_context(scenario(rain="soon"), FIELD)
+            prepare_context(WorkOrder(scenario(rain="soon"), FIELD))
         assert refusal.value.parameter == "rain"
 
 
 class TestFigures:
     def test_a_certain_plan_has_the_time_and_the_price_it_was_simulated_with(self) -> None:
-        site = prepare_context(scenario(deadline_s=EIGHT + 3600), FIELD, uncertainty=build_certain_settings())
+        site = prepare_context(
+            WorkOrder(scenario(deadline_s=EIGHT + 3600), FIELD, uncertainty=build_certain_settings())
+        )
         found = simulate_candidate(site, Candidate("interleaved", 2)).result
         assert found.finish_probability == 1.0
         for value in (found.p50_s, found.p80_s, found.p95_s):
@@ -92,14 +95,18 @@ class TestFigures:
 
     def test_late_ground_is_charged(self) -> None:
         terms = CostTerms(build_hire_terms(40.0, 0.0).prices.model_copy(update={"late_per_ha": 1000.0}))
-        site = prepare_context(scenario(rain="8:02"), FIELD, uncertainty=build_certain_settings(), cost_terms=terms)
+        site = prepare_context(
+            WorkOrder(scenario(rain="8:02"), FIELD, uncertainty=build_certain_settings(), cost_terms=terms)
+        )
         found = simulate_candidate(site, Candidate("interleaved", 1)).result
         assert found.finish_probability == 0.0 and found.expected_cost is not None and found.paid_cost is not None
         # 2 of some 14 minutes: about seven eighths of 0.288 ha are late
         assert found.expected_cost - found.paid_cost == pytest.approx(0.86 * 288.0, rel=0.08)
 
     def test_without_stakes_nothing_is_added(self) -> None:
-        found = simulate_candidate(prepare_context(scenario(samples=0), FIELD), Candidate("interleaved", 1)).result
+        found = simulate_candidate(
+            prepare_context(WorkOrder(scenario(samples=0), FIELD)), Candidate("interleaved", 1)
+        ).result
         assert found.finish_probability is None and found.expected_cost is None
 
 
@@ -248,7 +255,9 @@ def test_the_check_says_what_could_not_be_compared() -> None:
 
 def test_own_machines_cost_what_the_farm_says() -> None:
     site = prepare_context(
-        scenario(), FIELD, uncertainty=build_certain_settings(), cost_terms=CostTerms(FarmPrices(late_per_ha=0.0))
+        WorkOrder(
+            scenario(), FIELD, uncertainty=build_certain_settings(), cost_terms=CostTerms(FarmPrices(late_per_ha=0.0))
+        )
     )
     own = simulate_candidate(site, Candidate("interleaved", 1)).result
     assert own.paid_cost is not None and own.cost is not None and own.fuel_l is not None

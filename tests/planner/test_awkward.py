@@ -12,6 +12,7 @@ from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_farm
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
@@ -22,7 +23,7 @@ from tests.planner.shapes import SHAPES
 
 @cache
 def site_of(name: str) -> PlanningContext:
-    return prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
+    return prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False), SHAPES[name]))
 
 
 @pytest.mark.slow
@@ -40,7 +41,7 @@ def test_turns_too_tight_to_follow_are_driven_another_way() -> None:
     farm = load_farm(str(Path(farm_room.__file__).parent / "example.toml"))
     wanted = PlanRequest(field="netherlands", tractors=(2,), strategies=("split-field",))
     found = complete_request_by_farm(wanted, farm, ("field", "tractors", "strategies"), implement_name="drill")
-    site = prepare_context(found.request, tractor=found.tractor, implement=found.implement)
+    site = prepare_context(WorkOrder(found.request, tractor=found.tractor, implement=found.implement))
     evaluation = simulate_candidate(site, Candidate("split-field", 2))
     assert evaluation.result.feasible and evaluation.run is not None, evaluation.result.reason
     assert measure_excursion_m(evaluation.run, site) < 0.5

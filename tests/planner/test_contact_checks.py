@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fields import Field
 from fields.geometry.overlays import clip_area, drop_slivers, extract_polygons
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_checks import (
+from planner.evaluation.ground.contact_places import (
     FenceIntrusionCheck,
     ObstacleIntrusionCheck,
     find_poses_within_reach,
@@ -21,6 +21,7 @@ from planner.evaluation.ground.contact_checks import (
 from planner.evaluation.ground.coverage import _find_wide_pieces
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples
 
@@ -73,7 +74,9 @@ def ponds() -> PlanningContext:
     holes = [shapely.box(30, 30, 50, 50).exterior, shapely.box(90, 40, 100, 60).exterior]
     field = Field("ponds", shapely.Polygon(shapely.box(0, 0, 140, 100).exterior, holes))
     fence = shapely.LineString(field.boundary.exterior)
-    return prepare_context(PlanRequest(no_headland=True), replace(field, fences=(fence,), entrance=(70.0, 0.0)))
+    return prepare_context(
+        WorkOrder(PlanRequest(no_headland=True), replace(field, fences=(fence,), entrance=(70.0, 0.0)))
+    )
 
 
 @given(st.lists(st.tuples(st.floats(-5, 145), st.floats(-5, 105), st.floats(-3.2, 3.2)), min_size=1, max_size=40))
@@ -105,7 +108,7 @@ def test_poses_are_looked_at_in_parts_with_the_same_answer(
     check = ObstacleIntrusionCheck(ponds)
     whole = check.find_poses_to_check(poses)
     assert 20 < whole.sum() < 400
-    monkeypatch.setattr("planner.evaluation.ground.contact_checks.BATCH_SIZE", 30)
+    monkeypatch.setattr("planner.evaluation.ground.contact_places.BATCH_SIZE", 30)
     assert (check.find_poses_to_check(poses) == whole).all()
-    monkeypatch.setattr("planner.evaluation.ground.contact_checks.MAX_PARTS", 1)
+    monkeypatch.setattr("planner.evaluation.ground.contact_places.MAX_PARTS", 1)
     assert (check.find_poses_to_check(poses) == whole).all()

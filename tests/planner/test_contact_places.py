@@ -9,6 +9,7 @@ from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE, OUTLINE
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
@@ -23,7 +24,7 @@ POLE = Obstacle("pole", shapely.Point(60.0, 31.8), 0.25, "P7")
 @pytest.fixture(scope="module")
 def site() -> PlanningContext:
     request = PlanRequest(no_headland=True, tractors=(1,), bearing_deg=90.0)
-    return prepare_context(request, Field("poled", BOX, obstacles=(POLE,)))
+    return prepare_context(WorkOrder(request, Field("poled", BOX, obstacles=(POLE,))))
 
 
 def get_touching_y_m(site: PlanningContext, depth_m: float) -> float:

@@ -19,7 +19,8 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.evaluation.preparation import prepare_context
-from planner.pipeline.bearing_comparison import list_bearing_requests
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.comparisons import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
 from reports.plan.bearing_report import BearingComparison, BearingRow, describe_bearings
 from strategies.path_planning.errors import StrategyError
@@ -37,7 +38,7 @@ def drive() -> tuple[PlanningContext, CandidateRun]:
     """A cone whose contours are arcs of 90 m to 150 m, worked by one tractor."""
     heights = -0.04 * np.hypot(EASTINGS - TOP[0], NORTHINGS - TOP[1])
     physics = FieldPhysics(terrain=Terrain(-20.0, -20.0, 4.0, heights))
-    context = prepare_context(PlanRequest(field="cone", swaths=CONTOUR), FIELD, physics=physics)
+    context = prepare_context(WorkOrder(PlanRequest(field="cone", swaths=CONTOUR), FIELD), physics=physics)
     return context, run_candidate(context, Candidate("split-field", 1))
 
 
@@ -77,7 +78,7 @@ def test_erosion_shares_of_a_plane() -> None:
 
 def test_contours_need_heights() -> None:
     with pytest.raises(RequestError, match=r"follows contours, and no heights are known; give .*elevation"):
-        prepare_context(PlanRequest(field="cone", swaths=CONTOUR), FIELD)
+        prepare_context(WorkOrder(PlanRequest(field="cone", swaths=CONTOUR), FIELD))
 
 
 @pytest.mark.parametrize("other", [{"bearing_deg": 30.0}, {"no_headland": True}, {"guidance_line": "A"}])

@@ -115,7 +115,7 @@ class TestPlan:
 
     def test_no_draw_varies_no_error(self) -> None:
         found = estimate_cost(sample([[2.0, 2.0]]), build_hire_terms(40.0, 0.0), area_ha=1.0)
-        assert (found.paid, found.paid_error) == (80.0, 0.0)
+        assert (found.paid, found.expected_error) == (80.0, 0.0)
 
 
 class TestFuel:

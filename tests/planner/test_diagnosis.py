@@ -8,6 +8,7 @@ import pytest
 from planner import HeadlandError, diagnose, replay
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.diagnosis import (
     MIN_TRACTOR_LENGTH_M,
     PLAN_FIELD,
@@ -41,7 +42,7 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
     gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is not None and why_not == ""
     scenario = PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, no_headland=True)
-    alone = simulate_candidate(prepare_context(scenario), Candidate("row-by-row", 1)).result
+    alone = simulate_candidate(prepare_context(WorkOrder(scenario)), Candidate("row-by-row", 1)).result
     assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
     assert gain.time_after_s is not None
     # The guidance knows nothing of the offset: it holds against it from beside the track.

@@ -15,13 +15,13 @@ import shapely
 
 from fields import Field, read_field
 from planner.errors import RequestError
-from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_stops
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_stops
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -52,11 +52,11 @@ def build_electric_tractor(battery: BatteryParameters) -> Tractor:
 @cache
 def prepare(battery: BatteryParameters, refill: str | None = None) -> PlanningContext:
     request = PlanRequest(field="drawn", no_headland=True, refill=refill)
-    return prepare_context(request, BOX, build_electric_tractor(battery))
+    return prepare_context(WorkOrder(request, BOX, build_electric_tractor(battery)))
 
 
 @cache
-def drive(battery: BatteryParameters, refill: str | None = None, tractors: int = 1) -> CandidateEvaluation:
+def drive(battery: BatteryParameters, refill: str | None = None, tractors: int = 1) -> Outcome:
     found = simulate_candidate(prepare(battery, refill), Candidate("split-field", tractors))
     assert found.result.feasible, found.result.reason
     return found
@@ -173,7 +173,7 @@ def test_money_and_carbon_by_the_prices_of_a_farm() -> None:
     """A kWh for 0.5 and 1 kg: the difference in cost between dear and free electricity is half of the energy."""
     context, found = prepare(AMPLE), drive(AMPLE)
     assert found.run is not None
-    run = CandidateRun(found.run, None, "u", None)
+    run = CandidateRun(found.run, None, "u")
 
     def measure(price: float) -> tuple[float, float, float]:
         prices = FarmPrices(electricity_per_kwh=price, grid_co2_kg_per_kwh=1.0, fuel_per_l=100.0)
@@ -191,7 +191,7 @@ def test_flat_shares_of_a_motor() -> None:
     rates = compute_hourly_rates(FarmPrices(oil_share=5.0), motor_efficiency=0.85)
     assert rates.fuel_at_work == pytest.approx(0.74 * 77.0 / 0.85 * 0.2)
     request = PlanRequest(field="drawn", no_headland=True, operation="mow")
-    context = prepare_context(request, BOX, build_electric_tractor(SMALL))
+    context = prepare_context(WorkOrder(request, BOX, build_electric_tractor(SMALL)))
     assert context.supply is None
     assert describe_ground(context) == (
         "What mow takes from the shaft is not known: charging is not planned, and whether the batteries last is not "
@@ -234,7 +234,7 @@ def test_a_built_in_field_from_end_to_end() -> None:
     """Iwamizawa with 30 kWh: worked with a stop to charge; the ranking holds kWh, the objective is energy."""
     battery = BatteryParameters(capacity_kwh=30.0, charger_kw=22.0)
     request = PlanRequest(field="iwamizawa", objective=LEAST_FUEL, gnss=False)
-    context = prepare_context(request, read_field("iwamizawa"), build_electric_tractor(battery))
+    context = prepare_context(WorkOrder(request, read_field("iwamizawa"), build_electric_tractor(battery)))
     found = simulate_candidate(context, Candidate("split-field", 1))
     assert found.result.feasible and found.result.charges == 1 and (found.result.worked_pct or 0.0) > 99.0
     assert found.run is not None and find_flat_battery(context, found.run) is None

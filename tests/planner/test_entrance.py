@@ -12,10 +12,11 @@ import pytest
 import shapely
 
 from fields import Field, FieldError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg
@@ -35,7 +36,7 @@ CASES = [("split-field", 1), ("split-field", 3), ("interleaved", 2), ("row-by-ro
 
 
 def site_at(entrance: tuple[float, float] | None, **options: Any) -> PlanningContext:
-    return prepare_context(PlanRequest(field="box", **options), Field("box", BOX, entrance=entrance))
+    return prepare_context(WorkOrder(PlanRequest(field="box", **options), Field("box", BOX, entrance=entrance)))
 
 
 @cache
@@ -44,7 +45,7 @@ def site(entrance: tuple[float, float] | None = GATE) -> PlanningContext:
 
 
 @cache
-def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> CandidateEvaluation:
+def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> Outcome:
     return simulate_candidate(site(entrance), Candidate(strategy, tractors))
 
 
@@ -79,7 +80,7 @@ class TestPlaces:
     def test_that_no_tractor_could_use_are_refused(self, entrance: tuple[float, float], words: str) -> None:
         hole = shapely.box(10, 10, 20, 20)
         with pytest.raises(FieldError) as refused:
-            prepare_context(PlanRequest(field="box"), Field("box", BOX - hole, entrance=entrance))
+            prepare_context(WorkOrder(PlanRequest(field="box"), Field("box", BOX - hole, entrance=entrance)))
         assert words in str(refused.value) and refused.value.parameter == "entrance"
 
     @pytest.mark.parametrize("entrance", [(30.0, -49.0), (30.0, 4.0), (30.0, 0.0)])
@@ -87,16 +88,18 @@ class TestPlaces:
         assert site_at(entrance).layout.field.entrance == (30.0, 0.0)
 
     def test_of_a_request_come_before_those_of_a_field(self) -> None:
-        asked = prepare_context(PlanRequest(field="box", entrance=(0.0, 50.0)), Field("box", BOX, entrance=GATE))
+        asked = prepare_context(
+            WorkOrder(PlanRequest(field="box", entrance=(0.0, 50.0)), Field("box", BOX, entrance=GATE))
+        )
         assert asked.layout.field.entrance == pytest.approx((0.0, 50.0))
 
     def test_on_the_earth_are_degrees(self) -> None:
         field = Field("box", BOX, crs="EPSG:32632", origin_m=(550_000.0, 6_300_000.0))
         ((lon, lat),) = field.to_wgs84([(60.0, 50.0)]).tolist()
-        found = prepare_context(PlanRequest(field="box", entrance=(lon, lat)), field).layout.field.entrance
+        found = prepare_context(WorkOrder(PlanRequest(field="box", entrance=(lon, lat)), field)).layout.field.entrance
         assert found == pytest.approx((60.0, 50.0), abs=1e-3)
         with pytest.raises(FieldError, match="degrees of longitude"):
-            prepare_context(PlanRequest(field="box", entrance=(lat, 95.0)), field)
+            prepare_context(WorkOrder(PlanRequest(field="box", entrance=(lat, 95.0)), field))
 
 
 def line(*points: tuple[float, float], task: str = "drive", speed: float = 1.0) -> Leg:
@@ -187,7 +190,9 @@ class TestPlan:
     @pytest.mark.slow
     def test_a_fence_all_round_is_passed_at_the_gate_alone(self) -> None:
         fence = shapely.LineString(BOX.exterior.coords)
-        pen = prepare_context(PlanRequest(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))
+        pen = prepare_context(
+            WorkOrder(PlanRequest(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))
+        )
         result = simulate_candidate(pen, Candidate("split-field", 2)).result
         assert result.feasible, result.reason
 

@@ -12,13 +12,14 @@ from shapely import affinity
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, _find_fault, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_checks import (
+from planner.evaluation.ground.contact_places import (
     ObstacleIntrusionCheck,
+    find_contact_places,
 )
-from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import FENCE, OBSTACLE
 from strategies.path_planning.machine_body import MachineBody
@@ -36,7 +37,7 @@ def fenced(
     *lines: shapely.LineString, entrance: tuple[float, float] | None = (60.0, 0.0), **options: Any
 ) -> PlanningContext:
     options = {"no_headland": True, "tractors": (1,), "bearing_deg": 90.0, **options}
-    return prepare_context(PlanRequest(**options), Field("fenced", BOX, fences=lines, entrance=entrance))
+    return prepare_context(WorkOrder(PlanRequest(**options), Field("fenced", BOX, fences=lines, entrance=entrance)))
 
 
 def standing(site: PlanningContext, *poses: tuple[float, float, float]) -> SimulationRun:
@@ -110,7 +111,9 @@ class TestPlanned:
     def test_mirrored_it_takes_as_long(self) -> None:
         def time_s(flip: float) -> float | None:
             line, box = (affinity.scale(shape, flip, 1, origin=(0, 0)) for shape in (EAST, BOX))
-            site = prepare_context(PlanRequest(no_headland=True, bearing_deg=90.0), Field("f", box, fences=(line,)))
+            site = prepare_context(
+                WorkOrder(PlanRequest(no_headland=True, bearing_deg=90.0), Field("f", box, fences=(line,)))
+            )
             return simulate_candidate(site, Candidate("split-field", 2)).result.time_s
 
         assert time_s(-1.0) == pytest.approx(time_s(1.0), rel=0.025)  # another order of lines
@@ -146,7 +149,7 @@ def test_what_is_touched_is_named() -> None:
     from fields.geometry.obstacles import Obstacle
 
     pole = Obstacle("pole", shapely.Point(60, 30), 0.25, "P7")
-    site = prepare_context(PlanRequest(no_headland=True), Field("f", BOX, obstacles=(pole,)))
+    site = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("f", BOX, obstacles=(pole,))))
     assert name_touched(standing(site, (58.0, 30.0, 0.0)), site) == ["obstacle 'P7' (pole)"]
     assert name_touched(standing(site, (57.0, 30.0, 0.0)), site) == []
 
@@ -154,7 +157,7 @@ def test_what_is_touched_is_named() -> None:
 def with_pond() -> PlanningContext:
     """A site with a pond of 20 m by 20 m, 60 m from the left."""
     holed = shapely.Polygon(BOX.exterior, [shapely.box(60, 20, 80, 40).exterior])
-    return prepare_context(PlanRequest(no_headland=True), Field("pond", holed))
+    return prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("pond", holed)))
 
 
 def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -> None:

@@ -7,6 +7,7 @@ from fields import Field
 from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.planning import plan
@@ -42,7 +43,9 @@ class TestDivided:
 
 
 def test_without_a_plan_the_field_is_drawn_with_the_places() -> None:
-    context: PlanningContext = prepare_context(PlanRequest(tractors=(1,)), Field("bare", shapely.box(0, 0, 60, 50)))
+    context: PlanningContext = prepare_context(
+        WorkOrder(PlanRequest(tractors=(1,)), Field("bare", shapely.box(0, 0, 60, 50)))
+    )
     refused = PlanResult("row-by-row", 1, "auto", False, "it touches the pond", faults=(TOUCHED,))
     ranking = PlanRanking("bare", 0.3, 1, (refused,))
     picture = build_refused_picture(context, ranking)

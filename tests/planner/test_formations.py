@@ -7,10 +7,11 @@ import pytest
 from shapely import Polygon, affinity, box
 
 from fields import Field
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
@@ -45,7 +46,9 @@ SHAPES = {
 
 
 def site_of(name: str, shape: Polygon, bearing_deg: float | None = 0.0) -> PlanningContext:
-    return prepare_context(PlanRequest(field=name, bearing_deg=bearing_deg, no_headland=True), Field(name, shape))
+    return prepare_context(
+        WorkOrder(PlanRequest(field=name, bearing_deg=bearing_deg, no_headland=True), Field(name, shape))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +58,7 @@ def sites() -> dict[str, PlanningContext]:
 
 def drive(site: PlanningContext, strategy: str, tractors: int) -> tuple[PlanResult, SimulationRun]:
     """The figures and the run of a candidate that can be driven."""
-    found: CandidateEvaluation = simulate_candidate(site, Candidate(strategy, tractors))
+    found: Outcome = simulate_candidate(site, Candidate(strategy, tractors))
     assert found.run is not None, found.result.reason
     return found.result, found.run
 

@@ -19,12 +19,13 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import build_worked_ground, find_unworked_areas
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import SHAPES
 
@@ -41,8 +42,8 @@ SHOWN = [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) 
 
 
 @cache
-def planned(name: str) -> tuple[PlanningContext, CandidateEvaluation]:
-    site = prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
+def planned(name: str) -> tuple[PlanningContext, Outcome]:
+    site = prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False), SHAPES[name]))
     return site, simulate_candidate(site, Candidate("split-field", 2))
 
 
@@ -68,7 +69,7 @@ def summary(name: str) -> list[str]:
     return [*lines, *raster(site, tried)]
 
 
-def raster(site: PlanningContext, tried: CandidateEvaluation) -> Iterator[str]:
+def raster(site: PlanningContext, tried: Outcome) -> Iterator[str]:
     """The field as `UP` lines of `ACROSS` marks, north up."""
     assert tried.run is not None
     swept = compute_swept_area(tried.run, site)

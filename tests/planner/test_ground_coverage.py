@@ -15,6 +15,7 @@ from fields import Field
 from fields.geometry import overlays
 from fields.geometry.open_edges import EdgeOverhang
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.contact_places import OVERHANG_TOLERANCE_M, Overhang, measure_overhang
 from planner.evaluation.ground.coverage import (
     compute_guided_path,
     count_reversals,
@@ -22,7 +23,6 @@ from planner.evaluation.ground.coverage import (
     measure_excursion_m,
     replace_infinite,
 )
-from planner.evaluation.ground.overhang import TOLERANCE_M, Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import (
     SHORT_SPAN_ROWS,
@@ -396,7 +396,7 @@ class TestOutside:
         run = run_of(small_site, [(18.0, 60.0 + 0.02 * k, NORTH, True) for k in range(801)])
         found = measure_overhang(run, small_site)
         assert found.farthest_m == pytest.approx(76.0 + bar_to_nose - 80.0)
-        assert found.beyond_m == pytest.approx(found.farthest_m - 0.5 - TOLERANCE_M, abs=0.05)
+        assert found.beyond_m == pytest.approx(found.farthest_m - 0.5 - OVERHANG_TOLERANCE_M, abs=0.05)
 
     def test_the_farthest_of_all_tractors_and_the_driving_of_each(self, small_site: Any) -> None:
         run = run_of(small_site, pass_north(0.0, 20.0, 60.0), pass_north(36.0, 10.0, 60.0))

@@ -14,10 +14,11 @@ from shapely.ops import substring
 
 from fields import Field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
@@ -48,7 +49,7 @@ def rectangle(place: Callable[..., PlanningContext]) -> Callable[..., PlanningCo
     return lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options)
 
 
-def of(site: PlanningContext, name: str, tractors: int) -> CandidateEvaluation:
+def of(site: PlanningContext, name: str, tractors: int) -> Outcome:
     return simulate_candidate(site, Candidate(name, tractors))
 
 
@@ -147,7 +148,7 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
       for name, tractors in (("netherlands", 1), ("netherlands", 3), ("sweden", 1), ("sweden", 2))),
 ])  # fmt: skip
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
-    site = prepare_context(PlanRequest(field=name, no_headland=False, corners="square", overhang_m=5.0))
+    site = prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False, corners="square", overhang_m=5.0)))
     evaluation = of(site, "split-field", tractors)
     assert evaluation.result.feasible and evaluation.run is not None, evaluation.result.reason
     assert (evaluation.result.worked_pct or 0.0) > 99.0 and measure_excursion_m(evaluation.run, site) < 0.5
@@ -173,7 +174,7 @@ class TestNumberOfPasses:
     FIELD = Field("rectangle", shapely.box(0, 0, 100, 60))
 
     def prepare(self, **options: Any) -> PlanningContext:
-        return prepare_context(PlanRequest(field="f", bearing_deg=90.0, **options), self.FIELD)
+        return prepare_context(WorkOrder(PlanRequest(field="f", bearing_deg=90.0, **options), self.FIELD))
 
     @pytest.mark.parametrize("passes", [2, 3, 4])
     def test_depth_and_lengths_are_those_of_a_rectangle(self, passes: int) -> None:

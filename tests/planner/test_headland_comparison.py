@@ -13,20 +13,20 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
-from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.farm_inputs import build_inputs_without_farm
-from planner.pipeline.headland_comparison import (
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.comparisons import (
     HeadlandChoices,
     compare_headlands,
     list_headland_questions,
     locate_cut_off_ground,
 )
+from planner.pipeline.executors import SerialExecutor
 from planner.request.plan_request import PlanRequest
-from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
+from reports.plan.headland_comparison import HeadlandComparison
 from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
@@ -35,7 +35,7 @@ WIDE_M, HIGH_M, CELL_M = 48.0, 36.0, 0.2
 Grid = npt.NDArray[np.int64]
 
 
-def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[PlanningContext, CandidateEvaluation]:
+def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[PlanningContext, Outcome]:
     site = place(shapely.box(0, 0, WIDE_M, HIGH_M), no_headland=False, headland_order=order, headland_passes=3)
     return site, simulate_candidate(site, Candidate("split-field", 1))
 
@@ -100,22 +100,18 @@ class TestChoices:
     def test_every_corner_with_every_order_and_number(self) -> None:
         choices = HeadlandChoices(("square", "round"), ("first", "last"), (2, 3))
         asked = choices.list_requests(PlanRequest())
-        assert [choice for choice, _ in asked] == [
-            HeadlandChoice(corners, order, passes, 3.0)
+        assert [(one.corners, one.headland_order, one.headland_passes, one.width_m) for one in asked] == [
+            (corners, order, passes, 3.0)
             for corners in ("square", "round")
             for order in ("first", "last")
             for passes in (2, 3)
         ]
-        for choice, request in asked:
-            assert (request.corners, request.headland_order, request.headland_passes) == (
-                choice.corners, choice.order, choice.passes,
-            )  # fmt: skip
 
     @pytest.mark.parametrize(("operation", "count"), [("till", 6), ("sow", 3), ("mow", 3)])
     def test_default_is_what_the_work_allows(self, operation: str, count: int) -> None:
         asked = HeadlandChoices().list_requests(PlanRequest(operation=operation))
-        assert len(asked) == count and all(choice.passes is None for choice, _ in asked)
-        assert {choice.corners for choice, _ in asked} == {"square", "round", "auto"}
+        assert len(asked) == count and all(one.headland_passes is None for one in asked)
+        assert {one.corners for one in asked} == {"square", "round", "auto"}
 
     def test_headland_that_is_not_worked_is_refused(self) -> None:
         with pytest.raises(RequestError, match="leaves the headland"):
@@ -127,7 +123,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
     """A rectangle of 48 m by 30 m and one of 36 m by 30 m with two and with three passes of 3 m, headland last."""
     path = write_farm(tmp_path_factory.mktemp("farm") / "farm.geojson", long=(0, 48, 30), short=(200, 36, 30))
     request = PlanRequest(f"{path}#long", local=True, tractors=(1,), strategies=("split-field",), bearing_deg=90.0)
-    inputs = [build_inputs_without_farm(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
+    inputs = [WorkOrder(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
     choices = HeadlandChoices(("square",), ("last",), (2, 3))
     return compare_headlands(list_headland_questions(inputs, choices, with_maps=True), SerialExecutor())
 
@@ -175,7 +171,7 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     path = tmp_path / "bell.geojson"
     path.write_text(shapely.to_geojson(bell), encoding="utf-8")
     request = PlanRequest(str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0)
-    questions = list_headland_questions([build_inputs_without_farm(request)], HeadlandChoices(("round",), ("last",)))
+    questions = list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",)))
     (each,) = compare_headlands(questions, SerialExecutor()).plans
     assert each.choice.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.parts] == [pytest.approx(4.0, abs=0.1)]

@@ -7,6 +7,7 @@ import pytest
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
 from tests.planner.shapes import SHAPES
@@ -33,7 +34,7 @@ class Guess:
 @pytest.fixture(scope="module")
 def plans(wide_site: Any) -> list[Plan]:
     """Plans of every strategy, and some on a field with a notch."""
-    notched = prepare_context(PlanRequest(field="U", no_headland=True), SHAPES["U"])
+    notched = prepare_context(WorkOrder(PlanRequest(field="U", no_headland=True), SHAPES["U"]))
     return [
         *(sketch_plans(wide_site, one, count)[0].compose().plan for one in STRATEGIES.values() for count in (1, 4)),
         *(sketch_plans(notched, STRATEGIES[name], 3)[0].compose().plan for name in ("split-field", "interleaved")),

@@ -13,6 +13,7 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.field_physics import build_field_physics
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import parse_farm
 from planner.guide.guide_pages import IMPLEMENTS_TOPIC, read_page
 from planner.pipeline.farm_inputs import complete_request_by_farm
@@ -55,10 +56,10 @@ def test_the_plan_pulls_the_row_and_depth_asked_for() -> None:
     physics = build_field_physics(request, FIELD, EG105)
     assert physics.driven_load is not None and not physics.takes_shaft_power
     assert physics.driven_load.compute_draft_n(5 * KMH) == pytest.approx(0.7 * (652 + 5.1 * 25) * 1.4 * 30)
-    context = prepare_context(replace(request, no_headland=True), FIELD)
+    context = prepare_context(WorkOrder(replace(request, no_headland=True), FIELD))
     scenario = export_request(context)
     assert scenario["draft"] == "plough" and scenario["depth_cm"] == 30.0
-    usual = export_request(prepare_context(PlanRequest(field="drawn", no_headland=True), FIELD))
+    usual = export_request(prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), FIELD)))
     assert "draft" not in usual and "depth_cm" not in usual
 
 

@@ -12,20 +12,22 @@ from fields import Field
 from planner import SerialExecutor, plan
 from planner.evaluation.candidates.evaluate import (
     Candidate,
-    CandidateEvaluation,
+    Outcome,
     simulate_candidate,
     simulate_candidates,
 )
-from planner.evaluation.candidates.incumbents import (
+from planner.evaluation.candidates.line_programme import sketch_plans
+from planner.evaluation.candidates.pruning import (
     MIN_SWATH_WORK_S,
+    Incumbent,
+    estimate_loss_s,
     find_incumbent,
     is_worth_pruning,
     prunes_candidates,
 )
-from planner.evaluation.candidates.line_programme import sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, prune_plan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, get_finished_field_s
@@ -35,18 +37,18 @@ from strategies.registry import STRATEGIES
 @pytest.fixture(scope="module")
 def round_site() -> PlanningContext:
     """60 m by 90 m with its headland worked."""
-    return prepare_context(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90)))
+    return prepare_context(WorkOrder(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90))))
 
 
 @pytest.fixture(scope="module")
-def driven_once(round_site: PlanningContext) -> Callable[[str], CandidateEvaluation]:
+def driven_once(round_site: PlanningContext) -> Callable[[str], Outcome]:
     """Two tractors on that field by a strategy."""
     return cache(lambda strategy: simulate_candidate(round_site, Candidate(strategy, 2)))
 
 
 def test_only_plans_of_large_fields_are_pruned(small_site: PlanningContext) -> None:
     assert not prunes_candidates(small_site)
-    big = prepare_context(PlanRequest(no_headland=True), Field("big", shapely.box(0, 0, 500, 400)))
+    big = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("big", shapely.box(0, 0, 500, 400))))
     assert prunes_candidates(big)
     for objective, prunes in (("surest", False), ("fuel", False), ("cheapest", True)):
         request = replace(big.request, objective=objective)
@@ -55,7 +57,7 @@ def test_only_plans_of_large_fields_are_pruned(small_site: PlanningContext) -> N
 
 def test_rounds_are_work_like_tracks() -> None:
     for length_m, many in ((165, False), (330, True)):
-        site = prepare_context(PlanRequest(), Field("strip", shapely.box(0, 0, 24, length_m)))
+        site = prepare_context(WorkOrder(PlanRequest(), Field("strip", shapely.box(0, 0, 24, length_m))))
         assert site.layout.total_length_m / site.driving_rules.work_speed_mps < MIN_SWATH_WORK_S
         assert is_worth_pruning(site) is prunes_candidates(site) is many
 
@@ -83,7 +85,7 @@ def test_the_quickest_sketch_is_driven_first_and_is_the_rival_of_others(round_si
 
 @pytest.mark.parametrize("strategy", ["interleaved", "row-by-row"])
 def test_a_candidate_that_cannot_win_is_told_with_its_bound(
-    round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
+    round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str
 ) -> None:
     driven = driven_once(strategy)
     driven_s = driven.result.time_s
@@ -101,7 +103,7 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
 
 @pytest.mark.parametrize("strategy", ["row-by-row", "row-by-row-optimised", "col-by-col"])
 def test_a_formation_is_sketched_as_it_is_driven(
-    round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
+    round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str
 ) -> None:
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
     assert run is not None
@@ -116,10 +118,10 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
     seconds = [130.0, 90.0]
     for tractor_s, is_pruned in ((219.0, True), (221.0, False)):
         rival = Incumbent("split-field", 120.0, tractor_s)
-        assert (prune_plan(site, seconds, rival) is not None) is is_pruned
-        assert prune_plan(round_site, seconds, rival) is not None
-    assert prune_plan(round_site, seconds, Incumbent("split-field", 130.0)) is None
-    assert prune_plan(round_site, seconds, None) is None
+        assert (estimate_loss_s(site, seconds, rival) is not None) is is_pruned
+        assert estimate_loss_s(round_site, seconds, rival) is not None
+    assert estimate_loss_s(round_site, seconds, Incumbent("split-field", 130.0)) is None
+    assert estimate_loss_s(round_site, seconds, None) is None
 
 
 @pytest.mark.slow
@@ -129,7 +131,7 @@ def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPa
     found = []
     for worth_s in (0.0, 1e9):
         for name in ("MIN_SWATH_WORK_S", "MIN_TOTAL_WORK_S"):
-            monkeypatch.setattr(f"planner.evaluation.candidates.incumbents.{name}", worth_s)
+            monkeypatch.setattr(f"planner.evaluation.candidates.pruning.{name}", worth_s)
         found.append(plan(scenario, field=Field("drawn", shape), executor=SerialExecutor()).ranking)
     some, whole = ({(one.strategy, one.tractors): one for one in each.plans} for each in found)
     assert found[0].best == found[1].best

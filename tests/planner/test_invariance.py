@@ -10,6 +10,7 @@ from shapely import Polygon, affinity
 from fields import Field, read_field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 
 MOST_PCT = 4.0  # the search may end in another order on a moved field: 0.8 % was seen, and 3.4 % in test_whole_field
@@ -32,7 +33,7 @@ WIDTHS_M = {"denmark": 6.0}  # chosen: half the tracks, whose turns meet the sam
 
 def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     _, strategies, counts = CASES[name]
-    site = prepare_context(PlanRequest(field=name, no_headland=True, width_m=WIDTHS_M.get(name, 3.0)), field)
+    site = prepare_context(WorkOrder(PlanRequest(field=name, no_headland=True, width_m=WIDTHS_M.get(name, 3.0)), field))
     taken = {}
     for strategy in strategies:
         for count in counts:
@@ -73,7 +74,7 @@ def test_times_stay_on_a_large_field_with_notches(how: str, still: Any, move: An
 def test_area_and_tracks_stay(how: str, move: Any) -> None:
     for name, (field, _, _) in CASES.items():
         request = PlanRequest(field=name, no_headland=True)
-        before, after = (prepare_context(request, f).layout for f in (field, move(field, MOVES[how])))
+        before, after = (prepare_context(WorkOrder(request, f)).layout for f in (field, move(field, MOVES[how])))
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
         assert after.line_count == before.line_count
         assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
@@ -85,7 +86,8 @@ def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str,
     field = read_field("netherlands")
     before, after = (
         simulate_candidate(
-            prepare_context(PlanRequest(field="netherlands", no_headland=True), f), Candidate("row-by-row", 3)
+            prepare_context(WorkOrder(PlanRequest(field="netherlands", no_headland=True), f)),
+            Candidate("row-by-row", 3),
         ).result
         for f in (field, move(field, MOVES[how]))
     )

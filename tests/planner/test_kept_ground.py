@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 import shapely
 
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
 
@@ -15,20 +15,20 @@ SLANTED = shapely.Polygon([(0, 0), (260, 0), (410, 150), (150, 150)])
 
 
 @pytest.fixture(scope="module")
-def sown(place: Any) -> tuple[PlanningContext, CandidateEvaluation]:
+def sown(place: Any) -> tuple[PlanningContext, Outcome]:
     site = place(ELL, no_headland=False, operation="sow", width_m=4.0, speed_mps=3.0)
     return site, simulate_candidate(site, Candidate("interleaved", 2))
 
 
 @pytest.mark.slow
-def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, CandidateEvaluation]) -> None:
+def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, Outcome]) -> None:
     site, found = sown
     assert found.run is not None and found.result.feasible
     assert measure_longest_reverse_m(found.run) <= site.driving_rules.max_reverse_m + 0.5
     assert "reversing" not in (found.result.remark or "")
 
 
-def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningContext, CandidateEvaluation]) -> None:
+def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningContext, Outcome]) -> None:
     _, found = sown
     plan = found.result
     assert plan.over_finished_charged

@@ -16,6 +16,7 @@ from planner.evaluation.layout_choice import (
     list_layouts,
 )
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.program.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH
@@ -28,7 +29,7 @@ LONG_L = Field("long L", shapely.Polygon([(0, 0), (260, 0), (260, 60), (60, 60),
 
 
 def site_on(field: Field, **asked: Any) -> PlanningContext:
-    return prepare_context(PlanRequest(field="f", **{"no_headland": False, **asked}), field)
+    return prepare_context(WorkOrder(PlanRequest(field="f", **{"no_headland": False, **asked}), field))
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,13 @@ from fields.geometry.obstacles import Obstacle
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, describe_left, sketch_plans
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, list_left_remarks, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
@@ -40,7 +41,7 @@ CURVED_SEED = 45005
 
 def prepare(field: Field, **request: object) -> PlanningContext:
     values: dict[str, object] = {"width_m": WIDTH_M, "tractors": (1,), **request}
-    return prepare_context(PlanRequest(**values), field=field)  # type: ignore[arg-type]
+    return prepare_context(WorkOrder(PlanRequest(**values), field=field))  # type: ignore[arg-type]
 
 
 def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
@@ -129,19 +130,18 @@ def test_the_same_request_gives_the_same_drive_bit_for_bit(context: PlanningCont
 
 
 def test_lines_that_are_left_are_in_the_remark(context: PlanningContext, programme: Programme) -> None:
-    assert describe_left(programme, context) is None
+    assert list_left_remarks(programme, context) == ()
     left = Programme(programme.table, ((),), (0, 1))
     area_m2 = sum(line.own_m2 for line in programme.table.lines[:2])
-    remark = describe_left(left, context)
-    assert remark is not None
-    assert f"2 lines of work are left, {area_m2:.0f} m2 in all" in remark
+    remark, _ = list_left_remarks(left, context)
+    assert f"2 lines of work are left ({area_m2:.0f} m2 in all" in remark
 
 
 def test_a_field_that_passes_leave_much_of_is_worked() -> None:
     """A small field with a curved edge and a boom of 24 m: passes and turns leave a twelfth of it."""
     job = draw_job(CURVED_SEED, [], exact=True)
     request = PlanRequest(width_m=job["width_m"], speed_kmh=job["speed_kmh"], tractors=(1,))
-    found = prepare_context(request, field=build_field(job), tractor=build_tractor(job["radius_m"]))
+    found = prepare_context(WorkOrder(request, field=build_field(job), tractor=build_tractor(job["radius_m"])))
     result = simulate_candidate(found, Candidate("split-field", 1)).result
     assert result.feasible
     assert (result.worked_pct or 0.0) > 95.0
@@ -185,8 +185,7 @@ def test_what_starting_and_stopping_take_does_not_depend_on_where_heights_are_kn
     far = shapely.transform(RECTANGLE, lambda points: points + 500.0)
     grid = ElevationGrid(490.0, 490.0, 5.0, np.zeros((25, 45)))
     found = prepare_context(
-        PlanRequest(field="far", width_m=WIDTH_M, tractors=(1,)),
-        field=Field("far", far),
+        WorkOrder(PlanRequest(field="far", width_m=WIDTH_M, tractors=(1,)), field=Field("far", far)),
         physics=replace(LEVEL_GROUND, terrain=build_terrain(grid)),
     )
     level, high = (SiteMoves(build_site(one), []).drives.rest_s for one in (context, found))

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from planner.errors import HeadlandError
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_example_farm
 from planner.pipeline.executors import SerialExecutor, connect_cluster
-from planner.pipeline.farm_inputs import build_inputs_without_farm
 from planner.pipeline.many_fields import (
     AnswerFile,
     FieldAnswer,
@@ -36,7 +36,7 @@ def test_answers_hold_for_what_the_files_hold(tmp_path: Path, named: str) -> Non
     folder.mkdir()
     path = folder / ("Elevation.txt" if named == "elevation" else "soils.csv")
     value = str(folder) if named == "elevation" else f"{path}#north"
-    inputs = build_inputs_without_farm(PlanRequest(**{named: value}))  # type: ignore[arg-type]
+    inputs = WorkOrder(PlanRequest(**{named: value}))  # type: ignore[arg-type]
     keys = set()
     for text in ("one", "two"):
         path.write_text(text)
@@ -53,9 +53,7 @@ def farm(tmp_path: Path) -> Path:
 def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
     return [
         FieldQuestion(
-            build_inputs_without_farm(
-                PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",))
-            )
+            WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",)))
         )
         for field in expand_field_names([f"{farm}#*"], local=True)
         for width in widths
@@ -136,11 +134,11 @@ def test_one_field_that_fails_does_not_end_the_rest(farm: Path) -> None:
 
 def test_the_digest_changes_with_the_question_and_with_the_file(farm: Path) -> None:
     one, two = (questions(farm, width)[0] for width in (3.0, 4.0))
-    before = hash_question(one.inputs)
-    assert before == hash_question(questions(farm, 3.0)[0].inputs)
-    assert before != hash_question(two.inputs)
+    before = hash_question(one.order)
+    assert before == hash_question(questions(farm, 3.0)[0].order)
+    assert before != hash_question(two.order)
     farm.write_text(farm.read_text(encoding="utf-8") + " ", encoding="utf-8")
-    assert before != hash_question(one.inputs)
+    assert before != hash_question(one.order)
 
 
 def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
@@ -154,7 +152,7 @@ def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
     with path.open("a", encoding="utf-8") as file:
         file.write('{"key": "c", "ref')
     assert list(read_answer_file(path)) == ["b", "a"]
-    keeper.write_all_records([{"key": "a"}, {"key": "b"}])
+    keeper.replace_records([{"key": "a"}, {"key": "b"}])
     assert path.read_text(encoding="utf-8") == '{"key": "a"}\n{"key": "b"}\n'
 
 
@@ -200,9 +198,9 @@ def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, 
 def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_digest(farm: Path) -> None:
     (question,) = questions(farm, 3.0)[:1]
     times = load_example_farm().times
-    late = FieldQuestion(replace(question.inputs, times=times))
-    assert hash_question(question.inputs) != hash_question(late.inputs)
-    assert hash_question(question.inputs) != hash_question(question.inputs, True)
+    late = FieldQuestion(replace(question.order, times=times))
+    assert hash_question(question.order) != hash_question(late.order)
+    assert hash_question(question.order) != hash_question(question.order, True)
     ((_, answer),) = iter_answers(SerialExecutor(), [late])
     assert answer.ranking is not None and answer.ranking.best is not None
     assert answer.ranking.best.transport_s is not None

@@ -80,7 +80,7 @@ class TestKnownAnswers:
         assert abs(found.finish_probability - wanted) < 3 * math.sqrt(wanted * (1 - wanted) / DRAWS)
         # At a metre a second and onset t the share min(t / T, 1) is done: (1 - exp(-rT)) / rT in the mean.
         done = (1 - math.exp(-rate * 3600.0)) / (rate * 3600.0)
-        assert abs((1 - found.unworked_share) - done) < 3 * 0.3 / math.sqrt(DRAWS)
+        assert abs(float(found.outcomes.worked_share.mean()) - done) < 3 * 0.3 / math.sqrt(DRAWS)
 
     def test_two_tractors_alone_multiply(self) -> None:
         chances, limit = only(speed_cv=0.3), 1050.0
@@ -127,7 +127,7 @@ class TestKnownAnswers:
         assert found.finish_probability == wanted
         assert (found.p50_s, found.p95_s) == (1000.0, 1000.0)
         assert set(found.variance_shares.values()) == {0.0}
-        assert found.unworked_share == pytest.approx(max(0.0, 1.0 - limit / 1000.0))
+        assert 1.0 - found.outcomes.worked_share.mean() == pytest.approx(max(0.0, 1.0 - limit / 1000.0))
 
     @pytest.mark.parametrize("name", ["speed_cv", "turn_cv", "job_cv", "stops_per_hour"])
     def test_more_noise_never_helps_a_plan_that_is_early(self, name: str) -> None:

@@ -10,6 +10,7 @@ import shapely
 from fields.geometry.field import Field
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import LEADS_M, MoveDrives, Passage, measure_settling
 from strategies.moves.move import Move
@@ -24,7 +25,7 @@ STRETCH_M = 40.0
 @pytest.fixture(scope="module")
 def site() -> Site:
     field = Field("rectangle", shapely.box(0.0, 0.0, 200.0, 120.0))
-    return get_site_moves(prepare_context(PlanRequest(tractors=(1,)), field=field)).site
+    return get_site_moves(prepare_context(WorkOrder(PlanRequest(tractors=(1,)), field=field))).site
 
 
 def make_passage(start: Pose, turn_rad: float, radius_m: float, lead_m: float = 3.0) -> Passage:

@@ -14,10 +14,11 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overhang import measure_overhang
+from planner.evaluation.ground.contact_places import measure_overhang
 from planner.evaluation.ground.unworked_area import MAX_MISSED_SHARE
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from tests.examples import seldom
@@ -95,7 +96,7 @@ def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     evaluation = simulate_candidate(site, Candidate("split-field", 1))
     assert "beyond the outline" not in (evaluation.result.remark or "") and evaluation.run is not None
     strict = replace(site, request=replace(site.request, overhang_m=0.2))
-    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none", None))
+    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none"))
     assert (result.outside_along_m or 0.0) > 1.0
     assert f"reach up to {result.outside_m:.1f} m beyond the outline" in (result.remark or "")
 
@@ -137,7 +138,9 @@ def test_mirrored_fields_are_driven_alike(lay: Any) -> None:
 ])  # fmt: skip
 def test_samples_at_ordinary_speeds(name: str, width_m: float, speed_kmh: float) -> None:
     auto, square, rounded = (
-        work(prepare_context(PlanRequest(field=name, width_m=width_m, speed_mps=speed_kmh / 3.6, corners=one)))
+        work(
+            prepare_context(WorkOrder(PlanRequest(field=name, width_m=width_m, speed_mps=speed_kmh / 3.6, corners=one)))
+        )
         for one in ("auto", "square", "round")
     )
     assert auto.feasible, auto.reason

@@ -8,6 +8,7 @@ from fields.geometry.obstacles import Obstacle
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.pictures import build_outline_picture, exclude_cut_off_piece
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import UnworkedPiece
@@ -19,7 +20,7 @@ BOX = shapely.box(0, 0, 100, 60)
 def cut() -> PlanningContext:
     """100 m by 60 m with a ditch of 1.5 m across it, 30 m from the left, margin 0.3 m."""
     ditch = Obstacle("ditch", shapely.LineString([(30, -5), (30, 65)]), 0.75)
-    return prepare_context(PlanRequest(field="cut", no_headland=True), Field("cut", BOX, obstacles=(ditch,)))
+    return prepare_context(WorkOrder(PlanRequest(field="cut", no_headland=True), Field("cut", BOX, obstacles=(ditch,))))
 
 
 def test_the_map_is_of_the_whole_field(cut: PlanningContext) -> None:

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner.errors import RequestError
-from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
+from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST, PlanRequest
 from planner.risk.plan_choice import PlanFigures, choose_best, write_advice
 from tests.examples import count_examples
 
@@ -165,7 +165,7 @@ class TestChoice:
 
     def test_an_unknown_preference_is_refused(self) -> None:
         with pytest.raises(RequestError, match=r"objective 'cheap' is unknown \(did you mean 'cheapest'\?\)"):
-            choose_best(TABLE, "cheap")
+            PlanRequest(objective="cheap")
 
     @given(
         st.lists(

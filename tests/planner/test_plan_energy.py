@@ -16,6 +16,7 @@ from planner.evaluation.candidates.evaluate import Candidate, CandidateRun, run_
 from planner.evaluation.candidates.figures import measure_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
@@ -34,7 +35,7 @@ NOTHING = FarmPrices(tractor_price=0.0, implement_price=0.0, supervision_share=0
 @cache
 def drive(tractors: int = 1) -> tuple[PlanningContext, CandidateRun]:
     """A small field driven by row."""
-    context = prepare_context(PlanRequest(field="drawn", no_headland=True), FIELD)
+    context = prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), FIELD))
     return context, run_candidate(context, Candidate("row-by-row", tractors))
 
 
@@ -106,7 +107,7 @@ def test_what_is_not_known_is_not_said() -> None:
 )
 def test_the_objective_fuel_needs_known_fuel(values: dict[str, Any], tractor: Any, cause: str) -> None:
     with pytest.raises(RequestError, match=cause) as refusal:
-        prepare_context(PlanRequest(field="drawn", objective=LEAST_FUEL, **values), FIELD, tractor)
+        prepare_context(WorkOrder(PlanRequest(field="drawn", objective=LEAST_FUEL, **values), FIELD, tractor))
     assert refusal.value.parameter == "objective"
 
 

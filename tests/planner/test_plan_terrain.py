@@ -17,17 +17,17 @@ from fields.documents.reader import read_field
 from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_simulate
 from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.pipeline.outputs.driving_steps import list_steps
-from planner.pipeline.outputs.saved_physics import export_physics, read_physics
-from planner.pipeline.outputs.saved_plans import rerun_plan, write_saved_plan
+from planner.pipeline.outputs.saved_plans import export_physics, read_physics, rerun_plan, write_saved_plan
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from tests.drawn_fields import feature, rectangle, write_features, write_heights
@@ -52,11 +52,11 @@ def tilt(east: float, north: float, **values: str) -> PlanningContext:
     level = build_field_physics(request, FIELD, load_tractor("eg105"))
     places = np.arange(-60.0, 161.0, 5.0)
     terrain = Terrain(-60.0, -60.0, 5.0, east * places[None, :] + north * places[:, None])
-    return prepare_context(request, FIELD, physics=FieldPhysics(terrain, level.load, True, soil=level.soil))
+    return prepare_context(WorkOrder(request, FIELD), physics=FieldPhysics(terrain, level.load, True, soil=level.soil))
 
 
 @cache
-def drive(east: float, north: float) -> CandidateEvaluation:
+def drive(east: float, north: float) -> Outcome:
     return simulate_candidate(tilt(east, north), ONE)
 
 
@@ -149,7 +149,7 @@ def test_a_saved_plan_is_driven_on_its_heights_without_their_file() -> None:
     physics = read_physics(saved, context.request, context.tractor)
     assert physics.load == context.physics.load and physics.terrain is not None and context.physics.terrain is not None
     assert physics.terrain.heights_m == pytest.approx(context.physics.terrain.heights_m, abs=1e-4)
-    level = prepare_context(PlanRequest(field="drawn", no_headland=True), FIELD)
+    level = prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), FIELD))
     assert export_physics(level.physics, level.request, level.tractor) == {}
 
 
@@ -227,7 +227,9 @@ class TestFieldKey:
 
 class TestSoil:
     def test_the_name_chooses_the_load_and_says_what_it_bears(self) -> None:
-        context = prepare_context(PlanRequest(field="drawn", no_headland=True, soil="loam", moisture_pct=22.0), FIELD)
+        context = prepare_context(
+            WorkOrder(PlanRequest(field="drawn", no_headland=True, soil="loam", moisture_pct=22.0), FIELD)
+        )
         load = context.physics.driven_load
         assert load is not None and load.mobility_number is not None and context.physics.terrain is None
         sentences = " ".join(describe_ground(context))
@@ -240,7 +242,7 @@ class TestSoil:
 
     def test_a_wide_implement_is_stuck_where_a_narrow_one_is_not(self) -> None:
         wide = PlanRequest(field="drawn", no_headland=True, soil="silt loam", width_m=9.0)
-        told = " ".join(describe_ground(prepare_context(wide, Field("drawn", shapely.box(0, 0, 90, 90)))))
+        told = " ".join(describe_ground(prepare_context(WorkOrder(wide, Field("drawn", shapely.box(0, 0, 90, 90))))))
         assert "Silt loam does not give the pull for this work from about" in told
 
     def test_a_table_of_ones_own(self, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.path_planning.errors import StrategyError
@@ -45,14 +46,14 @@ BATTERY = BatteryParameters(capacity_kwh=25.0, charger_kw=60.0, connect_s=60.0, 
 @cache
 def prepare(refill: str) -> PlanningContext:
     request = PlanRequest(width_m=WIDTH_M, tractors=(1,), refill=refill)
-    return prepare_context(request, field=Field("rectangle", RECTANGLE), supply=Supply(LOAD, RATE, STAND_S))
+    return prepare_context(WorkOrder(request, field=Field("rectangle", RECTANGLE), supply=Supply(LOAD, RATE, STAND_S)))
 
 
 @cache
 def prepare_electric() -> PlanningContext:
     electric = load_tractor("eg105").model_copy(update={"drive": "electric", "battery": BATTERY})
     request = PlanRequest(width_m=3.0, tractors=(1,), refill="0,45")
-    return prepare_context(request, field=Field("rectangle", RECTANGLE), tractor=electric)
+    return prepare_context(WorkOrder(request, field=Field("rectangle", RECTANGLE), tractor=electric))
 
 
 def make_table(context: PlanningContext) -> MoveTable:

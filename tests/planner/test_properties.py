@@ -19,6 +19,7 @@ from planner.evaluation.candidates.evaluate import (
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from strategies.registry import STRATEGIES
@@ -40,7 +41,7 @@ def sites(draw: Any) -> PlanningContext:
     assume(hull.geom_type == "Polygon" and hull.area > 3000)
     turned = shapely.affinity.rotate(hull, draw(st.floats(0, 360)), origin=(0, 0))
     try:
-        return prepare_context(PlanRequest(field="random", no_headland=True), Field("random", turned))
+        return prepare_context(WorkOrder(PlanRequest(field="random", no_headland=True), Field("random", turned)))
     except FieldError:
         assume(False)
         raise

@@ -10,6 +10,7 @@ import shapely
 from fields import Field
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
 from planner.pipeline.ranking import list_assumptions
 from planner.request.plan_request import PlanRequest
@@ -72,7 +73,7 @@ def test_fine_soil_pulls_harder_and_the_sentence_names_it() -> None:
 
 def test_the_soil_of_a_plan_is_asked_about() -> None:
     wide = PlanRequest(field="drawn", no_headland=True, soil="clay", width_m=6.0, speed_mps=12 * KMH)
-    context = prepare_context(wide, Field("drawn", shapely.box(0, 0, 90, 90)))
+    context = prepare_context(WorkOrder(wide, Field("drawn", shapely.box(0, 0, 90, 90))))
     assert any("in fine soil, is that of ASAE D497" in sentence for sentence in list_assumptions(context))
 
 

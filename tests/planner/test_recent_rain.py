@@ -13,6 +13,7 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.field_physics import build_field_physics, estimate_requested_moisture, find_requested_soil
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import export_request
 from planner.request.plan_request import PlanRequest
 from planner.request.recent_rain import DEFAULT_ET0_MM, parse_recent_rain
@@ -45,7 +46,7 @@ def test_rain_says_the_moisture_of_a_plan_unless_that_is_given() -> None:
 
 def test_the_plan_tells_the_estimate_with_its_interval() -> None:
     request = PlanRequest(field="drawn", no_headland=True, soil="loam", rain_mm="20,20", et0_mm=1.0)
-    context = prepare_context(request, FIELD)
+    context = prepare_context(WorkOrder(request, FIELD))
     text = " ".join(describe_ground(context))
     scenario = export_request(context)
     low, high = scenario["estimated_moisture_range_pct"]
@@ -59,7 +60,9 @@ def test_the_plan_tells_the_estimate_with_its_interval() -> None:
         [scenario["estimated_moisture_pct"], low, high], abs=0.06
     )
     assert scenario["moisture_pct"] == pytest.approx(scenario["estimated_moisture_pct"], abs=0.01)
-    assert "rain_mm" not in export_request(prepare_context(PlanRequest(field="drawn", no_headland=True), FIELD))
+    assert "rain_mm" not in export_request(
+        prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), FIELD))
+    )
 
 
 @pytest.mark.parametrize(("values", "sentence"), [

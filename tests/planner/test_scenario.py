@@ -13,6 +13,7 @@ from planner import HeadlandError, diagnose, replay
 from planner.cli.common.options import get_option_name
 from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.option_texts import format_clock, parse_clock, parse_counts, parse_strategies
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples
@@ -178,9 +179,9 @@ class TestBlame:
     @pytest.mark.parametrize(
         ("ask", "parameter"),
         [
-            (lambda: prepare_context(PlanRequest("nowhere.geojson")), "field"),
-            (lambda: prepare_context(PlanRequest(), tractor="none"), "tractor"),
-            (lambda: prepare_context(PlanRequest(gnss=True, gnss_table="none.csv")), "gnss_table"),
+            (lambda: prepare_context(WorkOrder(PlanRequest("nowhere.geojson"))), "field"),
+            (lambda: prepare_context(WorkOrder(PlanRequest(), tractor="none")), "tractor"),
+            (lambda: prepare_context(WorkOrder(PlanRequest(gnss=True, gnss_table="none.csv"))), "gnss_table"),
             (lambda: replay("none.csv"), "log"),
             (lambda: replay("none.csv", tractor="none"), "tractor"),
             (lambda: diagnose("none.csv"), "logs"),

@@ -14,8 +14,14 @@ from hypothesis import strategies as st
 
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import Coverage, measure_coverage
-from planner.evaluation.ground.sections import MIN_UNWORKED_M, build_swept_polygons, switch_sections
-from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area, compute_swept_between_rows
+from planner.evaluation.ground.swept_area import (
+    MIN_UNWORKED_M,
+    SweptArea,
+    build_swept_polygons,
+    compute_swept_area,
+    compute_swept_between_rows,
+    switch_sections,
+)
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples

@@ -13,10 +13,11 @@ import shapely
 
 from fields import Field, read_field, write_field
 from planner.errors import RequestError
-from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.ranking import rank_plans
@@ -52,11 +53,11 @@ MORE_CASES: list[Case] = [
 @cache
 def site_for(refill: str | None, no_headland: bool = True, supply: Supply | None = TANK) -> PlanningContext:
     scenario = PlanRequest(field="drawn", no_headland=no_headland, refill=refill)
-    return prepare_context(scenario, Field("drawn", BOX), supply=supply)
+    return prepare_context(WorkOrder(scenario, Field("drawn", BOX), supply=supply))
 
 
 @cache
-def driven(refill: str, tractors: int, strategy: str, no_headland: bool) -> CandidateEvaluation:
+def driven(refill: str, tractors: int, strategy: str, no_headland: bool) -> Outcome:
     return simulate_candidate(site_for(refill, no_headland), Candidate(strategy, tractors))
 
 
@@ -190,9 +191,10 @@ def test_the_place_costs_more_than_the_headland_and_a_far_one_more_than_a_near_o
     times = [driven(refill, 1, "split-field", True).result.time_s or 0.0 for refill in (HEADLAND, "30,0")]
     wide = simulate_candidate(
         prepare_context(
-            PlanRequest(field="drawn", no_headland=True, refill="-45,0"), Field("drawn", BOX), supply=TANK
-        ), Candidate("split-field", 1),
-    )  # fmt: skip
+            WorkOrder(PlanRequest(field="drawn", no_headland=True, refill="-45,0"), Field("drawn", BOX), supply=TANK)
+        ),
+        Candidate("split-field", 1),
+    )
     assert times[0] < times[1] < (wide.result.time_s or 0.0)
 
 
@@ -218,7 +220,7 @@ def test_formations_that_would_have_to_part_say_what_helps(refill: str) -> None:
 )
 def test_what_cannot_be_is_refused_in_a_sentence(refill: str | None, supply: Supply | None, words: str) -> None:
     with pytest.raises(RequestError) as refusal:
-        prepare_context(PlanRequest(field="drawn", refill=refill), Field("drawn", BOX), supply=supply)
+        prepare_context(WorkOrder(PlanRequest(field="drawn", refill=refill), Field("drawn", BOX), supply=supply))
     assert words in str(refusal.value)
 
 
@@ -235,16 +237,20 @@ def test_the_field_file_says_where(tmp_path: Path) -> None:
     write_field(Field("drawn", BOX, service_point=(60.0, 40.0)), path)
     field = read_field(path)
     assert field.service_point == (60.0, 40.0)
-    site = prepare_context(PlanRequest(field="drawn", no_headland=True), field, supply=TANK)
+    site = prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), field, supply=TANK))
     assert site.supply is not None and (site.supply.served_at, site.supply.place) == (PLACE, (60.0, 40.0))
-    asked = prepare_context(PlanRequest(field="drawn", no_headland=True, refill="tender"), field, supply=TANK)
+    asked = prepare_context(
+        WorkOrder(PlanRequest(field="drawn", no_headland=True, refill="tender"), field, supply=TANK)
+    )
     assert asked.supply is not None and (asked.supply.served_at, asked.supply.place) == (SERVICE_VEHICLE, None)
 
 
 def test_stops_have_their_place_on_the_earth() -> None:
     field = Field("earth", BOX, crs="EPSG:32632", origin_m=(500_000.0, 5_400_000.0))
     lon, lat = field.to_wgs84([(0.0, 0.0)])[0].tolist()
-    site = prepare_context(PlanRequest(field="earth", no_headland=True, refill=f"{lon},{lat}"), field, supply=TANK)
+    site = prepare_context(
+        WorkOrder(PlanRequest(field="earth", no_headland=True, refill=f"{lon},{lat}"), field, supply=TANK)
+    )
     assert site.supply is not None and site.supply.place == pytest.approx((0.0, 0.0), abs=1e-3)
     plan = Plan((), {"refills": [{"tractor": 1, "leg": 3, "amount": 5.0, "x_m": 0.0, "y_m": 0.0}]})
     (told,) = add_coordinates(plan, field).notes["refills"]

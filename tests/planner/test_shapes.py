@@ -12,9 +12,9 @@ from shapely.affinity import translate
 
 from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.comparisons import HeadlandChoices, compare_headlands, list_headland_questions
 from planner.pipeline.executors import LocalPool, SerialExecutor
-from planner.pipeline.farm_inputs import build_inputs_without_farm
-from planner.pipeline.headland_comparison import HeadlandChoices, compare_headlands, list_headland_questions
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import plan
@@ -112,11 +112,11 @@ def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
     driven = simulate_saved_plan(tmp_path / "plan.json")
     assert driven.request == request and driven.run.duration_s == answer.run.duration_s
     comparison = compare_headlands(
-        list_headland_questions([build_inputs_without_farm(request)], HeadlandChoices(("round",), ("last",))),
+        list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",))),
         SerialExecutor(),
     )
     assert comparison.plans[0].field_name == "North"
-    assert hash_question(build_inputs_without_farm(request)) == hash_question(build_inputs_without_farm(request))
+    assert hash_question(WorkOrder(request)) == hash_question(WorkOrder(request))
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import mark_worked_shares, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
@@ -21,7 +22,7 @@ def build_context(*, is_divided: bool = False, no_headland: bool = False, **more
     """A field of 60 x 80 m, with or without a ditch across it that leaves two parts of 2,355 and 2,325 m2."""
     ditch = Obstacle("ditch", shapely.LineString([(-5, 40.2), (65, 40.2)]), 0.75)
     field = Field("plot", shapely.box(0, 0, 60, 80), obstacles=(ditch,) if is_divided else ())
-    return prepare_context(PlanRequest(field="plot", no_headland=no_headland, **more), field)  # type: ignore[arg-type]
+    return prepare_context(WorkOrder(PlanRequest(field="plot", no_headland=no_headland, **more), field))  # type: ignore[arg-type]
 
 
 def build_result(worked_pct: float, **more: object) -> PlanResult:

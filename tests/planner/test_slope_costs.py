@@ -11,7 +11,7 @@ import shapely
 
 from fields import Field
 from fields.layout.swaths import lay_swaths
-from planner.evaluation.slope_costs import SlopeCosts
+from planner.evaluation.layout_choice import SlopeCosts
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import load_tractor
 from vehicle.model.work_load import WorkLoad

@@ -16,6 +16,7 @@ from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import ROOM_TOLERANCE_M
 from tests.examples import seldom
@@ -30,7 +31,7 @@ AT_END = Obstacle("pole", shapely.Point(13, 31), 0.25)
 
 def site_with(*obstacles: Obstacle, no_headland: bool = True, **options: Any) -> PlanningContext:
     request = PlanRequest(bearing_deg=90.0, no_headland=no_headland, tractors=(1,), **options)
-    return prepare_context(request, Field("posts", BOX, obstacles=obstacles))
+    return prepare_context(WorkOrder(request, Field("posts", BOX, obstacles=obstacles)))
 
 
 def nearest_m(run: SimulationRun, site: PlanningContext, shape: shapely.Geometry) -> float:
@@ -103,7 +104,7 @@ def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
         field = Field(
             "posts", at(BOX), obstacles=(Obstacle(obstacle.kind, at(obstacle.geometry), obstacle.half_width_m),)
         )
-        site = prepare_context(PlanRequest(bearing_deg=90.0, no_headland=True, tractors=(2,)), field)
+        site = prepare_context(WorkOrder(PlanRequest(bearing_deg=90.0, no_headland=True, tractors=(2,)), field))
         return simulate_candidate(site, Candidate("split-field", 2)).result.time_s
 
     assert time_s(True) == pytest.approx(time_s(False), rel=0.04)
@@ -114,7 +115,9 @@ def test_a_side_cut_at_the_arc_of_a_round_corner_is_led_to(x_m: float) -> None:
     """A tree just behind a corner leaves no room for its arc: a raised path leads on to what remains of the side."""
     tree = Obstacle("tree", shapely.Point(x_m, 5.0), 1.5)
     field = Field("tree", shapely.box(0.0, 0.0, 150.0, 110.0), obstacles=(tree,))
-    site = prepare_context(PlanRequest(width_m=6.0, corners="round", tractors=(1,), speed_mps=10.0 / 3.6), field)
+    site = prepare_context(
+        WorkOrder(PlanRequest(width_m=6.0, corners="round", tractors=(1,), speed_mps=10.0 / 3.6), field)
+    )
     result = simulate_candidate(site, Candidate("row-by-row", 1)).result
     assert result.reason is None or "obstacle" in result.reason
 

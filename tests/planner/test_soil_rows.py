@@ -13,6 +13,7 @@ import pytest
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.soil_rows import SoilLine, build_soil_row, format_soil_table, parse_soil_line
 from planner.request.plan_request import PlanRequest
 from tests.reports.test_diagnosis import diagnosis, in_model
@@ -60,7 +61,7 @@ def test_a_plan_drives_with_the_soil_in_place_of_the_tractor_file(tmp_path: Path
     known = {"wheel_slip": EffectSetting(value={"ratio": 0.2}), "speed_lag": EffectSetting(value={"time_s": 1.0})}
     tractor = load_tractor("eg105").model_copy(update={"effects": known})
     request = PlanRequest(field="iwamizawa", soil=f"{tmp_path}/soils.csv#north", moisture_pct=22.0)
-    effects = prepare_context(request, tractor=tractor).tractor.effects
+    effects = prepare_context(WorkOrder(request, tractor=tractor)).tractor.effects
     assert effects["wheel_slip"].value == {"ratio": 0.06} and effects["speed_lag"] == known["speed_lag"]
 
 

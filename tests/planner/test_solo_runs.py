@@ -7,9 +7,10 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
+from planner.evaluation.candidates.fleet_drive import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.sim.incremental import IncrementalSimulator
@@ -18,7 +19,7 @@ from vehicle.sim.incremental import IncrementalSimulator
 @pytest.fixture(scope="module")
 def round_site() -> PlanningContext:
     """60 m by 90 m with its headland worked."""
-    return prepare_context(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90)))
+    return prepare_context(WorkOrder(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90))))
 
 
 def build_fleet(tractors: int) -> Plan:
@@ -42,7 +43,7 @@ def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(
     first = alone(one)
     alone(other)
     assert alone(one) is first
-    monkeypatch.setattr("planner.evaluation.candidates.solo_runs.MAX_ROWS", 0)
+    monkeypatch.setattr("planner.evaluation.candidates.fleet_drive.MAX_ROWS", 0)
     alone(third)
     again = alone(one)
     assert again is not first and np.array_equal(again.record, first.record)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.solo_runs import SoloRuns
+from planner.evaluation.candidates.fleet_drive import SoloRuns
 from planner.traffic.giving_way import resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
@@ -88,9 +88,10 @@ class TestGivingWay:
 
 def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
     from planner.evaluation.preparation import prepare_context
+    from planner.evaluation.work_order import WorkOrder
     from planner.request.plan_request import PlanRequest
 
-    site = prepare_context(PlanRequest(field="netherlands", no_headland=True))
+    site = prepare_context(WorkOrder(PlanRequest(field="netherlands", no_headland=True)))
     for name in ("interleaved", "split-field"):
         tried = run_candidate(site, Candidate(name, 4))
         assert tried.reason is None and tried.run.contacts == () and tried.run.min_clearance_m > 0

@@ -20,7 +20,7 @@ from shapely import affinity
 from fields import Field
 from planner.evaluation.candidates.evaluate import (
     Candidate,
-    CandidateEvaluation,
+    Outcome,
     simulate_candidate,
 )
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
@@ -28,6 +28,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.saved_plans import read_request, rerun_plan
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
@@ -59,7 +60,7 @@ CASES = [
 
 
 def site_of(field: Field) -> PlanningContext:
-    return prepare_context(PlanRequest(field=field.name, no_headland=False), field)
+    return prepare_context(WorkOrder(PlanRequest(field=field.name, no_headland=False), field))
 
 
 @cache
@@ -68,7 +69,7 @@ def still(name: str) -> PlanningContext:
 
 
 @cache
-def tried(name: str, strategy: str, count: int) -> CandidateEvaluation:
+def tried(name: str, strategy: str, count: int) -> Outcome:
     return simulate_candidate(still(name), Candidate(strategy, count))
 
 

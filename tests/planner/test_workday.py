@@ -15,6 +15,7 @@ from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Duty, Workday, build_workday, estimate_field_road
@@ -137,13 +138,15 @@ class TestDay:
         yard = Yard(lon=9.83, lat=56.83)
         plain = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR)
         terms = CostTerms(FarmPrices(per_hour=36.0, supervision_share=0.0))
-        free = simulate_candidate(prepare_context(plain, FIELD, cost_terms=terms), Candidate("split-field", 2)).result
+        free = simulate_candidate(
+            prepare_context(WorkOrder(plain, FIELD, cost_terms=terms)), Candidate("split-field", 2)
+        ).result
         assert free.time_s is not None and free.cost is not None and free.transport_s is None
         day = self.day()
         until = 8 * HOUR + math.ceil(day.before_field_s + free.time_s)
         for before, meets in ((until + 1, True), (until - 2, False)):
             asked_for = replace(plain, deadline_s=before, samples=0)
-            site = prepare_context(asked_for, FIELD, cost_terms=terms, times=self.TIMES, yard=yard)
+            site = prepare_context(WorkOrder(asked_for, FIELD, cost_terms=terms, times=self.TIMES, yard=yard))
             found = simulate_candidate(site, Candidate("split-field", 2)).result
             assert found.meets_deadline is meets
         assert found.time_s == free.time_s
@@ -158,12 +161,12 @@ class TestDay:
     def test_draws_count_it(self) -> None:
         """What is certain is in time by the clock or never: before the road, the break and the night are over."""
         scenario = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR, samples=50)
-        free = simulate_candidate(prepare_context(scenario, FIELD), Candidate("split-field", 1)).result
+        free = simulate_candidate(prepare_context(WorkOrder(scenario, FIELD)), Candidate("split-field", 1)).result
         assert free.time_s is not None
         late = 8 * HOUR + round(self.day().before_field_s + 0.5 * free.time_s)
         for before, chance in ((late, 0.0), (7 * HOUR, 1.0)):
             site = prepare_context(
-                replace(scenario, deadline_s=before), FIELD, times=self.TIMES, yard=Yard(lon=9.83, lat=56.83)
+                WorkOrder(replace(scenario, deadline_s=before), FIELD, times=self.TIMES, yard=Yard(lon=9.83, lat=56.83))
             )
             assert simulate_candidate(site, Candidate("split-field", 1)).result.finish_probability == chance
 

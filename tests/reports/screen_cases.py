@@ -89,12 +89,12 @@ RAIN = replace(
 LATE_RANKING = build_sampled(dict.fromkeys(SURE, 0.0), dict.fromkeys(SURE, 157.0), 600.0, deadline="13:10",
                              chosen=None, shortfalls=(Shortfall("late"),))  # fmt: skip
 REMARKED = replace(
-    DEADLINE, plans=tuple(replace(plan, remark=f"{REMARK}; 12 m of the headland cannot be reached and are skipped")
+    DEADLINE, plans=tuple(replace(plan, remarks=(REMARK, "12 m of the headland cannot be reached and are skipped"))
                           for plan in DEADLINE.plans), cut_off_m2=3400.0,
 )  # fmt: skip
 WEAK = replace(
     DEADLINE, pull=PullFigures("cultivator", 6.0, 8.0, 15.0, 40.0, 70.0, 90.0, 56.0, 3.7, 4.9, 30.0),
-    plans=tuple(replace(plan, remark=REMARK) for plan in DEADLINE.plans),
+    plans=tuple(replace(plan, remarks=(REMARK,)) for plan in DEADLINE.plans),
 )  # fmt: skip
 TOO_WEAK = replace(WEAK, pull=replace(WEAK.pull, needed_kw=90.0), shortfalls=(Shortfall("pull"),))
 CUT_OFF = replace(

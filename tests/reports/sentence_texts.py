@@ -30,7 +30,7 @@ TELLING_MODULES = (
     "planner/traffic/giving_way.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",
-    "planner/evaluation/headland_depth.py", "fields/terrain/checks.py",
+    "planner/evaluation/preparation.py", "fields/terrain/checks.py",
     "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
     "planner/risk/assessment.py", "planner/risk/advice.py", "strategies/row_by_row_optimised.py",
     "reports/common/plan_results.py", "reports/day/tables.py",

@@ -156,7 +156,7 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
     has_samples, has_start = draw(st.booleans()), draw(st.booleans())
     plans = []
     for place, (strategy, tractors, hours, cost, share, late) in enumerate(draw(plans_drawn), start=1):
-        plan = build_plan(place, strategy, tractors, hours, cost, remark=draw(st.sampled_from((None, REMARK))))
+        plan = build_plan(place, strategy, tractors, hours, cost, remarks=draw(st.sampled_from(((), (REMARK,)))))
         has_share = limit_s is not None
         plan = add_samples(plan, share if has_share else None, late, limit_s) if has_samples else plan
         plans.append(plan if has_samples or limit_s is None else replace(plan, meets_deadline=hours * 3600 <= limit_s))

@@ -97,7 +97,7 @@ def test_names_are_escaped_and_shortened(ranking: PlanRanking, drive: PlanDrive,
     html = check_shown(replace(ranking, field_name=name, plans=ranking.plans[:2]))
     assert EVIL not in html and ("&lt;script&gt;" in html) == (name == EVIL)
     check_shown(replace(drive, title=name))
-    plan = replace(ranking.plans[0], strategy=name, remark=name)
+    plan = replace(ranking.plans[0], strategy=name, remarks=(name,))
     assert EVIL not in check_shown(plan)
 
 

@@ -91,7 +91,7 @@ def drives(ranking: PlanRanking, drive: PlanDrive) -> dict[tuple[str, int], Plan
 
 
 def test_remarks_are_written_below_the_table(ranking: PlanRanking) -> None:
-    noted = replace(ranking, plans=(replace(ranking.plans[0], remark="it waits <for> nobody"), *ranking.plans[1:]))
+    noted = replace(ranking, plans=(replace(ranking.plans[0], remarks=("it waits <for> nobody",)), *ranking.plans[1:]))
     assert "row-by-row with 5: it waits &lt;for&gt; nobody." in render_plan_page(noted, None)
 
 

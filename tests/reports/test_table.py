@@ -151,7 +151,7 @@ def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
 
 
 def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: PlanRanking) -> None:
-    plans = tuple(replace(p, remark="it waits" if p.rank == 6 else None) for p in ranking.plans)
+    plans = tuple(replace(p, remarks=("it waits",) if p.rank == 6 else ()) for p in ranking.plans)
     noted = replace(ranking, plans=plans)
     assert "split-field with 1: it waits." in printed(build_ranking_table(noted))
     assert "it waits" not in printed(build_ranking_table(noted, 2))

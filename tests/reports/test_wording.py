@@ -213,14 +213,14 @@ def test_how_many_were_refused_and_why(ranking: PlanRanking, reasons: list[str],
 
 def test_remarks_name_the_strategy_and_the_counts(ranking: PlanRanking) -> None:
     first, *rest = ranking.plans
-    plans = [*(replace(first, tractors=count, remark="it waits") for count in (5, 2)), *rest]
+    plans = [*(replace(first, tractors=count, remarks=("it waits",)) for count in (5, 2)), *rest]
     assert list_plan_remarks(plans) == ["row-by-row with 2 and 5: it waits."]
     assert list_plan_remarks(rest) == []
 
 
 def test_a_remark_of_several_strategies_is_one_line_with_a_count(ranking: PlanRanking) -> None:
-    remarks = ("it waits; 2 m are near", "it waits; 3 m are near", "it waits")
-    plans = [replace(plan, remark=remark) for plan, remark in zip(ranking.plans, remarks, strict=False)]
+    remarks = (("it waits", "2 m are near"), ("it waits", "3 m are near"), ("it waits",))
+    plans = [replace(plan, remarks=own) for plan, own in zip(ranking.plans, remarks, strict=False)]
     assert list_plan_remarks(plans) == ["3 plans: it waits.", "2 plans, such as row-by-row with 5: 2 m are near."]
 
 

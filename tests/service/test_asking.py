@@ -12,7 +12,7 @@ from starlette.testclient import TestClient
 from planner.errors import HeadlandError
 from planner.request.parameter_names import strip_unit
 from planner.service.jobs.workers import run_and_store_job
-from planner.service.sandbox.request_checks import build_request_plan_inputs, check_diagnosis_request
+from planner.service.sandbox.request_checks import build_work_order, check_diagnosis_request
 from tests.service.conftest import SMALL, Shared
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -150,7 +150,7 @@ def test_what_is_given_wins_over_the_farm(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     farm = "[times]\nshift_start = '06:00'\n[[implements]]\nname = 'harrow'\nwidth_m = 6.0\nspeed_kmh = 8.0\n"
     Path("own.toml").write_text(farm)
-    asked = build_request_plan_inputs({"farm": "own.toml", "speed_kmh": 5.0, "deadline": "18:00"})
+    asked = build_work_order({"farm": "own.toml", "speed_kmh": 5.0, "deadline": "18:00"})
     scenario = asked.request
     assert scenario.width_m == 6.0 and scenario.speed_mps == pytest.approx(5 / 3.6) and scenario.start_s == 6 * 3600
     assert strip_unit("turn_speed_mps") == "turn_speed_kmh"

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.candidates.service_conflicts import find_service_conflict, find_service_stops
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
@@ -61,7 +62,7 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
         entrance=(0.0, 0.0),
         refill=request.param,
     )
-    site = prepare_context(scenario, supply=TANK)
+    site = prepare_context(WorkOrder(scenario, supply=TANK))
     run = simulate_candidate(site, Candidate("split-field", 3)).run
     assert run is not None and run.plan.notes["refills"]
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)

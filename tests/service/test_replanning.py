@@ -13,6 +13,7 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work
@@ -100,7 +101,7 @@ def plan_three(
         entrance=entrance,
         corners="square",
     )
-    site = prepare_context(scenario)
+    site = prepare_context(WorkOrder(scenario))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert run is not None
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)

@@ -19,9 +19,9 @@ import shapely
 from fields.geometry.field import Field
 from planner.errors import RequestError
 from planner.evaluation.time_share import TimeShare, TimeSpentError
+from planner.evaluation.work_order import WorkOrder
 from planner.guide.guide_pages import read_page
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.farm_inputs import build_inputs_without_farm
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
@@ -105,11 +105,11 @@ def test_the_blocks_of_the_example_are_neighbours(blocks: Path, driving_rules: A
 
 
 def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
-    question = build_inputs_without_farm(PlanRequest(strategies=("blocks",)))
-    before, own = hash_question(question), hash_question(build_inputs_without_farm(PlanRequest()))
+    question = WorkOrder(PlanRequest(strategies=("blocks",)))
+    before, own = hash_question(question), hash_question(WorkOrder(PlanRequest()))
     (blocks / "headland_blocks.py").write_text("# changed")
     assert hash_question(question) != before
-    assert hash_question(build_inputs_without_farm(PlanRequest())) == own
+    assert hash_question(WorkOrder(PlanRequest())) == own
 
 
 @pytest.mark.parametrize(

@@ -126,10 +126,11 @@ def test_plans_use_and_cite_it(runs: Path, farm: Path) -> None:
     question = complete_request_by_farm(PlanRequest(field="iwamizawa"), own, implement_name="mower")
     assert question.request.speed_mps == pytest.approx(WORK_MPS)
     assert question.uncertainty is not None and question.uncertainty.stop_s == 20.0
-    assert question.terms is not None
-    assert any(words.startswith("speed_kmh 7.2 (95 %: 7.2 to 7.2), median") for words in question.terms.learned_notes)
+    assert question.cost_terms is not None
+    notes = question.cost_terms.learned_notes
+    assert any(words.startswith("speed_kmh 7.2 (95 %: 7.2 to 7.2), median") for words in notes)
     other = complete_request_by_farm(PlanRequest(field="iwamizawa"), own, implement_name="drill.3")
-    assert other.terms is not None and not any("speed_kmh" in words for words in other.terms.learned_notes)
+    assert other.cost_terms is not None and not any("speed_kmh" in words for words in other.cost_terms.learned_notes)
     cited = {(value.section, value.key): value.source for value in list_values(own)}
     assert cited["implements mower", "speed_kmh"].startswith("own logs: 7.2 (95 %")
     assert cited["uncertainty", "turn_cv"] == "given"
@@ -144,7 +145,7 @@ def test_a_ranking_tells_what_its_farm_learnt(runs: Path, farm: Path) -> None:
 
     farm.write_text(learn_farm_values([runs], farm).text)
     question = complete_request_by_farm(PlanRequest(field="iwamizawa"), load_farm(farm), implement_name="mower")
-    told = add_machine_names(PlanRanking("iwamizawa", 1.0, 1, ()), question.terms)
+    told = add_machine_names(PlanRanking("iwamizawa", 1.0, 1, ()), question.cost_terms)
     assert any(words.startswith("speed_kmh 7.2") for words in told.scenario["learned"])
     assert [f"From the farm's own logs: {words}." for words in told.scenario["learned"]] == list(told.assumptions)
     plain = add_machine_names(PlanRanking("iwamizawa", 1.0, 1, ()), None)

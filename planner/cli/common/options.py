@@ -17,7 +17,7 @@ from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:
-    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.evaluation.work_order import WorkOrder
 
 
 JsonOption = Annotated[
@@ -143,20 +143,19 @@ class GivenOptions:
 
         return PlanRequest.from_options(values, shift_s=load_farm(farm).times.shift_span_s[0])
 
-    def build_inputs(self, request: PlanRequest) -> PlanInputs:
+    def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; options that were given win. Raises HeadlandError."""
         from planner.farm.inventory import load_farm
-        from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+        from planner.pipeline.farm_inputs import complete_request_by_farm
 
         farm, implement = self.choice.farm, self.choice.implement
-        if farm is not None:
-            given = _list_given_parameters(self.context)
-            return complete_request_by_farm(request, load_farm(farm), given, implement_name=implement)
-        if implement is not None:
+        if farm is None and implement is not None:
             raise RequestError(
                 f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
             )
-        return build_inputs_without_farm(request)
+        given = _list_given_parameters(self.context)
+        loaded = None if farm is None else load_farm(farm)
+        return complete_request_by_farm(request, loaded, given, implement_name=implement)
 
 
 def _list_given_parameters(context: typer.Context) -> frozenset[str]:

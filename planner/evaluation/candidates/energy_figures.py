@@ -1,7 +1,9 @@
-"""What a run uses: litres of fuel or kilowatt-hours, of the fleet and of each tractor, and whether batteries last."""
+"""What a run uses: fuel or energy of the fleet and of each tractor, whether batteries last, and its service stops."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,12 +11,15 @@ import numpy as np
 from planner.evaluation.context import PlanningContext
 from planner.risk.costs import estimate_flat_use, get_grid_factor
 from strategies.program.battery_supply import BatterySupply
-from vehicle.arrays import Floats
+from strategies.program.supply import Supply
+from vehicle.arrays import Floats, find_true_spans
 from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
 from vehicle.energy.run_energy import RunEnergy, compute_run_energy
 from vehicle.missions.run import SimulationRun
+from vehicle.records import STANDING
 
 LEVEL_TOLERANCE_KWH = 1e-6
+OVERLAP_TOLERANCE_S = 1.0
 
 
 def measure_energy(context: PlanningContext, run: SimulationRun) -> RunEnergy | None:
@@ -103,3 +108,35 @@ def list_service_figures(context: PlanningContext, run: SimulationRun) -> dict[s
     if context.tractor.battery is not None and context.physics.fuel_load is not None:
         figures |= {"charges": 0, "charging_s": 0.0}
     return figures
+
+
+@dataclass(frozen=True)
+class CompletedServiceStop:
+    """A service stop in a run: the tractor (from 0), and from when to when it stood (s)."""
+
+    tractor: int
+    from_s: float
+    to_s: float
+
+
+def find_service_stops(run: SimulationRun) -> list[CompletedServiceStop]:
+    """All service stops of a run, in order of time."""
+    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
+    stops = []
+    for tractor in range(run.plan.tractors):
+        spans = find_true_spans(run.get_statuses(tractor) == STANDING).tolist()
+        stops += [CompletedServiceStop(tractor, first * step_s, last * step_s) for first, last in spans]
+    return sorted(stops, key=lambda one: (one.from_s, one.tractor))
+
+
+def find_service_conflict(run: SimulationRun, supply: Supply | None) -> str | None:
+    """Why a run without contacts is not feasible: two tractors were served at once where only one can be; else None."""
+    if supply is None or not supply.one_at_a_time:
+        return None
+    for before, after in pairwise(find_service_stops(run)):
+        if after.from_s < before.to_s - OVERLAP_TOLERANCE_S:
+            return (
+                f"tractors {before.tractor + 1} and {after.tractor + 1} are served at the same time after "
+                f"{after.from_s:.0f} s, but only one can be served at a time"
+            )
+    return None

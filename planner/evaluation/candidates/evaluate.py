@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 
-from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
+from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
-from planner.evaluation.candidates.incumbents import find_incumbent
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, PrunedCandidate, build_pruned_result, prune_plan
-from planner.evaluation.candidates.service_conflicts import find_service_conflict
+from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -25,6 +22,7 @@ from planner.evaluation.ground.contact_places import ContactPlace, describe_wors
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
 from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.risk.assessment import add_risk_estimate
+from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
@@ -43,16 +41,20 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
-class CandidateEvaluation:
-    """The figures of a candidate and their run; no run if its strategy refused the field."""
+class Outcome:
+    """What came of a candidate: its figures, the run that they are of and its picture.
+
+    There is no run if its strategy refused the field or it was pruned, and no picture unless it was asked for.
+    """
 
     result: PlanResult
-    run: SimulationRun | None
+    run: SimulationRun | None = None
+    picture: PlanDrive | None = None
 
 
 def simulate_candidates(
     context: PlanningContext, candidates: Sequence[Candidate], prunes: bool
-) -> Iterator[tuple[int, CandidateEvaluation]]:
+) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
     With `prunes` one that cannot beat those before it is not driven.
@@ -60,9 +62,9 @@ def simulate_candidates(
     results, sketches = list[PlanResult](), [_sketch(context, one) for one in candidates]
     for number in sorted(range(len(candidates)), key=lambda number: (_get_sketched_s(sketches[number]), number)):
         incumbent = find_incumbent(results) if prunes else None
-        evaluation = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
-        results.append(evaluation.result)
-        yield number, evaluation
+        outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
+        results.append(outcome.result)
+        yield number, outcome
 
 
 def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
@@ -77,9 +79,7 @@ def _get_sketched_s(sketches: list[SketchedPlan] | StrategyError) -> float:
     return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].tractor_s)
 
 
-def simulate_candidate(
-    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None
-) -> CandidateEvaluation:
+def simulate_candidate(context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None) -> Outcome:
     """Sketch, compose, drive and measure one candidate; a refusal becomes a result with its reason.
 
     A candidate whose plans cannot beat the incumbent is not driven.
@@ -92,15 +92,20 @@ def _simulate_sketched(
     candidate: Candidate,
     sketches: list[SketchedPlan] | StrategyError,
     incumbent: Incumbent | None,
-) -> CandidateEvaluation:
+) -> Outcome:
+    reason, bound_s = "", None
     try:
-        outcome = _run_unless_pruned(context, sketches, incumbent)
+        driven = _run_unless_pruned(context, sketches, incumbent)
     except StrategyError as refusal:
-        result = PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, str(refusal))
-        return CandidateEvaluation(result, None)
-    if isinstance(outcome, PrunedCandidate):
-        return CandidateEvaluation(build_pruned_result(outcome, context, candidate.strategy, candidate.tractors), None)
-    return _measure_run(context, candidate, outcome)
+        reason = str(refusal)
+    else:
+        if isinstance(driven, CandidateRun):
+            return _measure_run(context, candidate, driven)
+        assert incumbent is not None
+        reason, bound_s = describe_loss(driven, incumbent), round(driven, 3)
+    return Outcome(
+        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
+    )
 
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
@@ -112,8 +117,10 @@ def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRu
 
 def _run_unless_pruned(
     context: PlanningContext, sketches: list[SketchedPlan] | StrategyError, incumbent: Incumbent | None
-) -> CandidateRun | PrunedCandidate:
+) -> CandidateRun | float:
     """The run of the programme that finishes the field first; of those that cannot be driven the first if none can.
+
+    About the least seconds of its plans instead where these are likely to lose to the incumbent.
 
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
     nobody waited.
@@ -121,24 +128,24 @@ def _run_unless_pruned(
     if isinstance(sketches, StrategyError):
         raise sketches
     driver, best, best_s = ProgrammeDriver(context), None, math.inf
-    losers, refusals = list[PrunedCandidate](), list[StrategyError]()
+    losers, refusals = list[float](), list[StrategyError]()
     for sketch in sketches:
         if max(sketch.tractor_s) >= best_s:
             continue
-        pruned = prune_plan(context, sketch.tractor_s, incumbent)
-        if pruned is not None:
-            losers.append(pruned)
+        loss_s = estimate_loss_s(context, sketch.tractor_s, incumbent)
+        if loss_s is not None:
+            losers.append(loss_s)
             continue
         try:
             one = sketch.compose()
         except StrategyError as refusal:
             refusals.append(refusal)
             continue
-        pruned = prune_plan(context, one.least_s, incumbent)
-        if pruned is None and incumbent is not None:
-            pruned = prune_plan(context, driver.measure_alone_s(one), incumbent)
-        if pruned is not None:
-            losers.append(pruned)
+        loss_s = estimate_loss_s(context, one.least_s, incumbent)
+        if loss_s is None and incumbent is not None:
+            loss_s = estimate_loss_s(context, driver.measure_alone_s(one), incumbent)
+        if loss_s is not None:
+            losers.append(loss_s)
             continue
         if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
             continue
@@ -147,7 +154,7 @@ def _run_unless_pruned(
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
     if losers and (best is None or best.reason is not None):
-        return min(losers, key=attrgetter("bound_s"))
+        return min(losers)
     if best is None:
         raise refusals[0]
     return best
@@ -164,16 +171,15 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     places = find_contact_places(run, context)
     reason = _find_fault(context, run, places) or find_service_conflict(run, context.supply)
     reason = reason or find_flat_battery(context, run)
-    remarks = [] if reason else _list_remarks(context, run)
-    remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
-    return replace(driven, reason=reason, remark=remark, faults=faults)
+    remarks = driven.remarks if reason else (*driven.remarks, *_list_remarks(context, run))
+    return replace(driven, reason=reason, remarks=remarks, faults=tuple(place.fault for place in places))
 
 
-def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> CandidateEvaluation:
+def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> Outcome:
     """The figures of a run, with those of its samples."""
     result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
     largest = describe_largest_piece(context, result.largest_missed)
-    result = replace(result, remark=join_remarks(largest, result.remark))
+    result = result if largest is None else replace(result, remarks=(largest, *result.remarks))
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,
@@ -185,7 +191,7 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
         terrain=physics.terrain,
         fuel_load=physics.fuel_load,
     )
-    return CandidateEvaluation(estimated, outcome.run)
+    return Outcome(estimated, outcome.run)
 
 
 def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:

@@ -10,13 +10,8 @@ import numpy as np
 from planner.evaluation.candidates.energy_figures import list_energy_figures, list_service_figures, measure_energy
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import (
-    Coverage,
-    count_reversals,
-    measure_coverage,
-    replace_infinite,
-)
-from planner.evaluation.ground.overhang import Overhang, measure_overhang
+from planner.evaluation.ground.contact_places import Overhang, measure_overhang
+from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
@@ -32,7 +27,7 @@ MIN_BEYOND_M = 5.0  # less driving beyond the allowed overhang is in the results
 
 @dataclass(frozen=True, eq=False)
 class CandidateRun:
-    """The last run of a candidate, why it is not feasible (None if it is), its kinds of turns and its remark.
+    """The last run of a candidate, why it is not feasible (None if it is), its kinds of turns and its remarks.
 
     `faults` are the places where it touches something or leaves the field.
     """
@@ -40,7 +35,7 @@ class CandidateRun:
     run: SimulationRun
     reason: str | None
     turns: str
-    remark: str | None
+    remarks: tuple[str, ...] = ()
     faults: tuple[PlanFault, ...] = ()
 
 
@@ -97,7 +92,7 @@ def measure_candidate(
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         formation_pct=run.plan.notes.get("formation_pct"),
-        remark=_join_overhang_remark(candidate_run.remark, overhang, context),
+        remarks=(*candidate_run.remarks, *_list_overhang_remarks(overhang, context)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
@@ -123,25 +118,19 @@ def measure_headland_phase_s(run: SimulationRun) -> float | None:
     return max(times) - min(times) if times else None
 
 
-def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:
-    """A remark, with a sentence on machines that reach farther beyond the outline than allowed for a while."""
+def _list_overhang_remarks(overhang: Overhang, context: PlanningContext) -> list[str]:
+    """A remark on machines that reach farther beyond the outline than allowed for a while."""
     if overhang.beyond_m < MIN_BEYOND_M:
-        return remark
-    edge_remark = (
+        return []
+    return [
         f"tractor or implement reach up to {overhang.farthest_m:.1f} m beyond the outline, and farther than allowed "
         f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
-    )
-    return f"{remark}; {edge_remark}" if remark else edge_remark
+    ]
 
 
 def name_main_turns(counts: Mapping[str, int]) -> str:
     """The two most frequent kinds of turns, the most frequent first."""
     return "+".join(sorted(counts, key=lambda kind: (-counts[kind], kind))[:2]) or "none"
-
-
-def join_remarks(*remarks: str | None) -> str | None:
-    """Several remarks as one; None without any."""
-    return "; ".join(each for each in remarks if each) or None
 
 
 def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> tuple[float, float]:

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import CandidateRun, join_remarks, name_main_turns
+from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
 from planner.evaluation.candidates.fleet_drive import (
+    SoloRuns,
     build_rehearsal,
     build_scheduler,
     build_simulate,
     build_standing_check,
+    remove_gates,
 )
-from planner.evaluation.candidates.solo_runs import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.giving_way import resolve_conflicts
-from strategies.formations.compose import (
-    compose_formation,
-    describe_formation_share,
-    sketch_formation,
-)
+from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -105,7 +102,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
     Raises StrategyError where there is none, or the lines do not suffice for that many tractors.
     """
     sketch, sketches, refusals = _choose_sketcher(context, strategy, tractors), list[SketchedPlan](), []
-    for order in _list_orders(context):
+    for order in context.request.headland_orders or ("",):
         context.time_share.check()
         try:
             one = sketch(order)
@@ -131,11 +128,6 @@ def _compose_sketch(
             "narrower implement."
         )
     return replace(one, build=partial(_finish_plan, context, one, notes))
-
-
-def _list_orders(context: PlanningContext) -> Sequence[str]:
-    """Orders of headland and swaths that are asked for; "" for any."""
-    return context.request.headland_orders or ("",)
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
@@ -260,22 +252,22 @@ class ProgrammeDriver:
         table = composed.programme.table
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-        left, apart = describe_left(composed.programme, self._context), describe_formation_share(composed.plan)
-        return CandidateRun(run, reason, name_main_turns(turns), join_remarks(apart, left))
+        left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
+        return CandidateRun(run, reason, name_main_turns(turns), left if apart is None else (apart, *left))
 
 
-def describe_left(programme: Programme, context: PlanningContext) -> str | None:
-    """A remark on the lines that are left, with their area and the place of the largest; None without any to tell."""
+def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[str, ...]:
+    """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
     left = [programme.table.lines[number] for number in programme.left]
     area_m2 = math.fsum(line.own_m2 for line in left)
     if area_m2 < MENTIONED_M2:
-        return None
+        return ()
     largest = max(left, key=lambda line: line.own_m2)
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
     where, count = describe_position(x_m, y_m, context), "1 line of work is"
     if len(left) > 1:
         where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
-        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine; a smaller turning radius or a "
-        "narrower implement may help"
+        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine",
+        "a smaller turning radius or a narrower implement may help",
     )

@@ -1,13 +1,20 @@
-"""Which plans are not composed or not driven, because they are likely to lose to the incumbent even if nobody waits."""
+"""Which plans are not composed or not driven, because they are likely to lose to the incumbent even if nobody waits.
+
+The incumbent is the plan that others with as many tractors have to beat.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from planner.evaluation.context import PlanningContext
-from reports.common.plan_results import PlanResult
+from planner.request.plan_request import LEAST_FUEL, SUREST
+from reports.common.plan_results import PlanResult, get_finished_field_s
+
+MIN_SWATH_WORK_S = 900.0  # of work on swaths: on smaller fields every plan is simulated, as that is quick
+MIN_TOTAL_WORK_S = 1800.0  # or of work on swaths and headland passes
 
 
 @dataclass(frozen=True)
@@ -24,18 +31,37 @@ class Incumbent:
     left_factor: float = 1.0
 
 
-@dataclass(frozen=True)
-class PrunedCandidate:
-    """A candidate whose plans all take about `bound_s` or more, longer than the incumbent."""
+def prunes_candidates(context: PlanningContext) -> bool:
+    """Whether only what may be the quickest plan of its number of tractors is driven.
 
-    bound_s: float
-    incumbent: Incumbent
+    Not on small fields, nor where the surest plan or that of least fuel is requested: a slower plan may be that.
+    """
+    simulates_all = context.criteria is not None and context.criteria.objective in (SUREST, LEAST_FUEL)
+    return not simulates_all and is_worth_pruning(context)
 
 
-def prune_plan(
-    context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None
-) -> PrunedCandidate | None:
-    """A plan as pruned by the incumbent, given about the least seconds of its tractors; None if it might win.
+def is_worth_pruning(context: PlanningContext) -> bool:
+    """Whether the work is long enough that driving less saves much."""
+    speed = context.driving_rules.work_speed_mps
+    swaths_s = context.layout.total_length_m / speed
+    headland_s = math.fsum(headland_pass.length_m for headland_pass in context.headland_passes) / speed
+    return swaths_s >= MIN_SWATH_WORK_S or swaths_s + headland_s >= MIN_TOTAL_WORK_S
+
+
+def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
+    """The quickest feasible plan of one number of tractors; None without any."""
+    feasible = [one for one in results if one.feasible]
+    if not feasible:
+        return None
+    best = min(feasible, key=lambda one: (round(get_finished_field_s(one), 3), one.strategy))
+    finish_s = get_finished_field_s(best)
+    left_factor = finish_s / best.time_s if best.time_s else 1.0
+    tractor_s = (best.tractor_time_s or 0.0) * left_factor
+    return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor)
+
+
+def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None) -> float | None:
+    """About the least seconds of a plan that is likely to lose, given those of its tractors; None if it might win.
 
     It is taken to leave as much ground. Where risk or cost decides, less time of all tractors together may be enough.
     """
@@ -44,14 +70,9 @@ def prune_plan(
     uses_criteria = context.criteria is not None and context.criteria.decides_best
     if uses_criteria and math.fsum(tractor_s) * incumbent.left_factor < incumbent.tractor_s:
         return None
-    return PrunedCandidate(max(tractor_s), incumbent)
+    return max(tractor_s)
 
 
-def build_pruned_result(pruned: PrunedCandidate, context: PlanningContext, strategy: str, tractors: int) -> PlanResult:
-    """The result of a candidate that is not simulated."""
-    incumbent = pruned.incumbent
-    reason = (
-        f"skipped: by estimate ({pruned.bound_s:.0f} s) it is slower than {incumbent.strategy} "
-        f"({incumbent.finish_s:.0f} s)"
-    )
-    return PlanResult(strategy, tractors, context.request.turn, False, reason, bound_s=round(pruned.bound_s, 3))
+def describe_loss(bound_s: float, incumbent: Incumbent) -> str:
+    """Why a candidate is not simulated whose plans all take about so many seconds or more."""
+    return f"skipped: by estimate ({bound_s:.0f} s) it is slower than {incumbent.strategy} ({incumbent.finish_s:.0f} s)"

@@ -1,4 +1,4 @@
-"""Places where a run touches an obstacle, crosses a fence or leaves the field: what is touched, where, and how deep."""
+"""Where a run touches an obstacle, crosses a fence or leaves the field: what is touched, where, how deep, how far."""
 
 from __future__ import annotations
 
@@ -10,39 +10,149 @@ import numpy.typing as npt
 import shapely
 
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_checks import (
-    CHECK_ROW_STEP,
-    MIN_OVERLAP_M,
-    FenceIntrusionCheck,
-    ObstacleIntrusionCheck,
-    compute_reach_m,
-    find_poses_within_reach,
-    place_boxes_at,
-)
-from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
+from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
+from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.site import MAX_OUTSIDE_M
 from reports.common.plan_results import FENCE, OBSTACLE, OUTLINE, PlanFault
+from vehicle.jit import compile_function
+from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
+CHECK_ROW_STEP = 2  # rows of the 10 Hz record between checks: under half a metre of driving
+TOLERANCE_M = 1e-6
+MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
+MAX_PARTS = 50  # parts of a shape that are compared with poses one by one
+BATCH_SIZE = 100_000  # poses checked together: their points take ten times the memory
+Points = npt.NDArray[np.float64]
+Boxes = npt.NDArray[np.object_]
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
-Points = npt.NDArray[np.float64]
+POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
+OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned paths are followed no closer
+Flags = npt.NDArray[np.bool_]
+
+
+class _IntrusionCheck:
+    """How far a tractor or its implement is over a shape, which boxes must touch."""
+
+    def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
+        self._context, self._shape = context, shape
+        shapely.prepare(shape)
+
+    def find_poses_to_check(self, poses: Points) -> npt.NDArray[np.bool_]:
+        """Which of the poses (t,) may have a box at the shape; elsewhere the depth is 0."""
+        return _find_poses_in_shape_reach(poses, self._context, self._shape)
+
+    def measure_intrusion_m(self, poses: Points) -> float:
+        """How far (m) a box reaches over the shape, or a corner of it into a box, at poses (t, 3) of the centre."""
+        if self._shape.is_empty:
+            return 0.0
+        boxes = place_boxes_at(poses[self.find_poses_to_check(poses)], self._context)
+        boxes = boxes[shapely.intersects(self._shape, boxes)]
+        return self._measure_boxes_m(boxes) if len(boxes) else 0.0
+
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
+        raise NotImplementedError
+
+
+class FenceIntrusionCheck(_IntrusionCheck):
+    """How far a tractor or its implement is over the fences of a field."""
+
+    def __init__(self, context: PlanningContext) -> None:
+        field = context.layout.field
+        fence = shapely.union_all(field.fences)
+        if field.entrance is not None:
+            fence = shapely.difference(fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m))
+        super().__init__(context, fence)
+        self._area = shapely.Polygon((field.original_boundary or field.boundary).exterior)
+        shapely.prepare(self._area)
+
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
+        return max(_measure_overhang_m(boxes, self._area, self._shape), _measure_post_depth_m(boxes, self._shape))
+
+
+class ObstacleIntrusionCheck(_IntrusionCheck):
+    """How far a tractor or its implement is over the obstacles and holes of a field."""
+
+    def __init__(self, context: PlanningContext, obstacle: shapely.Geometry | None = None) -> None:
+        """Of one obstacle, or of all of the field."""
+        self._area = shapely.union_all(context.layout.field.solid_obstacles if obstacle is None else [obstacle])
+        super().__init__(context, self._area.buffer(-MIN_OVERLAP_M))
+
+    def _measure_boxes_m(self, boxes: Boxes) -> float:
+        corners = shapely.points(shapely.get_coordinates(boxes))
+        inside = corners[shapely.contains_properly(self._area, corners)]
+        over = float(np.max(shapely.distance(self._area.boundary, inside), initial=MIN_OVERLAP_M))
+        return max(over, _measure_post_depth_m(boxes, self._area))
+
+
+def place_boxes_at(poses: Points, context: PlanningContext) -> Boxes:
+    """The boxes of tractor and implement at poses (t, 3) of the centre of mass, one after another for each pose."""
+    body, axle_m = build_body(context.tractor, context.implement), context.tractor.rear_axle_m
+    ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    return body.place_boxes(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
+
+
+def compute_reach_m(context: PlanningContext) -> float:
+    """The farthest point (m) of tractor and implement from the centre of mass."""
+    return build_body(context.tractor, context.implement).reach_m + context.tractor.rear_axle_m
+
+
+@compile_function
+def find_poses_within_reach(poses, boxes, reach):  # type: ignore[no-untyped-def]
+    """Which poses (t, 2 or more) are within `reach` of any of the boxes (n, 4) of west, south, east and north."""
+    out = np.zeros(len(poses), np.bool_)
+    west, south, east, north = boxes[:, 0] - reach, boxes[:, 1] - reach, boxes[:, 2] + reach, boxes[:, 3] + reach
+    for k in range(len(poses)):
+        x, y = poses[k, 0], poses[k, 1]
+        for number in range(len(boxes)):
+            if x > west[number] and x < east[number] and y > south[number] and y < north[number]:
+                out[k] = True
+                break
+    return out
+
+
+def _find_poses_in_shape_reach(
+    poses: Points, context: PlanningContext, shape: shapely.Geometry
+) -> npt.NDArray[np.bool_]:
+    """Which of the poses (t,) may have a box of tractor or implement touching a shape."""
+    reach_m, parts = compute_reach_m(context), shapely.get_parts(shape)
+    is_near: npt.NDArray[np.bool_] = find_poses_within_reach(
+        poses, shapely.bounds(parts if len(parts) <= MAX_PARTS else [shape]), reach_m
+    )
+    rows = np.flatnonzero(is_near)
+    for batch in np.array_split(rows, 1 + len(rows) // BATCH_SIZE):
+        is_near[batch] = shapely.dwithin(shape, shapely.points(poses[batch, :2]), reach_m)
+    return is_near
+
+
+def _measure_overhang_m(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:
+    """How far the corners of boxes that touch a fence are beyond it."""
+    corners = shapely.points(shapely.get_coordinates(boxes))
+    outside = shapely.distance(corners, area)
+    nearest = shapely.distance(corners, fence) <= outside + TOLERANCE_M
+    return float(np.max(outside[nearest], initial=0.0))
+
+
+def _measure_post_depth_m(boxes: Boxes, fence: shapely.Geometry) -> float:
+    """How deep the posts at the bends of a fence stand in boxes."""
+    posts = shapely.points(np.unique(shapely.get_coordinates(fence), axis=0))
+    box, post = shapely.STRtree(posts).query(boxes, predicate="contains_properly")
+    return float(np.max(shapely.distance(shapely.boundary(boxes[box]), posts[post]), initial=0.0))
 
 
 @dataclass(frozen=True)
 class ContactPlace:
     """What a tractor or its implement touches or crosses, and where.
 
-    `number` counts the obstacles (Field.solid_obstacles), then the fences of a field; None for the outline. The rows
-    are those of the record between which it happens, x and y the middle of the tractor where it reaches deepest.
+    `number` counts the obstacles (Field.solid_obstacles), then the fences of a field; None for the outline. x and y are
+    the middle of the tractor where it reaches deepest.
     """
 
     kind: str
     number: int | None
     name: str
     tractor: int
-    first_row: int
-    last_row: int
     x_m: float
     y_m: float
     depth_m: float
@@ -89,7 +199,7 @@ def _iter_outline_places(run: SimulationRun, context: PlanningContext) -> Iterat
         rows = np.flatnonzero(depths_m >= MAX_OUTSIDE_M)
         for group in _split_rows(rows):
             deepest = int(group[np.argmax(depths_m[group])])
-            yield _build_place(run, OUTLINE, None, "the outline", tractor, group, deepest, float(depths_m[deepest]))
+            yield _build_place(run, OUTLINE, None, "the outline", tractor, deepest, float(depths_m[deepest]))
 
 
 def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -107,7 +217,7 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
             deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
             depth_m = float(depths_m[np.searchsorted(near_rows, deepest)])
             nearest = int(np.argmin(shapely.distance(list(fences), shapely.Point(poses[deepest, :2]))))
-            yield _build_place(run, FENCE, obstacle_count + nearest, "the fence", tractor, group, deepest, depth_m)
+            yield _build_place(run, FENCE, obstacle_count + nearest, "the fence", tractor, deepest, depth_m)
 
 
 def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -131,9 +241,8 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
             for group in _split_rows(touching_rows):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
-                yield _build_place(
-                    run, OBSTACLE, number, names[number], tractor, group, int(group[deepest]), depths_m[deepest]
-                )
+                row = int(group[deepest])
+                yield _build_place(run, OBSTACLE, number, names[number], tractor, row, depths_m[deepest])
 
 
 def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
@@ -144,14 +253,68 @@ def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
 
 
 def _build_place(
-    run: SimulationRun,
-    kind: str,
-    number: int | None,
-    name: str,
-    tractor: int,
-    rows: npt.NDArray[np.int64],
-    deepest: int,
-    depth_m: float,
+    run: SimulationRun, kind: str, number: int | None, name: str, tractor: int, deepest: int, depth_m: float
 ) -> ContactPlace:
+    """The place where a tractor reaches deepest in a row of the record."""
     x, y = run.get_poses(tractor)[deepest, :2].tolist()
-    return ContactPlace(kind, number, name, tractor, int(rows[0]), int(rows[-1]), x, y, depth_m)
+    return ContactPlace(kind, number, name, tractor, x, y, depth_m)
+
+
+@dataclass(frozen=True)
+class Overhang:
+    """The farthest that anything reaches beyond the outline, and the length driven beyond what is allowed (m)."""
+
+    farthest_m: float
+    beyond_m: float
+
+
+def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
+    """How far tractors and implements, lifted or not, reach beyond the outline, and how long beyond what is allowed.
+
+    On the way in and out the gate of the entrance counts as ground of the field.
+    """
+    field = context.layout.field
+    outline = shapely.Polygon((field.original_boundary or field.boundary).exterior)
+    region = field.compute_overhang_region(context.request.overhang_m)
+    table = InteriorCellTable(outline, compute_reach_m(context))
+    grounds = [_build_grounds(outline, region, gate) for gate in (shapely.Polygon(), context.gate_area)]
+    farthest_m = beyond_m = 0.0
+    for tractor in range(run.plan.tractors):
+        poses, passes_gate = _list_places(run, tractor)
+        is_beyond = np.zeros(len(poses))
+        near = table.find_uncertain(poses)
+        for (ground, allowed), here in zip(grounds, (near[~passes_gate[near]], near[passes_gate[near]]), strict=True):
+            shapes = place_boxes_at(poses[here], context)
+            owner = np.repeat(here, len(shapes) // max(len(here), 1))
+            is_out = ~shapely.covers(ground, shapes)
+            owner, shapes = owner[is_out], shapes[is_out]
+            farthest_m = max(farthest_m, _measure_farthest_m(shapes, ground))
+            is_beyond[owner[~shapely.covers(allowed, shapes)]] = 1.0
+        steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+        beyond_m += float(steps_m @ (0.5 * (is_beyond[1:] + is_beyond[:-1])))
+    return Overhang(farthest_m, beyond_m)
+
+
+def _build_grounds(
+    outline: shapely.Polygon, region: shapely.Geometry, gate: shapely.Geometry
+) -> tuple[shapely.Geometry, shapely.Geometry]:
+    """The ground of the field, and where parts of machines may be, both with the gate."""
+    ground = shapely.union(outline, gate)
+    allowed = shapely.union(region.buffer(OVERHANG_TOLERANCE_M), ground)
+    shapely.prepare([ground, allowed])
+    return ground, allowed
+
+
+def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags]:
+    """Poses (t, 3) of a tractor that are measured, and whether each is on the way in or out."""
+    poses = run.get_poses(tractor)
+    rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)
+    passes_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in run.plan.missions[tractor].legs], dtype=bool)
+    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]]
+
+
+def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:
+    """The farthest (m) that the edge of any of some shapes is from the ground; 0 without shapes."""
+    points = shapely.points(shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M)))
+    outside = points[~shapely.intersects(ground, points)]
+    return float(np.max(shapely.distance(ground, outside), initial=0.0))

@@ -14,14 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.overlays import (
-    Areas,
-    clip_area,
-    drop_slivers,
-    extract_polygons,
-    subtract_area,
-    unite_areas,
-)
+from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_results import UnworkedPiece
@@ -32,6 +25,9 @@ TABLE_CELLS = 20_000
 MIN_CELL_M = 1.0
 BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
 Points = npt.NDArray[np.float64]
+MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
+TOUCHING_M = 1e-3
+MITRE_LIMIT = 2.0
 
 
 @compile_function
@@ -62,11 +58,6 @@ class InteriorCellTable:
     def find_uncertain(self, points: Points) -> npt.NDArray[np.int64]:
         """Indices of the points (t, 2 or more columns, x and y first) that may be outside or near the edge."""
         return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
-
-
-MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
-TOUCHING_M = 1e-3
-MITRE_LIMIT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +181,7 @@ def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:
     core = unworked.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     parts = shapely.get_parts(clip_area(unworked, wide))
-    return np.array(sorted(parts, key=_build_piece_sort_key), dtype=np.object_)
-
-
-def _build_piece_sort_key(piece: shapely.Polygon) -> tuple[float, tuple[float, ...]]:
-    return -piece.area, piece.bounds
+    return np.array(sorted(parts, key=lambda piece: (-piece.area, piece.bounds)), dtype=np.object_)
 
 
 def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:

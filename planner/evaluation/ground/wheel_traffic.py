@@ -9,12 +9,7 @@ import shapely
 
 from fields.geometry.overlays import Areas, clip_area, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.swept_area import (
-    Points,
-    Rows,
-    SweptArea,
-    compute_swept_between_rows,
-)
+from planner.evaluation.ground.swept_area import Points, Rows, SweptArea, compute_swept_between_rows
 from vehicle.arrays import find_true_spans
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor

@@ -20,8 +20,7 @@ from fields.sample_fields import list_sample_names
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
-from planner.pipeline.outputs.saved_physics import read_physics
-from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_request
+from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_physics, read_request
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan

@@ -16,11 +16,12 @@ import shapely
 import shapely.ops
 
 from fields.errors import HeadlandError
+from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
-from planner.evaluation.candidates.service_conflicts import find_service_conflict
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site, get_site_moves
+from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
@@ -83,13 +84,8 @@ def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     scenario = replace(
         remaining.plan.scenario, rain=None, samples=None, deadline_s=None, refill=None, gnss=False, gnss_table=None
     )
-    context = prepare_context(
-        scenario,
-        remaining.plan.field,
-        remaining.plan.tractor,
-        remaining.plan.implement,
-        physics=remaining.plan.physics,
-    )
+    order = WorkOrder(scenario, remaining.plan.field, remaining.plan.tractor, remaining.plan.implement)
+    context = prepare_context(order, physics=remaining.plan.physics)
     helpers = [number for number in range(remaining.plan.tractor_count) if _can_help(remaining, number)]
     if not helpers:
         raise FleetManagerError(

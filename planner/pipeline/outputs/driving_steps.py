@@ -18,20 +18,7 @@ import shapely
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from vehicle.arrays import find_true_spans, measure_along
-from vehicle.missions.plan import (
-    DRIVE,
-    DRIVE_IN,
-    ENTER,
-    HEADLAND_PASS,
-    LEAVE,
-    REFILL,
-    ROUTE,
-    SWATH,
-    TURN,
-    Leg,
-    LegTask,
-    Plan,
-)
+from vehicle.missions.plan import DRIVE, DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
 from vehicle.missions.run import SimulationRun
 from vehicle.records import FINISHED, STANDING, WAITING
 
@@ -74,7 +61,9 @@ def list_steps(
     run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES
 ) -> tuple[tuple[DriverLeg, ...], ...]:
     """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
-    names = _StepNames(_find_split_lines(run.plan), width_m)
+    tasks = (leg.task for mission in run.plan.missions for leg in mission.legs)
+    split_lines = {one.number for one in tasks if one.number is not None and one.piece and one.kind == SWATH}
+    names = _StepNames(frozenset(split_lines), width_m)
     worked_ground = _list_worked_ground(run, names)
     return tuple(
         tuple(_iter_steps(run, tractor, names, worked_ground, measures)) for tractor in range(run.plan.tractors)
@@ -99,7 +88,7 @@ def _list_worked_ground(run: SimulationRun, names: _StepNames) -> _WorkedGround:
             if leg.task.is_work and leg.task.number is not None:
                 lines.append(shapely.LineString(leg.points))
                 part = _name_part(leg.task, names.lettered_lines)
-                labels.append(HEADLAND if _is_on_headland(leg.task) else f"{leg.task.number + 1}{part}")
+                labels.append(HEADLAND if leg.task.kind == HEADLAND_PASS else f"{leg.task.number + 1}{part}")
                 rows.append(int(np.searchsorted(leg_numbers, number, side="right")))
     strips = shapely.buffer(np.array(lines, dtype=np.object_), 0.5 * names.width_m, cap_style="flat")
     return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64))
@@ -140,16 +129,6 @@ def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
 def _format_piece_letter(piece: int) -> str:
     """a to z, then aa, ab, ..."""
     return (_format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
-
-
-def _find_split_lines(plan: Plan) -> frozenset[int]:
-    """Lines with several pieces."""
-    tasks = (leg.task for mission in plan.missions for leg in mission.legs)
-    return frozenset(task.number for task in tasks if task.number is not None and task.piece and task.kind == SWATH)
-
-
-def _is_on_headland(task: LegTask) -> bool:
-    return task.kind == HEADLAND_PASS
 
 
 def _iter_steps(
@@ -198,7 +177,7 @@ def _number_leg_steps(legs: Sequence[Leg]) -> Rows:
 def _classify_task(task: LegTask) -> str:
     """The class that all legs of a step share; crossing the headland line is part of the swath."""
     if task.is_work or task.kind == DRIVE_IN:
-        return HEADLAND_PASS if _is_on_headland(task) else SWATH
+        return HEADLAND_PASS if task.kind == HEADLAND_PASS else SWATH
     return ROUTE if task.kind in (TURN, ROUTE) else task.kind
 
 
@@ -280,8 +259,8 @@ def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: _RecordSeg
 def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -> DriverLeg:
     """The step of the legs `first` to `last`, without time and place."""
     task, kind_group = legs[first].task, _classify_task(legs[first].task)
-    goal = _find_next_work(legs, first)
-    on_headland_pass = _is_on_headland(legs[goal].task) if goal is not None else False
+    goal = next((leg for leg in range(first, len(legs)) if legs[leg].task.is_work), None)
+    on_headland_pass = goal is not None and legs[goal].task.kind == HEADLAND_PASS
     step = DriverLeg(kind_group, None, "", 0.0, 0.0, 0.0, 0.0, 0.0)
     if kind_group == REFILL:
         return replace(step, kind=TO_REFILL)
@@ -304,7 +283,7 @@ def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -
         not is_way
         and on_headland_pass
         and before is not None
-        and _is_on_headland(before)
+        and before.kind == HEADLAND_PASS
         and before.number == task.number
     )
     swaths_over = (
@@ -327,10 +306,6 @@ def _count_swaths_over(legs: Sequence[Leg], from_index: int, to_index: int, widt
     parallel = aside_m <= MAX_SKEW_SHARE * b.length_m
     spaced = MIN_SPACING_SHARE * swath_count * width_m <= apart_m <= (swath_count + 1.0 - MIN_SPACING_SHARE) * width_m
     return swath_count if swath_count and parallel and spaced else None
-
-
-def _find_next_work(legs: Sequence[Leg], first: int) -> int | None:
-    return next((leg for leg in range(first, len(legs)) if legs[leg].task.is_work), None)
 
 
 def _name_part(task: LegTask, lettered: frozenset[int]) -> str:

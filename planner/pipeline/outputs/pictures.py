@@ -11,19 +11,25 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.geometry.field import Field
-from fields.geometry.field_lines import GuidanceLine, HeadlandEdge
+from fields.geometry.field_lines import HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
 from fields.geometry.overlays import GRID_M
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
-from fields.terrain.slopes import choose_contour_interval_m, compute_gradients, compute_hill_shade, trace_contours
+from fields.terrain.elevation_grid import ElevationGrid
+from fields.terrain.slopes import (
+    choose_contour_interval_m,
+    compute_gradients,
+    compute_hill_shade,
+    summarise_slopes,
+    trace_contours,
+)
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
-from planner.pipeline.outputs.slope_facts import describe_slopes
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Relief
 from reports.common.plan_results import PlanRanking, PlanResult, Points, UnworkedPiece
@@ -38,6 +44,7 @@ USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
 """Heights are exaggerated so that nine tenths of the slopes look no steeper than this; below the last they are flat."""
 MAX_SHADE_PIXELS = 300
 CUT_OFF_TOLERANCE_M = 0.5  # the place of a piece may lie this far beside the cut-off ground it is part of
+MAX_ENDS = 60
 
 
 def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
@@ -89,15 +96,14 @@ def _build_relief(context: PlanningContext) -> Relief | None:
 def build_run_picture(context: PlanningContext, run: SimulationRun, result: PlanResult) -> PlanDrive:
     """The run of a plan on its field, as plain arrays."""
     plural = "s" if result.tractors > 1 else ""
-    shares = run.compute_time_shares()
+    shares = run.compute_time_shares() | ({} if context.supply is None else {"refilling": run.standing_s})
     return replace(
         build_field_picture(context, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
         step_s=float(run.time_s[1] - run.time_s[0]),
         xy=tuple(compute_guided_path(run, context, tractor) for tractor in range(run.plan.tractors)),
         status=tuple(run.get_statuses(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
-        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()}
-        | _list_service_seconds_by_tractor(context, run),
+        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
@@ -110,11 +116,6 @@ def build_refused_picture(context: PlanningContext, ranking: PlanRanking) -> Pla
     places = {(round(one.x_m, 1), round(one.y_m, 1)) for plan in ranking.plans for one in plan.faults}
     picture = build_field_picture(context, f"{context.layout.field.name}: no plan works")
     return replace(picture, fault_places=tuple(sorted(places)))
-
-
-def _list_service_seconds_by_tractor(context: PlanningContext, run: SimulationRun) -> dict[str, tuple[float, ...]]:
-    """Seconds that every tractor stood at service stops; empty if nothing is carried."""
-    return {} if context.supply is None else {"refilling": tuple(float(seconds) for seconds in run.standing_s)}
 
 
 def _build_cut_off_piece(part: shapely.Polygon) -> UnworkedPiece:
@@ -161,9 +162,6 @@ def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, 
     return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))
 
 
-MAX_ENDS = 60
-
-
 def describe_field(context: PlanningContext) -> dict[str, Any]:
     """Facts of a field in the order a person would ask for them, units in the keys.
 
@@ -171,7 +169,8 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
     ``unworked``.
     """
     layout, field, driving_rules = context.layout, context.layout.field, context.driving_rules
-    lengths = [swath.length_m for swath in layout.swaths]
+    lengths, ground = [swath.length_m for swath in layout.swaths], field.region_without_obstacles
+    covered = shapely.intersection(build_worked_ground(context), ground, grid_size=GRID_M)
     return {
         "name": field.name,
         "source": field.source,
@@ -181,7 +180,10 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "bypassed": len(field.small_obstacles),
         "cut_off_m2": round(field.cut_off_m2, 1),
         "fence_m": round(sum(fence.length for fence in field.fences), 1),
-        "lines": [_describe_line(one) for one in field.guidance_lines],
+        "lines": [
+            {"name": one.name, "bearing_deg": round(one.bearing_deg, 2), "length_m": round(float(one.line.length), 1)}
+            for one in field.guidance_lines
+        ],
         "headlands": [_describe_headland(one) for one in field.headland_edges],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
@@ -195,7 +197,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "swath_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(driving_rules.radius_m, 2),
         "max_tractors": min(50, len({swath.line for swath in layout.swaths})),
-        "covered_pct": round(100.0 * _compute_layout_coverage_share(context), 2),
+        "covered_pct": round(100.0 * float(covered.area / ground.area), 2),
         "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
         **describe_slopes(context.physics.elevation, field),
         "turns": _describe_turns(context),
@@ -213,11 +215,6 @@ def describe_cells(layout: Layout) -> list[dict[str, float]]:
         }
         for cell in layout.cells
     ]
-
-
-def _describe_line(line: GuidanceLine) -> dict[str, Any]:
-    """A guidance line of the field file."""
-    return {"name": line.name, "bearing_deg": round(line.bearing_deg, 2), "length_m": round(float(line.line.length), 1)}
 
 
 def _describe_headland(edge: HeadlandEdge) -> dict[str, Any]:
@@ -267,14 +264,6 @@ def _describe_headland_passes(context: PlanningContext) -> list[dict[str, Any]]:
         for number in sorted({one.number for one in context.headland_passes})
         if (same_number := [one for one in context.headland_passes if one.number == number])
     ]
-
-
-def _compute_layout_coverage_share(context: PlanningContext) -> float:
-    """Share of the field under swaths and headland passes as laid out."""
-    field_area = context.layout.field.region_without_obstacles
-    return float(
-        shapely.intersection(build_worked_ground(context), field_area, grid_size=GRID_M).area / field_area.area
-    )
 
 
 def _describe_unworked(context: PlanningContext, area: UnworkedArea) -> dict[str, Any]:
@@ -358,3 +347,29 @@ def build_outline_picture(context: PlanningContext) -> PlanDrive:
         unworked=list_simplified_rings(tuple(unworked)),
         largest_missed=exclude_cut_off_piece(largest, layout.field),
     )
+
+
+def describe_slopes(elevation: ElevationGrid | None, field: Field) -> dict[str, Any]:
+    """Facts on the slopes of the ground outside of obstacles, units in the keys; empty without heights.
+
+    `steepest_at` is longitude and latitude, or x and y of a field in local metres; `aspect_deg` is the bearing in which
+    the field falls as a whole, with the share of its slopes that this explains.
+    """
+    summary = None if elevation is None else summarise_slopes(elevation, field.region_without_obstacles)
+    if elevation is None or summary is None:
+        return {}
+    x, y = summary.steepest_place_m
+    place = (
+        [round(x, 1), round(y, 1)] if field.crs is None else [round(v, 6) for v in field.to_wgs84([[x, y]])[0].tolist()]
+    )
+    return {
+        "heights": elevation.source,
+        "lowest_m": round(summary.lowest_m, 2),
+        "highest_m": round(summary.highest_m, 2),
+        "median_slope_pct": round(100.0 * summary.median, 2),
+        "p90_slope_pct": round(100.0 * summary.p90, 2),
+        "steepest_slope_pct": round(100.0 * summary.steepest, 2),
+        "steepest_at": place,
+        "aspect_deg": None if summary.aspect_deg is None else round(summary.aspect_deg, 1),
+        "aspect_share_pct": round(100.0 * summary.aspect_share, 1),
+    }

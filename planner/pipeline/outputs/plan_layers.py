@@ -14,7 +14,7 @@ from planner.errors import RequestError
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.pipeline.outputs.driving_steps import name_swaths
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, REFILL, SWATH, Leg, LegTask, Plan
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, REFILL, SWATH, LegTask, Plan
 from vehicle.missions.run import SimulationRun
 
 if TYPE_CHECKING:
@@ -41,7 +41,9 @@ def build_plan_layers(context: PlanningContext, run: SimulationRun | None) -> Ge
     "obstacle" are areas. Lengths and areas are measured in metres; coordinates are WGS84 degrees, or metres without a
     system for a field in local metres. Without a run the field alone. Raises RequestError without geopandas.
     """
-    rows = [] if run is None else [*_iter_driven_rows(run.plan), *_iter_missed_rows(context, run)]
+    rows = [] if run is None else list(_iter_driven_rows(run.plan))
+    missed = () if run is None else measure_coverage(run, context).unworked_pieces
+    rows += [{"kind": MISSED_KIND, "area_m2": float(piece.area), "geometry": piece} for piece in missed]
     rows += _iter_field_rows(context)
     frame = _load_geopandas().GeoDataFrame(
         [dict.fromkeys(COLUMNS) | row for row in rows], columns=list(COLUMNS), geometry="geometry"
@@ -76,7 +78,7 @@ def _iter_driven_rows(plan: Plan) -> Iterator[Row]:
                 "tractor": number,
                 "order": order,
                 "length_m": math.fsum(leg.length_m for leg in legs),
-                "geometry": _join_legs(legs),
+                "geometry": shapely.LineString(np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])),
             }
 
 
@@ -91,16 +93,6 @@ def _name_tasks(plan: Plan) -> dict[tuple[str, int | None, int], str]:
         )
         for task in tasks
     }
-
-
-def _join_legs(legs: list[Leg]) -> shapely.LineString:
-    points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
-    return shapely.LineString(points)
-
-
-def _iter_missed_rows(context: PlanningContext, run: SimulationRun) -> Iterator[Row]:
-    for piece in measure_coverage(run, context).unworked_pieces:
-        yield {"kind": MISSED_KIND, "area_m2": float(piece.area), "geometry": piece}
 
 
 def _iter_field_rows(context: PlanningContext) -> Iterator[Row]:

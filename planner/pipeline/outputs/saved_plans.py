@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import math
 import os
+import zlib
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 
 from fields.text_files import read_text
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.context_inputs import load_gnss_errors
+from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
+from planner.evaluation.work_order import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
-from planner.pipeline.outputs.saved_physics import PHYSICS_KEY, export_physics, read_physics
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_drives import DriverLeg
 from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s, get_stated_late_end_s
-from vehicle.errors import MissionError
+from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names, resolve_tractor
+from vehicle.model.work_load import WorkLoad
 from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
@@ -41,6 +47,11 @@ EARLIER_NAMES = {
 """Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
 LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sections")
 """Parameters that plans without them do not name, so that an older Headland can read those."""
+COORDINATE_DECIMALS = 4
+STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
+PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
+MAX_SAVED_NODES = 4_000_000
+_UNIT = 10**HEIGHT_DECIMALS
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +163,6 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
         ) from None
 
 
-COORDINATE_DECIMALS = 4
-
-
-STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
-
-
 def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking | None = None) -> str:
     """A plan as JSON: legs and gates with the request and the machines they are for, and what its ranking states."""
     field = context.layout.field
@@ -246,3 +251,63 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
 def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:
     loops = (polygon.exterior, *polygon.interiors)
     return [shapely.get_coordinates(loop)[:-1].round(COORDINATE_DECIMALS).tolist() for loop in loops]
+
+
+def export_physics(physics: FieldPhysics, request: PlanRequest, tractor: Tractor) -> dict[str, Any]:
+    """Heights and load of a plan as plain values; empty where request and tractor tell all.
+
+    They do not on heights, on a soil, and where a farm knows the power of the engine, by which fuel is told.
+    """
+    load_of_request = build_level_physics(request, tractor).load
+    if physics.load is None or (not physics.drives_with_load and physics.load == load_of_request):
+        return {}
+    load: dict[str, Any] = asdict(physics.load)
+    power_w = load["engine_power_w"]
+    values = {
+        "load": load | {"engine_power_w": None if math.isinf(power_w) else power_w},
+        "drives_with_load": physics.drives_with_load,
+        "takes_shaft_power": physics.takes_shaft_power,
+        "terrain": None if physics.terrain is None else _export_terrain(physics.terrain),
+    }
+    return {PHYSICS_KEY: values}
+
+
+def _export_terrain(terrain: Terrain) -> dict[str, Any]:
+    """Heights as differences from node to node in tenths of millimetres, compressed."""
+    units = np.round(terrain.heights_m * _UNIT).astype(np.int64)
+    steps = np.diff(units.ravel(), prepend=0).astype("<i4")
+    return {
+        "west_m": terrain.west_m,
+        "south_m": terrain.south_m,
+        "spacing_m": terrain.spacing_m,
+        "shape": list(units.shape),
+        "heights": base64.b64encode(zlib.compress(steps.tobytes(), 9)).decode("ascii"),
+    }
+
+
+def read_physics(saved: SavedPlan, request: PlanRequest, tractor: Tractor) -> FieldPhysics:
+    """The physics of a saved plan; raises RequestError where they are garbled."""
+    values = saved.scenario.get(PHYSICS_KEY)
+    if values is None:
+        return build_level_physics(request, tractor)
+    try:
+        load = dict(values["load"])
+        load["draft_n"] = tuple(load["draft_n"])
+        load["engine_power_w"] = math.inf if load["engine_power_w"] is None else load["engine_power_w"]
+        terrain = None if values["terrain"] is None else _read_terrain(values["terrain"])
+        drives_with_load = values.get("drives_with_load", True) is True
+        return FieldPhysics(terrain, WorkLoad(**load), drives_with_load, values["takes_shaft_power"] is True)
+    except (KeyError, TypeError, ValueError, OverflowError, VehicleError, zlib.error):
+        raise RequestError(f"The {PHYSICS_KEY} in the scenario of the plan are garbled; save the plan again.") from None
+
+
+def _read_terrain(values: dict[str, Any]) -> Terrain:
+    """Raises ValueError for heights that do not fit their shape."""
+    rows, columns = (int(count) for count in values["shape"])
+    if not 0 < rows * columns <= MAX_SAVED_NODES:
+        raise ValueError("too many heights")
+    unpacker = zlib.decompressobj()
+    content = unpacker.decompress(base64.b64decode(values["heights"], validate=True), 4 * rows * columns + 1)
+    steps = np.frombuffer(content, dtype="<i4").astype(np.int64)
+    heights_m = np.cumsum(steps).reshape(rows, columns) / _UNIT
+    return Terrain(float(values["west_m"]), float(values["south_m"]), float(values["spacing_m"]), heights_m)

@@ -13,12 +13,11 @@ from planner.pipeline.executors import create_executor
 from planner.pipeline.kernels import COMPILING, compile_kernels, list_missing_kernels
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.pipeline.planning import PlanningResult
-from planner.pipeline.planning import plan as simulate_all
+from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
-from planner.service.sandbox.request_checks import build_request_plan_inputs
+from planner.service.sandbox.request_checks import build_work_order
 from planner.service.store.file_table import MEDIA_BY_SUFFIX
 from planner.service.store.job_queue import ResultFile
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
@@ -141,20 +140,12 @@ def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) 
 
 def run_plan_job(job: JobContext) -> list[ResultFile]:
     """Simulate and rank plans; raises HeadlandError where nothing can be planned."""
-    question = build_request_plan_inputs(job.request)
+    order = build_work_order(job.request)
     _load_simulator(job)
-    request = question.request
     simulates_all = bool(job.request.get("all"))
-    with create_executor(len(group_candidates(list_candidates(request))), job.processes) as executor:
-        planned = simulate_all(
-            request,
-            tractor=question.tractor,
-            implement=question.implement,
-            uncertainty=question.uncertainty,
-            cost_terms=question.terms,
-            supply=question.supply,
-            times=question.times,
-            yard=question.yard,
+    with create_executor(len(group_candidates(list_candidates(order.request))), job.processes) as executor:
+        planned = plan_order(
+            order,
             executor=executor,
             with_pictures=True,
             report_stage=lambda words, done, all: job.report_progress(done, all, words),

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from planner.errors import RequestError, attach_parameter, mark_parameter
 
 if TYPE_CHECKING:
-    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.evaluation.work_order import WorkOrder
 
 
-def build_request_plan_inputs(values: Mapping[str, Any]) -> PlanInputs:
+def build_work_order(values: Mapping[str, Any]) -> WorkOrder:
     """What to plan, from the options of a plan request and its farm; raises HeadlandError as the command does."""
     from planner.farm.inventory import load_farm
-    from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+    from planner.pipeline.farm_inputs import complete_request_by_farm
     from planner.request.options import list_given_parameters
     from planner.request.plan_request import PlanRequest
 
@@ -28,8 +28,6 @@ def build_request_plan_inputs(values: Mapping[str, Any]) -> PlanInputs:
         )
     shift_s = None if farm is None or values.get("deadline") is None else farm.times.shift_span_s[0]
     request = PlanRequest.from_options(values, shift_s=shift_s)
-    if farm is None:
-        return build_inputs_without_farm(request)
     return complete_request_by_farm(request, farm, list_given_parameters(PlanRequest, values), implement_name=implement)
 
 
@@ -37,14 +35,14 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a plan request that cannot be fulfilled; all its files are read."""
     from fields.geometry.field_lines import find_line_bearing_deg
     from fields.layout.swaths import check_width
-    from planner.evaluation.context_inputs import load_gnss_errors, read_requested_field
     from planner.evaluation.field_physics import find_requested_soil, read_requested_elevation
+    from planner.evaluation.work_order import load_gnss_errors, read_requested_field
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
     from vehicle.model.tractor import resolve_tractor
 
-    question = build_request_plan_inputs(values)
-    request = question.request
+    order = build_work_order(values)
+    request = order.request
     with attach_parameter("rain"):
         build_decision_criteria(request)
     with attach_parameter("gnss_table"):
@@ -57,10 +55,10 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     read_requested_elevation(request, field)
     find_requested_soil(request)
     with attach_parameter("tractor"):
-        machine = None if request.refill is None else resolve_tractor(question.tractor or request.tractor)
+        machine = None if request.refill is None else resolve_tractor(order.tractor or request.tractor)
     with attach_parameter("refill"):
         locate_service_point(
-            request, field, question.supply, is_electric=machine is not None and machine.battery is not None
+            request, field, order.supply, is_electric=machine is not None and machine.battery is not None
         )
 
 

@@ -1,9 +1,9 @@
-"""What a request names, resolved: its field, tractor, guidance line, position errors and turning radius."""
+"""A work order, and what its request names, resolved: field, guidance line, position errors and turning radius."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,15 @@ from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
+from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
 from planner.request.plan_request import PlanRequest
+from planner.request.random_inputs import UncertaintySettings
 from planner.risk.costs import CostTerms
+from strategies.program.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import Implement, Tractor
 
 FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
@@ -26,17 +29,33 @@ FieldChoice = Field | FieldSource | None
 RADIUS_FACTOR = 1.08
 
 
-def fill_in_default_names(
-    request: PlanRequest, field: FieldChoice, tractor: Tractor | str | Path | None
-) -> PlanRequest:
-    """The request with the names of the field and tractor that replace its own."""
+@dataclass(frozen=True)
+class WorkOrder:
+    """What is to be planned: a request, what replaces its field and machines, and the values of a farm.
 
-    def choose_name(override: Any, requested_name: str) -> Any:
-        if override is None:
-            return requested_name
-        return override.name if isinstance(override, Field | Tractor) else override
+    `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
+    gives hitch and length, its width is that of the request. `uncertainty` and `cost_terms` are the farm's laws and
+    prices, `supply` is what the implement carries, `times` and `yard` make up the day. Without a farm all are None.
+    """
 
-    return replace(request, field=choose_name(field, request.field), tractor=choose_name(tractor, request.tractor))
+    request: PlanRequest
+    field: FieldChoice = None
+    tractor: Tractor | str | Path | None = None
+    implement: Implement | None = None
+    uncertainty: UncertaintySettings | None = None
+    cost_terms: CostTerms | None = None
+    supply: Supply | None = None
+    times: FarmTimes | None = None
+    yard: Yard | None = None
+
+    def name_choices(self) -> PlanRequest:
+        """The request with the names of the field and tractor that replace its own."""
+        names: dict[str, Any] = {
+            parameter: choice.name if isinstance(choice, Field | Tractor) else choice
+            for parameter, choice in (("field", self.field), ("tractor", self.tractor))
+            if choice is not None
+        }
+        return replace(self.request, **names)
 
 
 def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
