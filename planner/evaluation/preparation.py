@@ -48,6 +48,7 @@ from planner.evaluation.layout_choice import (
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
 from planner.evaluation.slope_costs import build_slope_weigher
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import build_workday
 from planner.request.option_texts import MPS_PER_KMH
@@ -56,7 +57,6 @@ from planner.request.plan_request import (
     STRAIGHT,
     PlanRequest,
 )
-from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms

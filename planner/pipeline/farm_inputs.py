@@ -10,10 +10,10 @@ from typing import Any
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.farm.value_sources import find_unchanged_learned_values
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings, copy_settings
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from strategies.program.supply import Supply
 from vehicle.energy.draft import TILL
@@ -84,7 +84,7 @@ def complete_request_by_farm(
         farm_tractor,
         farm_implement,
         terms,
-        copy_settings(farm.uncertainty),
+        farm.uncertainty,
         farm_implement.build_supply(farm.times.refill_s),
         farm.times,
         farm.yard,

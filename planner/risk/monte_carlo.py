@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from planner.request.random_inputs import (
+from planner.farm.random_inputs import (
     RANDOM_INPUTS,
     UncertaintySettings,
     build_certain_settings,
