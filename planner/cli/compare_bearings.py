@@ -11,14 +11,14 @@ from planner.cli.common.options import (
     NO_PLAN_STATUS,
     AsJson,
     ClusterOption,
+    ExecutorChoice,
     FieldArgument,
     GivenOptions,
     ProcessesOption,
-    get_option_name,
     inject_request_options,
+    render_refusal,
 )
-from planner.cli.common.terminal import create_progress_callback, print_answer, warm_up
-from planner.cli.plan import ExecutorChoice
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError, shorten_value
 from planner.request.plan_request import FIELD
 
@@ -66,8 +66,8 @@ def compare_bearings(
         executor_choice.open_executor(len(inputs)) as executor,
         create_progress_callback("Comparing bearings") as progress,
     ):
-        comparison = compare(inputs, executor, progress, lambda refusal: refusal.render_sentence(get_option_name))
-    print_answer(json, format_bearing_json, build_bearing_table, comparison)
+        comparison = compare(inputs, executor, progress, render_refusal)
+    AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
     if all(row.plan is None for row in comparison.rows):
         raise typer.Exit(NO_PLAN_STATUS)
 

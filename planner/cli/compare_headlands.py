@@ -14,23 +14,21 @@ from planner.cli.common.options import (
     NO_PLAN_STATUS,
     ClusterOption,
     CsvOption,
+    ExecutorChoice,
     FieldsArgument,
     GivenOptions,
     JsonOption,
     ProcessesOption,
-    get_option_name,
     inject_request_options,
+    render_refusal,
 )
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable, warm_up
-from planner.cli.plan import ExecutorChoice, check_one_output, expand_fields
-from planner.errors import HeadlandError, RequestError, shorten_value, suggest_name
-from planner.request.option_texts import parse_widths
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
+from planner.errors import RequestError, shorten_value, suggest_name
 from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from planner.pipeline.headland_comparison import HeadlandQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
@@ -48,11 +46,6 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
     },
 }
-
-
-def render_refusal(refusal: HeadlandError) -> str:
-    """The sentence of a refusal with the names of options."""
-    return refusal.render_sentence(get_option_name)
 
 
 @inject_request_options(without=COMPARED_OPTIONS, changes=_CHANGED_OPTIONS)
@@ -90,13 +83,14 @@ def compare_headlands(
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
+    from planner.pipeline.headland_comparison import compare_headlands as compare
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_page import render_headland_page
+    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
 
-    check_one_output(json, csv)
+    form = AnswerForm(json, csv)
     if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
         raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
-    names = expand_fields(fields, options)
     choices = HeadlandChoices(
         _parse_choices(corners, "--corners", CORNERS),
         () if headland_order is None else _parse_choices(headland_order, "--headland-order", HEADLAND_ORDERS),
@@ -104,18 +98,25 @@ def compare_headlands(
     )
     executor_choice = ExecutorChoice(processes, cluster)
     given = GivenOptions(context, options)
-    widths_m = parse_widths(options["width"])
-    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    requests = given.build_requests(fields)
     inputs = [given.build_inputs(request) for request in share_obstacles(requests)]
     farm = given.choice
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
-    input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
+    input_files: dict[str | Path, str] = {}
+    for name in dict.fromkeys(request.field for request in requests):
+        input_files |= list_input_files(field=name, farm=farm.farm)
     check_output_paths((html, ".html"), input_files=input_files)
-    comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
+    warm_up()
+    with (
+        executor_choice.open_executor(len(questions)) as executor,
+        create_progress_callback("Comparing headlands") as progress,
+    ):
+        comparison = compare(questions, executor, progress, render_refusal)
+    comparison = replace(comparison, operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
-        _print_comparison(comparison, json, csv)
+        form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.plans):
         raise typer.Exit(NO_PLAN_STATUS)
@@ -150,29 +151,9 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
-    from planner.pipeline.headland_comparison import compare_headlands as compare
-
-    warm_up()
-    with (
-        executor_choice.open_executor(len(questions)) as executor,
-        create_progress_callback("Comparing headlands") as progress,
-    ):
-        return compare(questions, executor, progress, render_refusal)
-
-
 def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     """Raise RequestError where the only field is refused for one reason, whatever the way."""
 
     reasons = {each.refusal for each in comparison.plans if not each.field_name}
     if len(comparison.fields) == 1 and len(reasons) == 1 and not any(each.field_name for each in comparison.plans):
         raise RequestError(str(reasons.pop()))
-
-
-def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> None:
-    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
-
-    if json or csv:
-        typer.echo(format_headland_json(comparison) if json else format_headland_csv(comparison), nl=False)
-        return
-    print_renderable(build_headland_table, comparison)

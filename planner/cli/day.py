@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from planner.cli.common.options import NO_PLAN_STATUS, AsJson, inject_request_options
+from planner.cli.common.options import NO_PLAN_STATUS, AsJson, ExecutorChoice, inject_request_options
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
@@ -16,8 +16,7 @@ from planner.cli.common.outputs import (
     render_requested,
     write_before_printing,
 )
-from planner.cli.common.terminal import print_remarks, print_renderable, print_sentence, warm_up
-from planner.cli.plan import ExecutorChoice, check_one_output
+from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
@@ -98,9 +97,9 @@ def plan_day_file(
     from planner.day.input_file import load_day
     from planner.day.planning import prepare_day
     from planner.request.plan_request import MAX_SAMPLES
+    from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
 
-    check_one_output(json, csv)
-    executor_choice = ExecutorChoice(processes, None)
+    form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
     if not 1 <= samples <= MAX_SAMPLES:
         raise RequestError(f"--samples is {samples}; use 1 to {MAX_SAMPLES}.")
@@ -118,7 +117,9 @@ def plan_day_file(
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
     result = _compute_day_plan(prepared, cache, samples, seed, executor_choice, field_minutes)
     with write_before_printing(_render_day_outputs(result, html, png, map_png)):
-        _print_result(result, json, csv, explain)
+        form.print_answer(
+            result, json=format_day_json, csv=format_day_csv, screen=build_day_screen, table=build_day_table
+        )
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
     if not result.jobs or result.shortfalls:
@@ -200,22 +201,6 @@ def _compute_day_plan(
             seed=seed,
             field_minutes=field_minutes,
         )
-
-
-def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> None:
-    if json or csv:
-        from reports.day.tables import format_day_csv, format_day_json
-
-        typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
-        return
-    from reports.day.tables import build_day_screen
-
-    print_renderable(build_day_screen, result, with_next=not explain)
-    if explain:
-        from reports.day.tables import build_day_table
-
-        print_renderable("")
-        print_renderable(build_day_table, result)
 
 
 def _render_day_outputs(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -16,9 +17,9 @@ from planner.cli.common.outputs import (
     write_before_printing,
 )
 from planner.cli.common.terminal import (
+    AnswerForm,
     create_progress_callback,
     limit_linear_algebra_threads,
-    print_answer,
     print_renderable,
     print_sentence,
 )
@@ -109,6 +110,9 @@ def diagnose(
     """
 
     limit_linear_algebra_threads()
+    from reports.common.effect_names import format_effect_with_id
+    from reports.common.text_tables import format_sentence
+    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
 
     _check_demo_options(demo, logs, seed, hide, {"--fix": fix, "--mapping": mapping, "--column": column}, as_driven)
     columns = _choose_mapping(mapping, column)
@@ -123,7 +127,11 @@ def diagnose(
     )
     soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
     with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
-        _print_diagnosis(diagnosis, hidden, json, explain)
+        screen = build_diagnosis_table if explain else build_diagnosis_screen
+        AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
+        if hidden is not None and not json:
+            name = format_effect_with_id(hidden.id)
+            print_renderable(format_sentence(f"Hidden in these simulated logs: {name}. {hidden.description}"))
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
@@ -235,24 +243,6 @@ def _run_diagnosis(
         return diagnosis, None
 
 
-def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
-    if json:
-        from reports.diagnosis.tables import format_diagnosis_json
-
-        typer.echo(format_diagnosis_json(diagnosis, hidden), nl=False)
-        return
-    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table
-
-    print_renderable(build_diagnosis_table if explain else build_diagnosis_screen, diagnosis)
-    if hidden is not None:
-        from reports.common.effect_names import format_effect_with_id
-        from reports.common.text_tables import format_sentence
-
-        print_renderable(
-            format_sentence(f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}")
-        )
-
-
 def replay(
     log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run; sample is a log to try.")],
     tractor: TractorOption = "eg105",
@@ -286,4 +276,6 @@ def replay(
         (html, lambda: render_replay_page(result.replayed, result.remarks)),
     )
     with write_before_printing(results):
-        print_answer(json, format_replay_json, build_replay_table, result.replayed, result.remarks)
+        AnswerForm(json).print_answer(
+            result.replayed, result.remarks, json=format_replay_json, screen=build_replay_table
+        )

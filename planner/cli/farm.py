@@ -9,7 +9,7 @@ import typer
 
 from planner.cli.common.options import AsJson
 from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
-from planner.cli.common.terminal import print_answer, print_sentence
+from planner.cli.common.terminal import AnswerForm, print_sentence
 
 farm = typer.Typer(
     help="The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml",
@@ -63,6 +63,8 @@ def check(
     from planner.farm.value_sources import build_farm_sheet, format_farm_json
     from reports.trials.report import build_trials_table
 
-    print_answer(
-        json, format_farm_json, lambda shown: build_trials_table((build_farm_sheet(shown, file),)), load_farm(file)
+    AnswerForm(json).print_answer(
+        load_farm(file),
+        json=format_farm_json,
+        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file),)),
     )

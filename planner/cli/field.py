@@ -11,7 +11,7 @@ from typer.core import TyperCommand
 from planner.cli.common.options import AsJson, FieldArgument, GivenOptions, inject_request_options
 from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
 from planner.cli.common.reader import translate_help
-from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def field(
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
-        print_answer(json, format_facts_json, build_field_report, facts)
+        AnswerForm(json).print_answer(facts, json=format_facts_json, screen=build_field_report)
 
 
 def write_heights(
@@ -139,4 +139,4 @@ def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, jso
 
     parcels, notes = list_fields_with_notes(field, local=local, crs=crs, swap_axes=swap_axes)
     print_remarks(notes)
-    print_answer(json, format_parcels_json, build_parcels_table, parcels)
+    AnswerForm(json).print_answer(parcels, json=format_parcels_json, screen=build_parcels_table)

@@ -11,6 +11,7 @@ import typer
 from planner.cli.common.options import AsJson, FarmOption, Html, Png
 from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
 from planner.cli.common.terminal import (
+    AnswerForm,
     create_progress_callback,
     print_remarks,
     print_renderable,
@@ -197,6 +198,7 @@ def check(
     """
     from planner.cli.experiments import render_experiment_outputs
     from planner.farm.inventory import load_farm
+    from reports.trials.report import build_trials_table, format_tractor_check_json
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
@@ -206,14 +208,9 @@ def check(
     with create_progress_callback("Driving the tractor"):
         verdict, sheet = check_tractor(machine)
     with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        if json:
-            from reports.trials.report import format_tractor_check_json
-
-            typer.echo(format_tractor_check_json(verdict), nl=False)
-        else:
-            from reports.trials.report import build_trials_table
-
-            print_renderable(build_trials_table, (sheet,))
+        AnswerForm(json).print_answer(
+            verdict, json=format_tractor_check_json, screen=lambda _: build_trials_table((sheet,))
+        )
 
 
 def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -> tuple[str, Datasheet]:

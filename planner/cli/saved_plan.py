@@ -13,7 +13,7 @@ import typer
 
 from planner.cli.common.options import AsJson
 from planner.cli.common.outputs import WriteError, check_output_paths, refuse_overwrite, write_before_printing
-from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError
 from planner.request.option_texts import format_clock
 
@@ -66,7 +66,7 @@ def export(
         check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
         with write_before_printing(results):
             names = [str(path) for path in paths]
-            print_answer(json, export_json, build_export_table, guidance, guidance_files, names)
+            AnswerForm(json).print_answer(guidance, guidance_files, names, json=export_json, screen=build_export_table)
 
 
 def _place_files(
@@ -150,10 +150,11 @@ def show(
     count = len(saved_run.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
-    if json:
-        typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
-        return
-    print_renderable(build_leg_tables, _format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor)
+    AnswerForm(json).print_answer(
+        saved_run,
+        json=lambda run: format_leg_lists_json(run.steps, _summarise_plan(run), tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
+    )
 
 
 def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:

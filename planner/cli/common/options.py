@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
 from typer.models import ArgumentInfo
 
-from planner.errors import RequestError
+from planner.cli.common.terminal import print_remarks
+from planner.errors import HeadlandError, RequestError
+from planner.request.option_texts import parse_widths
 from planner.request.options import RequestOption, convert_options_to_parameters, list_given_parameters, list_options
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
@@ -45,6 +50,7 @@ FieldsArgument = Annotated[
         show_default="iwamizawa",
     ),
 ]
+DEFAULT_FIELD = "iwamizawa"
 NO_PLAN_STATUS = 3
 """Exit status where no plan meets the request."""
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
@@ -66,6 +72,31 @@ _OPTION_NAMES = {
 def get_option_name(parameter: str) -> str:
     """What a parameter of a program is called on the command line: width_m is --width, speed_mps is --speed-kmh."""
     return _OPTION_NAMES.get(parameter) or "--" + strip_unit(parameter).replace("_", "-")
+
+
+def render_refusal(refusal: HeadlandError) -> str:
+    """The sentence of a refusal with the names of options."""
+    return refusal.render_sentence(get_option_name)
+
+
+@dataclass(frozen=True)
+class ExecutorChoice:
+    """Where to compute: in processes of this machine, or on a cluster; raises RequestError for both."""
+
+    processes: int | None
+    cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.processes is not None and self.processes < 1:
+            raise RequestError(f"--processes is {self.processes}; use 1 or more.")
+        if self.processes is not None and self.cluster is not None:
+            raise RequestError("--processes is for this machine, --cluster for others; leave out one of them.")
+
+    def open_executor(self, tasks: int) -> AbstractContextManager[Executor]:
+        """The executor for this number of tasks."""
+        from planner.pipeline.executors import connect_cluster, create_executor
+
+        return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
 def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any) -> inspect.Parameter:
@@ -142,6 +173,15 @@ class GivenOptions:
         from planner.farm.inventory import load_farm
 
         return PlanRequest.from_options(values, shift_s=load_farm(farm).times.shift_span_s[0])
+
+    def build_requests(self, fields: Sequence[str] | None) -> list[PlanRequest]:
+        """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+        from planner.pipeline.many_fields import expand_field_names
+
+        reading = {name: self.values[name] for name in ("local", "crs", "swap_axes")}
+        names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+        widths_m = parse_widths(self.values["width"])
+        return [self.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
 
     def build_inputs(self, request: PlanRequest) -> PlanInputs:
         """The request completed by the farm; options that were given win. Raises HeadlandError."""

@@ -151,9 +151,20 @@ def refuse_overwrite(path: Path, force: bool) -> None:
         _refuse(f"{_format_path(path)} exists already; choose another name, or add --force to overwrite it.")
 
 
-@contextmanager
-def create_result_folder(folder: Path) -> Iterator[None]:
-    """A folder for results, created if missing and removed again if the body fails; raises RequestError."""
+def write_into_folder(
+    folder: Path,
+    contents: Mapping[str, OutputContent],
+    *,
+    force: bool = True,
+    input_files: Mapping[str | Path, str] | None = None,
+) -> None:
+    """Write files by name into a folder that is made if missing, and removed again if none can be written.
+
+    Raises RequestError, also for files that exist unless `force` allows overwriting them, and WriteError.
+    """
+    results = [(folder / name, content) for name, content in contents.items()]
+    for path, _ in results:
+        refuse_overwrite(path, force)
     is_new = not os.path.lexists(folder)
     try:
         if is_new:
@@ -163,7 +174,8 @@ def create_result_folder(folder: Path) -> Iterator[None]:
     if not os.path.isdir(folder):
         _refuse(f"{quote_path(folder)} is a file; name a folder.")
     try:
-        yield
+        check_output_paths(*((path, "") for path, _ in results), input_files=input_files)
+        write_results(results)
     except BaseException:
         if is_new:
             with suppress(OSError):

@@ -6,12 +6,14 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from fields.errors import make_one_line
+from planner.errors import RequestError
 from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
 if TYPE_CHECKING:
@@ -108,14 +110,43 @@ def print_renderable(renderable: object, *arguments: Any, **options: Any) -> Non
         Console(width=width).print(renderable(*arguments, **options) if callable(renderable) else renderable)
 
 
-def print_answer(
-    as_json: bool, format_json: Callable[..., str], build_renderable: Callable[..., object], *results: Any
-) -> None:
-    """Print results as JSON for programs, or for people by what `build_renderable` makes of them."""
-    if as_json:
-        typer.echo(format_json(*results), nl=False)
-    else:
-        print_renderable(build_renderable, *results)
+@dataclass(frozen=True)
+class AnswerForm:
+    """How a command prints its answer: JSON or CSV for programs, else a screen, with `explain` also the tables."""
+
+    json: bool = False
+    csv: bool = False
+    explain: bool = False
+
+    def __post_init__(self) -> None:
+        if self.json and self.csv:
+            raise RequestError("--json and --csv both print to standard output; choose one.")
+
+    @property
+    def is_for_programs(self) -> bool:
+        """Whether JSON or CSV is printed."""
+        return self.json or self.csv
+
+    def print_answer(
+        self,
+        *results: Any,
+        json: Callable[..., str],
+        screen: Callable[..., object],
+        csv: Callable[..., str] | None = None,
+        table: Callable[..., object] | None = None,
+    ) -> None:
+        """Print results by what makes a text, a screen or a table of them; a screen with a table says what is next."""
+        if self.csv and csv is not None:
+            typer.echo(csv(*results), nl=False)
+        elif self.json:
+            typer.echo(json(*results), nl=False)
+        elif table is None:
+            print_renderable(screen, *results)
+        else:
+            print_renderable(screen, *results, with_next=not self.explain)
+            if self.explain:
+                print_renderable("")
+                print_renderable(table, *results)
 
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
