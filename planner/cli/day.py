@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from planner.cli.common.options import NO_PLAN_STATUS, AsJson, ExecutorChoice, inject_request_options
+from planner.cli.common.options import NO_PLAN_STATUS, AsJson, ExecutorChoice, create_group, inject_request_options
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
-    refuse_overwrite,
     render_requested,
     write_before_printing,
 )
@@ -38,17 +37,15 @@ class FileFirstGroup(TyperGroup):
         return super().parse_args(context, args if not args or args[0] in own_commands else [PLAN, *args])
 
 
-day = typer.Typer(cls=FileFirstGroup, no_args_is_help=True)
-
-
-@day.callback()
-def describe_day_group() -> None:
+day = create_group(
     """Several fields and fleets on one day: which fleet works which field, when, and how certain that is.
 
     Fields, windows, values, fleets, roads, light and rain are in one file; headland day new day.toml writes an example.
 
     Example: headland day day.toml --html day.html
-    """
+    """,
+    cls=FileFirstGroup,
+)
 
 
 DAY_OPTIONS: dict[str, dict[str, Any]] = {
@@ -137,8 +134,7 @@ def new(
     """
     from planner.day.input_file import read_example_day_text
 
-    check_output_paths((file, ".toml"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".toml"), force=force)
     with write_before_printing([(file, read_example_day_text())]):
         print_sentence(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.")
 

@@ -7,19 +7,11 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.common.options import AsJson
-from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
+from planner.cli.common.options import AsJson, create_group
+from planner.cli.common.outputs import check_output_paths, write_before_printing
 from planner.cli.common.terminal import AnswerForm, print_sentence
 
-farm = typer.Typer(
-    help="The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml",
-    no_args_is_help=True,
-)
-
-
-@farm.callback()
-def describe_farm_group() -> None:
-    """The farm file: machines, prices and times of a farm, for `headland plan --farm`."""
+farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")
 
 
 @farm.command()
@@ -33,8 +25,7 @@ def new(
     """
     from planner.farm.inventory import read_example_farm_text
 
-    check_output_paths((file, ".toml"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".toml"), force=force)
     with write_before_printing([(file, read_example_farm_text())]):
         print_sentence(f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.")
 

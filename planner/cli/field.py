@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from planner.cli.common.options import AsJson, FieldArgument, GivenOptions, inject_request_options
-from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.reader import translate_help
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
@@ -99,9 +99,7 @@ def write_heights(
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
     files = list_raster_files(output)
-    check_output_paths(*((file, "") for file in files), input_files=input_files)
-    for file in files:
-        refuse_overwrite(file, force)
+    check_output_paths(*((file, "") for file in files), input_files=input_files, force=force)
     with create_progress_callback("Smoothing heights"):
         grid, crs = build_run_heights(load_imported_runs(runs))
         contents = render_raster(grid, crs, output)

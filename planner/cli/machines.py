@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, FarmOption, Html, Png
-from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
+from planner.cli.common.options import AsJson, FarmOption, Html, Png, create_group
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import (
     AnswerForm,
     create_progress_callback,
@@ -63,15 +63,7 @@ def _prompt_number(quantity: DatasheetQuantity) -> float:
         typer.echo(f"{value:g} is not possible; use {quantity.low:g} to {quantity.high:g}.", err=True)
 
 
-gnss = typer.Typer(
-    help="GNSS errors: make a table from static fixes.\n\nExample: headland gnss fit fixes.csv",
-    no_args_is_help=True,
-)
-
-
-@gnss.callback()
-def describe_gnss_group() -> None:
-    """GNSS errors: make a table from static fixes, or print the default table."""
+gnss = create_group("GNSS errors: make a table from static fixes.\n\nExample: headland gnss fit fixes.csv")
 
 
 @gnss.command()
@@ -108,20 +100,14 @@ def default() -> None:
     typer.echo(format_error_table(load_default_error_table()), nl=False)
 
 
-tractor = typer.Typer(
-    help="Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml",
-    no_args_is_help=True,
+tractor = create_group(
+    "Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml"
 )
 OptionalNumber = Optional[float]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 FILE_BANNER = (
     "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
 )
-
-
-@tractor.callback()
-def describe_tractor_group() -> None:
-    """Tractor files: make one from a datasheet, check one."""
 
 
 @tractor.command()
@@ -165,8 +151,7 @@ def new(
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.model.tractor_writer import format_tractor_toml
 
-    check_output_paths((file, ".toml"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".toml"), force=force)
     values: dict[str, float | str | None] = {
         "wheelbase_m": wheelbase, "width_m": width, "turning_radius_m": turning_radius, "mass_kg": mass,
         "power_kw": power_kw, "length_m": length, "track_m": track, "rear_overhang_m": rear_overhang,

@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, NoReturn, Optional
 
 import typer
@@ -111,33 +111,18 @@ def describe_headland(
     """
 
 
-app.command()(plan)
-app.command("compare-headlands")(compare_headlands)
-app.command("compare-bearings")(compare_bearings)
-app.command()(show)
-app.command()(export)
-app.command(cls=FieldCommand)(field)
-app.command()(study)
-app.command()(diagnose)
-app.command()(replay)
-app.command()(compare)
-app.command()(learn)
-app.command()(validate)
-app.command()(drive)
-app.command()(design)
-app.command()(serve)
-app.command()(robot)
-app.command()(backup)
-app.command()(restore)
-app.command()(guide)
-app.command()(setup)
-app.add_typer(gnss, name="gnss")
-app.add_typer(tractor, name="tractor")
-app.add_typer(farm, name="farm")
-app.add_typer(logs, name="logs")
-app.add_typer(day, name="day")
-app.add_typer(token, name="token")
-app.add_typer(demo, name="demo")
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
+    "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,
+    "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve, "robot": robot,
+    "backup": backup, "restore": restore, "guide": guide, "setup": setup,
+}  # fmt: skip
+"""Commands in the order of the help; the groups of commands follow."""
+_GROUPS = {"gnss": gnss, "tractor": tractor, "farm": farm, "logs": logs, "day": day, "token": token, "demo": demo}
+for _name, _command in _COMMANDS.items():
+    app.command(_name, cls=FieldCommand if _command is field else None)(_command)
+for _name, _group in _GROUPS.items():
+    app.add_typer(_group, name=_name)
 
 
 def main() -> None:

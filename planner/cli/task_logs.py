@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, Html, Png
+from planner.cli.common.options import AsJson, Html, Png, create_group
 from planner.cli.common.outputs import (
     check_output_paths,
     refuse_overwrite,
@@ -83,8 +83,7 @@ def learn(
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
     if output is not None:
-        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"})
-        refuse_overwrite(output, False)
+        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"}, force=False)
     warm_up()
     with create_progress_callback("Learning"):
         learned_farm = learn_farm_values(runs, farm, implement, replace)
@@ -104,16 +103,10 @@ def learn(
         print_renderable(format_sentence(f"Written to {target}: {changed_count} values{unchanged_text}."))
 
 
-logs = typer.Typer(
-    help="Logs of work: import ISOXML time logs (TASKDATA), point Shapefiles, AgOpenGPS paths and CSV files.\n\n"
-    "Example: headland logs import TASKDATA -o runs",
-    no_args_is_help=True,
+logs = create_group(
+    "Logs of work: import ISOXML time logs (TASKDATA), point Shapefiles, AgOpenGPS paths and CSV files.\n\n"
+    "Example: headland logs import TASKDATA -o runs"
 )
-
-
-@logs.callback()
-def describe_logs_group() -> None:
-    """Logs of work."""
 
 
 @logs.command("import")

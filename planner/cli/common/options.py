@@ -74,6 +74,13 @@ def get_option_name(parameter: str) -> str:
     return _OPTION_NAMES.get(parameter) or "--" + strip_unit(parameter).replace("_", "-")
 
 
+def create_group(help_text: str, **options: Any) -> typer.Typer:
+    """A group of commands, also where it has only one; without a command it prints its help."""
+    group = typer.Typer(help=help_text, no_args_is_help=True, **options)
+    group.callback()(lambda: None)
+    return group
+
+
 def render_refusal(refusal: HeadlandError) -> str:
     """The sentence of a refusal with the names of options."""
     return refusal.render_sentence(get_option_name)

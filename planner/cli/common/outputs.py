@@ -66,11 +66,14 @@ def list_input_files(
     return files
 
 
-def check_output_paths(*outputs: Output, input_files: Mapping[str | Path, str] | None = None) -> None:
+def check_output_paths(
+    *outputs: Output, input_files: Mapping[str | Path, str] | None = None, force: bool = True
+) -> None:
     """Raise RequestError for an output that could not be written later; the file system stays unchanged.
 
-    An output must be a regular file or not exist yet, in a writable folder. It must be neither an input file (path and
-    what it is) nor another output, also through links and on file systems that ignore case.
+    An output must be a regular file or not exist yet, in a writable folder; without `force` it must not exist. It must
+    be neither an input file (path and what it is) nor another output, also through links and on file systems that
+    ignore case.
     """
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
     for path, suffix in requested:
@@ -82,6 +85,7 @@ def check_output_paths(*outputs: Output, input_files: Mapping[str | Path, str] |
             if _is_same_file(path, occupied_path, ignores_case[path]):
                 _refuse(f"{path} would overwrite {description}; choose another file.")
         occupied.append((path, "another result"))
+        refuse_overwrite(path, force)
 
 
 def _check_suffix(path: Path, suffix: str) -> None:
