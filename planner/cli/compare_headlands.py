@@ -104,7 +104,7 @@ def compare_headlands(
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files: dict[str | Path, str] = {}
     for name in dict.fromkeys(request.field for request in requests):
-        input_files |= list_input_files(field=name, farm=farm.farm)
+        input_files |= list_input_files({"field": name, "farm": farm.farm})
     check_output_paths((html, ".html"), input_files=input_files)
     warm_up()
     with (

@@ -12,6 +12,7 @@ from planner.cli.common.options import NO_PLAN_STATUS, AsJson, ExecutorChoice, c
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
+    list_input_files,
     render_requested,
     write_before_printing,
 )
@@ -21,7 +22,6 @@ from planner.errors import RequestError
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
     from planner.day.planning import PreparedDay
-    from planner.farm.inventory import FarmFile
     from reports.day.schedule_results import DayResult
 
 
@@ -107,9 +107,7 @@ def plan_day_file(
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)
-    check_output_paths(
-        (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_input_files(file, day_file, farm_file)
-    )
+    check_output_paths((html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_day_files(file, day_file))
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
     result = _compute_day_plan(prepared, cache, samples, seed, executor_choice, field_minutes)
@@ -150,7 +148,7 @@ def example() -> None:
     typer.echo(read_example_day_text(), nl=False)
 
 
-def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict[str | Path, str]:
+def _list_day_files(file: str, day_file: DayFile) -> dict[str | Path, str]:
     """The files that a day reads, and what they are."""
     from fields.documents.sources import list_field_files
     from planner.day.input_file import EXAMPLE
@@ -159,12 +157,8 @@ def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict
     for entry in day_file.fields:
         files |= dict.fromkeys(list_field_files(entry.file), "a field of the day")
         files |= {} if entry.elevation is None else {entry.elevation: "the heights of a field of the day"}
-    files |= {entry.file: "a tractor file of the farm" for entry in farm_file.tractors if entry.file is not None}
-    if day_file.farm not in (None, EXAMPLE):
-        files[str(day_file.farm)] = "the farm file"
-    if day_file.rain is not None and day_file.rain.lower().endswith(".csv"):
-        files[day_file.rain] = "the file of rain"
-    return files
+    farm = None if day_file.farm == EXAMPLE else day_file.farm
+    return files | list_input_files({"farm": farm, "rain": day_file.rain})
 
 
 def _compute_day_plan(

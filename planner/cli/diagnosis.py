@@ -120,7 +120,7 @@ def diagnose(
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
     soil_table = None if soil_line is None else soil_line.path
     outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
-    input_files = list_input_files(logs=logs or (), tractor=tractor, elevation=elevation, mapping=mapping)
+    input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=logs or ())
     check_output_paths(*outputs, input_files=input_files)
     diagnosis, hidden = _run_diagnosis(
         logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
@@ -268,7 +268,7 @@ def replay(
     from reports.plan.map_figure import render_png
 
     heights, columns = _choose_heights(elevation, elevation_crs, crs, demo=False), _choose_mapping(mapping, column)
-    input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation, mapping=mapping)
+    input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=[log])
     check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
     result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
     results = render_requested(

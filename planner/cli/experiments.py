@@ -36,7 +36,7 @@ def design(
     from reports.trials.report import build_trials_table, format_experiment_json
     from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
     check_name(study, STUDIES, "study")
     warm_up()
     sheet = run_design_study(study, tractor)
@@ -83,7 +83,7 @@ def drive(
         run_steered_drive,
     )
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
     request = SteeredDriveRequest(
         steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
         rear_limit,

@@ -53,12 +53,7 @@ def field(
     from reports.plan.ranking_export import format_facts_json
 
     given = GivenOptions(context, options)
-    check_output_paths(
-        (png, ".png"),
-        input_files=list_input_files(
-            field=field, tractor=options["tractor"], farm=given.choice.farm, elevation=options["elevation"]
-        ),
-    )
+    check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")
     if list_only:

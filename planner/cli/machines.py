@@ -187,7 +187,7 @@ def check(
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=file, farm=farm))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": file, "farm": farm}))
     machine = load_tractor(file) if farm is None else load_farm(farm).get_tractor(file).build_tractor()
     warm_up()
     with create_progress_callback("Driving the tractor"):

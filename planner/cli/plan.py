@@ -227,10 +227,7 @@ def plan(
         _refuse_single_field_outputs(("--png", png), ("--save", save))
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
-    input_files = list_input_files(
-        field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm,
-        rain=request.rain, elevation=request.elevation, soil=request.soil, rain_mm=request.rain_mm,
-    )  # fmt: skip
+    input_files = list_input_files({**options, "field": request.field})
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
         given.build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all

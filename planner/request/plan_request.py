@@ -17,7 +17,6 @@ from planner.request import option_checks
 from planner.request.option_texts import (
     DAY_S,
     MPS_PER_KMH,
-    convert_kmh_to_mps,
     format_later_clock,
     parse_cell_bearings,
     parse_clock,
@@ -183,7 +182,6 @@ class PlanRequest:
     speed_mps: Annotated[
         Number,
         OptionHelp("Working speed, km/h.", MACHINES, from_farm=True),
-        OptionTextForm(float, convert_kmh_to_mps, DEFAULT_SPEED_KMH),
         _SPEED("working speed"),
     ] = DEFAULT_SPEED_KMH * MPS_PER_KMH
     turn_speed_mps: Annotated[
@@ -191,7 +189,6 @@ class PlanRequest:
         OptionHelp(
             "Largest speed in turns, km/h; less in bends. By default the working speed.", MACHINES, from_farm=True
         ),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("turn speed"),
     ] = None
     min_speed_mps: Annotated[
@@ -201,13 +198,11 @@ class PlanRequest:
             MACHINES,
             from_farm=True,
         ),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("least working speed"),
     ] = None
     max_speed_mps: Annotated[
         Number | None,
         OptionHelp("Greatest working speed of the implement, km/h.", MACHINES, from_farm=True),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("greatest working speed"),
     ] = None
     price_per_hour: Annotated[
