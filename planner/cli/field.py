@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
-from planner.cli.common.options import AsJson, FieldArgument, GivenOptions, inject_request_options
+from planner.cli.common.options import DEFAULT_FIELD, AsJson, FieldArgument, GivenOptions, inject_request_options
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.reader import translate_help
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
@@ -30,7 +30,7 @@ HEIGHTS = "heights"
 @inject_request_options(only=FIELD_OPTIONS, panels=False)
 def field(
     context: typer.Context,
-    field: FieldArgument = "iwamizawa",
+    field: FieldArgument = DEFAULT_FIELD,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, headland passes and cells.")] = None,
     list_only: Annotated[bool, typer.Option("--list", help="Only list the fields of the file.")] = False,
     json: AsJson = False,

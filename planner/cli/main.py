@@ -21,20 +21,17 @@ from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
 from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
-from planner.cli.compare_bearings import compare_bearings
-from planner.cli.compare_headlands import compare_headlands
+from planner.cli.comparisons import compare_bearings, compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
-from planner.cli.farm import farm
 from planner.cli.field import FieldCommand, field
-from planner.cli.guide import guide
-from planner.cli.machines import gnss, tractor
+from planner.cli.first_steps import guide, setup
+from planner.cli.machines import farm, gnss, tractor
 from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
 from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token
-from planner.cli.setup import setup
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader

@@ -18,7 +18,6 @@ from reports.common.language import mark_text, translate, translate_sentence, us
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
-    from planner.pipeline.kernels import Kernel
 
 COMPILE_NOTICE_S = 3.0
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
@@ -45,42 +44,35 @@ def warm_up(bar: StageBar | None = None, next_stages_s: Mapping[str, float] | No
         with open_stage_bar(LOADING) as own_bar:
             warm_up(own_bar)
         return
-    from planner.pipeline.kernels import COMPILING, list_missing_kernels
+    from planner.pipeline.kernels import PLAN
     from planner.pipeline.worker_tasks import warm_up_simulation
 
-    missing = list_missing_kernels()
-    bar.expect({COMPILING: estimate_compile_s(missing), **(next_stages_s or {})})
-    if missing:
-        compile_missing(missing, bar)
+    compile_missing(bar, (PLAN,), next_stages_s)
     warm_up_simulation()
 
 
-def estimate_compile_s(kernels: Sequence[Kernel]) -> float:
-    """About the seconds that compiling takes on all cores."""
-    from planner.pipeline.kernels import share_kernels
+def compile_missing(bar: StageBar, uses: Sequence[str], next_stages_s: Mapping[str, float] | None = None) -> int:
+    """Compile the kernels of these uses that are missing on disk, on all cores, and count them in the bar.
 
-    shares = share_kernels(kernels, os.cpu_count() or 1)
-    return max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
+    Where no bar can be drawn, a sentence says that it takes a while, down to 5 s. Returns how many were missing.
+    """
+    from planner.pipeline.kernels import COMPILING, compile_kernels, list_missing_kernels, share_kernels
 
-
-def describe_compiling(count: int, seconds: float) -> str:
-    """What is compiled, and about how long that takes, down to 5 s."""
-    with use_reader():
-        return translate(
-            "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
-            count=count,
-            seconds=5 * max(1, round(seconds / 5)),
-        )
-
-
-def compile_missing(kernels: Sequence[Kernel], bar: StageBar) -> None:
-    """Compile kernels on all cores; where no bar can be drawn, a sentence says that it takes a while."""
-    from planner.pipeline.kernels import COMPILING, compile_kernels
-
-    seconds = estimate_compile_s(kernels)
+    missing = list_missing_kernels(uses)
+    shares = share_kernels(missing, os.cpu_count() or 1)
+    seconds = max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
+    bar.expect({COMPILING: seconds, **(next_stages_s or {})})
     if seconds > COMPILE_NOTICE_S and not sys.stderr.isatty():
-        print_sentence(describe_compiling(len(kernels), seconds), err=True)
-    compile_kernels(kernels, report=partial(bar.report, COMPILING))
+        with use_reader():
+            notice = translate(
+                "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
+                count=len(missing),
+                seconds=5 * max(1, round(seconds / 5)),
+            )
+        print_sentence(notice, err=True)
+    if missing:
+        compile_kernels(missing, report=partial(bar.report, COMPILING))
+    return len(missing)
 
 
 def print_remarks(sentences: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""`headland compare-headlands`: fields planned with several ways to work the headland, side by side."""
+"""`headland compare-headlands` and `compare-bearings`: fields planned in several ways, side by side."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
+    DEFAULT_FIELD,
     NO_PLAN_STATUS,
+    AsJson,
     ClusterOption,
     CsvOption,
     ExecutorChoice,
+    FieldArgument,
     FieldsArgument,
     GivenOptions,
     JsonOption,
@@ -25,7 +28,7 @@ from planner.cli.common.options import (
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError, shorten_value, suggest_name
-from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK
+from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES, OUTPUT, WORK
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
@@ -34,6 +37,10 @@ if TYPE_CHECKING:
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
 """Options of a plan that this command takes as lists, or not at all."""
+_SPLIT_FIELD = {
+    "default": "split-field",
+    "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
+}
 _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "width": {
         "type": str,
@@ -41,10 +48,7 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "Working widths of the implement, metres: 3 or 3,6; with several each is compared.",
     },
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
-    "strategies": {
-        "default": "split-field",
-        "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
-    },
+    "strategies": _SPLIT_FIELD,
 }
 
 
@@ -157,3 +161,61 @@ def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     reasons = {each.refusal for each in comparison.plans if not each.field_name}
     if len(comparison.fields) == 1 and len(reasons) == 1 and not any(each.field_name for each in comparison.plans):
         raise RequestError(str(reasons.pop()))
+
+
+LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
+"""Options of a plan that this command compares, or that exclude what it compares."""
+_ONE_TRACTOR = {
+    "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},
+    "strategies": _SPLIT_FIELD,
+}
+
+
+@inject_request_options(without=LEFT_OUT, changes=_ONE_TRACTOR)
+def compare_bearings(
+    context: typer.Context,
+    field: FieldArgument = DEFAULT_FIELD,
+    bearings: Annotated[
+        Optional[str],
+        typer.Option(help="Bearings to try, degrees clockwise from north: 0,45,90,135.", rich_help_panel=FIELD),
+    ] = None,
+    json: AsJson = False,
+    processes: ProcessesOption = None,
+    cluster: ClusterOption = None,
+    **options: Any,
+) -> None:
+    """Compare bearings of the tracks on slopes: time, fuel, largest cross slope, margin to rolling over and erosion.
+
+    The bearing that a plan chooses by itself and tracks along contours are compared as well.
+
+    Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
+    """
+    from planner.pipeline.bearing_comparison import USUAL_BEARINGS_DEG, list_bearing_requests
+    from planner.pipeline.bearing_comparison import compare_bearings as compare
+    from reports.plan.bearing_report import build_bearing_table, format_bearing_json
+
+    chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
+    given = GivenOptions(context, options)
+    completed = given.build_inputs(given.build_request(field=field))
+    inputs = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
+    executor_choice = ExecutorChoice(processes, cluster)
+    warm_up()
+    with (
+        executor_choice.open_executor(len(inputs)) as executor,
+        create_progress_callback("Comparing bearings") as progress,
+    ):
+        comparison = compare(inputs, executor, progress, render_refusal)
+    AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
+    if all(row.plan is None for row in comparison.rows):
+        raise typer.Exit(NO_PLAN_STATUS)
+
+
+def _parse_bearings(text: str) -> tuple[float, ...]:
+    """ "0,45,90" as degrees, each once; raises RequestError."""
+
+    try:
+        return tuple(dict.fromkeys(float(part) for part in text.split(",")))
+    except ValueError:
+        raise RequestError(
+            f"--bearings {shorten_value(text)} is not a list of degrees; write for instance 0,45,90,135."
+        ) from None
