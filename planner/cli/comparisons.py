@@ -19,10 +19,11 @@ from planner.cli.common.options import (
     ExecutorChoice,
     FieldArgument,
     FieldsArgument,
-    GivenOptions,
     JsonOption,
     ProcessesOption,
+    build_requests,
     inject_request_options,
+    read_given_options,
     render_refusal,
 )
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
@@ -101,8 +102,8 @@ def compare_headlands(
         () if headland_passes is None else _parse_pass_counts(headland_passes),
     )
     executor_choice = ExecutorChoice(processes, cluster)
-    given = GivenOptions(context, options)
-    requests = given.build_requests(fields)
+    given = read_given_options(context, options)
+    requests = build_requests(given, fields)
     inputs = [given.build_inputs(request) for request in share_obstacles(requests)]
     farm = given.choice
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
@@ -195,7 +196,7 @@ def compare_bearings(
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
     chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
-    given = GivenOptions(context, options)
+    given = read_given_options(context, options)
     completed = given.build_inputs(given.build_request(field=field))
     inputs = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
     executor_choice = ExecutorChoice(processes, cluster)

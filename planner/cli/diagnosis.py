@@ -130,8 +130,11 @@ def diagnose(
         screen = build_diagnosis_table if explain else build_diagnosis_screen
         AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
         if hidden is not None and not json:
-            name = format_effect_with_id(hidden.id)
-            print_renderable(format_sentence(f"Hidden in these simulated logs: {name}. {hidden.description}"))
+            print_renderable(
+                format_sentence(
+                    f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}"
+                )
+            )
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
-from planner.cli.common.options import DEFAULT_FIELD, AsJson, FieldArgument, GivenOptions, inject_request_options
+from planner.cli.common.options import DEFAULT_FIELD, AsJson, FieldArgument, inject_request_options, read_given_options
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.reader import translate_help
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
@@ -52,7 +52,7 @@ def field(
     from reports.plan.field_report import build_field_report
     from reports.plan.ranking_export import format_facts_json
 
-    given = GivenOptions(context, options)
+    given = read_given_options(context, options)
     check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")

@@ -18,10 +18,11 @@ from planner.cli.common.options import (
     CsvOption,
     ExecutorChoice,
     FieldsArgument,
-    GivenOptions,
     JsonOption,
     ProcessesOption,
+    build_requests,
     inject_request_options,
+    read_given_options,
     render_refusal,
 )
 from planner.cli.common.outputs import (
@@ -37,7 +38,7 @@ from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
-    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.pipeline.farm_inputs import GivenOptions, PlanInputs
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
@@ -220,9 +221,9 @@ def plan(
     from strategies.registry import describe_hidden_strategies
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)
-    given = GivenOptions(context, options)
+    given = read_given_options(context, options)
     choice = given.choice
-    request, *others = requests = given.build_requests(fields)
+    request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [DEFAULT_FIELD])[0] or checkpoint is not None:
         _refuse_single_field_outputs(("--png", png), ("--save", save))
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)

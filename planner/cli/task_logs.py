@@ -99,8 +99,11 @@ def learn(
             return
         unchanged_count = sum(one.done.startswith("kept") for one in learned_farm.values)
         unchanged_text = f"; {unchanged_count} unchanged (--replace takes the learned ones)" if unchanged_count else ""
-        changed_count = len(learned_farm.values) - unchanged_count
-        print_renderable(format_sentence(f"Written to {target}: {changed_count} values{unchanged_text}."))
+        print_renderable(
+            format_sentence(
+                f"Written to {target}: {len(learned_farm.values) - unchanged_count} values{unchanged_text}."
+            )
+        )
 
 
 logs = create_group(

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Container
+from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from planner.errors import RequestError, attach_parameter, mark_parameter
-from planner.farm.inventory import FarmFile
+from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.farm.value_sources import find_unchanged_learned_values
-from planner.request.plan_request import PlanRequest
+from planner.request.options import convert_options_to_parameters, list_given_parameters
+from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from strategies.program.supply import Supply
 from vehicle.energy.draft import TILL
@@ -38,6 +40,48 @@ class PlanInputs:
     supply: Supply | None = None
     times: FarmTimes | None = None
     yard: Yard | None = None
+
+
+@dataclass(frozen=True)
+class GivenOptions:
+    """The options of a plan and its farm by name, as a command or the API is given them; None is the same as not given.
+
+    Of what a farm sets, the options of `given_names` win over it.
+    """
+
+    values: Mapping[str, Any]
+    given_names: Collection[str]
+
+    @cached_property
+    def choice(self) -> FarmChoice:
+        """The farm and its implement; raises RequestError."""
+        return FarmChoice(**convert_options_to_parameters(FarmChoice, self.values))
+
+    @cached_property
+    def farm(self) -> FarmFile | None:
+        """The farm that the options name; raises HeadlandError."""
+        return None if self.choice.farm is None else load_farm(self.choice.farm)
+
+    def build_request(self, **others: Any) -> PlanRequest:
+        """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
+
+        Raises HeadlandError.
+        """
+        values = {**self.values, **others}
+        farm = None if values.get("deadline") is None else self.farm
+        return PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
+
+    def build_inputs(self, request: PlanRequest) -> PlanInputs:
+        """The request completed by the farm; raises HeadlandError."""
+        if self.farm is None:
+            if self.choice.implement is not None:
+                raise RequestError(
+                    f"{mark_parameter('implement')} {self.choice.implement!r} names an implement of a farm file; add "
+                    f"{mark_parameter('farm')} or leave it out."
+                )
+            return build_inputs_without_farm(request)
+        given = list_given_parameters(PlanRequest, self.given_names)
+        return complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
 
 
 def build_inputs_without_farm(request: PlanRequest) -> PlanInputs:

@@ -17,12 +17,12 @@ from typer.models import ArgumentInfo
 from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError
 from planner.request.option_texts import parse_widths
-from planner.request.options import RequestOption, convert_options_to_parameters, list_given_parameters, list_options
+from planner.request.options import RequestOption, list_options
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:
-    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.pipeline.farm_inputs import GivenOptions
 
 
 JsonOption = Annotated[
@@ -162,53 +162,19 @@ def _is_argument(annotation: Any) -> bool:
     )
 
 
-class GivenOptions:
-    """The options of a plan as a command was given them, and the farm that they name."""
+def read_given_options(context: typer.Context, values: Mapping[str, Any]) -> GivenOptions:
+    """The options of a plan as a command was given them, and the farm that they name; raises RequestError."""
+    from planner.pipeline.farm_inputs import GivenOptions
 
-    def __init__(self, context: typer.Context, values: Mapping[str, Any]) -> None:
-        self.context, self.values = context, values
-        self.choice = FarmChoice(**convert_options_to_parameters(FarmChoice, values))
-
-    def build_request(self, **others: Any) -> PlanRequest:
-        """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
-
-        Raises HeadlandError.
-        """
-        values, farm = {**self.values, **others}, self.choice.farm
-        if farm is None or values.get("deadline") is None:
-            return PlanRequest.from_options(values)
-        from planner.farm.inventory import load_farm
-
-        return PlanRequest.from_options(values, shift_s=load_farm(farm).times.shift_span_s[0])
-
-    def build_requests(self, fields: Sequence[str] | None) -> list[PlanRequest]:
-        """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
-        from planner.pipeline.many_fields import expand_field_names
-
-        reading = {name: self.values[name] for name in ("local", "crs", "swap_axes")}
-        names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-        widths_m = parse_widths(self.values["width"])
-        return [self.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-
-    def build_inputs(self, request: PlanRequest) -> PlanInputs:
-        """The request completed by the farm; options that were given win. Raises HeadlandError."""
-        from planner.farm.inventory import load_farm
-        from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
-
-        farm, implement = self.choice.farm, self.choice.implement
-        if farm is not None:
-            given = _list_given_parameters(self.context)
-            return complete_request_by_farm(request, load_farm(farm), given, implement_name=implement)
-        if implement is not None:
-            raise RequestError(
-                f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
-            )
-        return build_inputs_without_farm(request)
-
-
-def _list_given_parameters(context: typer.Context) -> frozenset[str]:
-    """Parameters of a request, of those a farm file may set, whose options were given."""
     sources = {name: context.get_parameter_source(name) for name in context.params}
-    return list_given_parameters(
-        PlanRequest, (name for name, source in sources.items() if source and source.name != "DEFAULT")
-    )
+    return GivenOptions(values, [name for name, source in sources.items() if source and source.name != "DEFAULT"])
+
+
+def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
+    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+    from planner.pipeline.many_fields import expand_field_names
+
+    reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
+    names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+    widths_m = parse_widths(given.values["width"])
+    return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
