@@ -110,9 +110,6 @@ def diagnose(
     """
 
     limit_linear_algebra_threads()
-    from reports.common.effect_names import format_effect_with_id
-    from reports.common.text_tables import format_sentence
-    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
 
     _check_demo_options(demo, logs, seed, hide, {"--fix": fix, "--mapping": mapping, "--column": column}, as_driven)
     columns = _choose_mapping(mapping, column)
@@ -127,14 +124,7 @@ def diagnose(
     )
     soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
     with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
-        screen = build_diagnosis_table if explain else build_diagnosis_screen
-        AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
-        if hidden is not None and not json:
-            print_renderable(
-                format_sentence(
-                    f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}"
-                )
-            )
+        _print_diagnosis(diagnosis, hidden, json, explain)
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
@@ -244,6 +234,19 @@ def _run_diagnosis(
             holdout=holdout, heights=heights, progress=progress,
         )  # fmt: skip
         return diagnosis, None
+
+
+def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
+    from reports.common.effect_names import format_effect_with_id
+    from reports.common.text_tables import format_sentence
+    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
+
+    screen = build_diagnosis_table if explain else build_diagnosis_screen
+    AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
+    if hidden is not None and not json:
+        print_renderable(
+            format_sentence(f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}")
+        )
 
 
 def replay(
