@@ -14,6 +14,7 @@ from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.farm.value_sources import find_unchanged_learned_values
+from planner.request.option_texts import MPS_PER_KMH
 from planner.request.options import convert_options_to_parameters, list_given_parameters
 from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
@@ -206,12 +207,15 @@ def _list_farm_values(
     farm: FarmFile, farm_tractor: FarmTractor | None, farm_implement: FarmImplement
 ) -> dict[str, Any]:
     """Parameters of a request from the farm; None for those it leaves open."""
+    speeds_kmh = {
+        "speed_mps": farm_implement.speed_kmh,
+        "turn_speed_mps": farm_implement.turn_speed_kmh,
+        "min_speed_mps": farm_implement.min_speed_kmh,
+        "max_speed_mps": farm_implement.max_speed_kmh,
+    }
     return {
         "width_m": farm_implement.width_m,
-        "speed_mps": farm_implement.speed_mps,
-        "turn_speed_mps": farm_implement.turn_speed_mps,
-        "min_speed_mps": farm_implement.speed_limits_mps[0],
-        "max_speed_mps": farm_implement.speed_limits_mps[1],
+        **{name: None if speed_kmh is None else speed_kmh * MPS_PER_KMH for name, speed_kmh in speeds_kmh.items()},
         "operation": farm_implement.operation,
         "draft": farm_implement.draft,
         "depth_cm": farm_implement.depth_cm,

@@ -39,7 +39,7 @@ def test_the_example_is_a_farm() -> None:
     # 600 kg of seed at 180 kg a hectare.
     assert farm.get_implement("drill").area_per_load_m2 == pytest.approx(10_000.0 * 600.0 / 180.0)
     assert farm.get_implement("cultivator").area_per_load_m2 is None
-    assert farm.get_implement("drill").speed_mps == pytest.approx(7.0 / 3.6)
+    assert farm.get_implement("drill").speed_kmh == 7.0
     sections = set(FarmFile.model_fields) - {"learned"}  # what headland learn writes
     assert set(tomllib.loads(read_example_farm_text())) == sections, "the example shows every section"
 
