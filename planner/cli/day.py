@@ -93,17 +93,14 @@ def plan_day_file(
     """
     from planner.day.input_file import load_day
     from planner.day.planning import prepare_day
-    from planner.request.plan_request import MAX_SAMPLES
+    from planner.request.option_checks import check_day_options
     from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise RequestError(f"--samples is {samples}; use 1 to {MAX_SAMPLES}.")
+    check_day_options(samples, certainty)
     if cache is not None and cache.exists() and not cache.is_dir():
         raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
-    if certainty is not None and not 50.0 <= certainty <= 99.0:
-        raise RequestError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)

@@ -66,7 +66,7 @@ HEADLAND_ORDERS_BY_OPERATION = {
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
-MAX_MARGIN_M, MAX_SAMPLES = 100.0, 1_000_000
+MAX_MARGIN_M = 100.0
 MAX_MOISTURE_PCT, MAX_DEPTH_CM = 100.0, 100.0
 STRAIGHT, CONTOUR = SWATH_FORMS = "straight", "contour"
 FASTEST, CHEAPEST, SUREST, LEAST_FUEL = OBJECTIVES = "fastest", "cheapest", "surest", "fuel"
@@ -272,7 +272,7 @@ class PlanRequest:
     samples: Annotated[
         Count | None,
         OptionHelp("Samples of what varies from day to day; 10000 with {deadline} or {rain}.", RISK),
-        NumberLimits(high=MAX_SAMPLES),
+        NumberLimits(high=option_checks.MAX_SAMPLES),
     ] = None
     rain: Annotated[
         TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
