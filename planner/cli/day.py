@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from planner.cli.common.options import NO_PLAN_STATUS, AsJson, ExecutorChoice, create_group, inject_request_options
+from planner.cli.common.options import (
+    NO_PLAN_STATUS,
+    AsJson,
+    ExecutorChoice,
+    ForceOption,
+    create_group,
+    inject_request_options,
+)
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
@@ -121,7 +128,7 @@ def plan_day_file(
 @day.command()
 def new(
     file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Write an example of a day file, to be adapted.
 

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
-from planner.cli.common.options import DEFAULT_FIELD, AsJson, FieldArgument, inject_request_options, read_given_options
+from planner.cli.common.options import (
+    DEFAULT_FIELD,
+    AsJson,
+    FieldArgument,
+    RunsArgument,
+    inject_request_options,
+    read_given_options,
+)
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.reader import translate_help
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
@@ -74,7 +81,7 @@ def field(
 
 
 def write_heights(
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    runs: RunsArgument,
     output: Annotated[
         Path, typer.Option("--out", "-o", help="The raster to write: .tif (GeoTIFF) or .asc (ASCII grid).")
     ],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, FarmOption, Html, Png, create_group
+from planner.cli.common.options import AsJson, FarmOption, ForceOption, Html, Png, create_group
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import (
     AnswerForm,
@@ -104,7 +104,6 @@ tractor = create_group(
     "Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml"
 )
 OptionalNumber = Optional[float]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 FILE_BANNER = (
     "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson
+from planner.cli.common.options import AsJson, PlanArgument
 from planner.cli.common.outputs import check_output_paths, make_folders, refuse_overwrite, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError
@@ -29,7 +29,7 @@ CURVES_HELP = (
 
 
 def export(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     to: Annotated[str, typer.Option("--to", help=FORMAT_HELP)],
     output: Annotated[Optional[Path], typer.Option("--out", "-o", help=OUTPUT_HELP)] = None,
     tractor: Annotated[Optional[int], typer.Option(help="Write only this tractor, counted from 1.")] = None,
@@ -101,7 +101,7 @@ def _place_files(
 
 
 def show(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     tractor: Annotated[Optional[int], typer.Option(help="Show only this tractor, counted from 1.")] = None,
     json: AsJson = False,
 ) -> None:

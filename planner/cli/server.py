@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import create_group
+from planner.cli.common.options import ForceOption, create_group
 from planner.cli.common.outputs import check_output_paths
 from planner.cli.common.terminal import limit_linear_algebra_threads, warm_up
 from planner.pipeline.interrupts import stop_repeating
@@ -210,7 +210,7 @@ def backup(
     file: Annotated[Path, typer.Argument(help="The file to write, such as farm.zip.")],
     data: DataOption = None,
     database: DatabaseOption = "",
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Write all data of the service into one file, also while it runs; unpacked it is a folder for --data.
 

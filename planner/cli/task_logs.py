@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, Html, Png, create_group
+from planner.cli.common.options import AsJson, Html, PlanArgument, Png, RunsArgument, create_group
 from planner.cli.common.outputs import (
     check_output_paths,
     refuse_overwrite,
@@ -19,8 +19,8 @@ from planner.cli.common.terminal import AnswerForm, create_progress_callback, pr
 
 
 def compare(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    plan: PlanArgument,
+    runs: RunsArgument,
     html: Html = None,
     png: Png = None,
     json: AsJson = False,
@@ -55,7 +55,7 @@ def compare(
 
 
 def learn(
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    runs: RunsArgument,
     farm: Annotated[Path, typer.Option(help="The farm file to update (headland farm new writes one).")],
     output: Annotated[
         Optional[Path],
@@ -153,7 +153,7 @@ def import_logs(
 
 @logs.command()
 def example(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     output: Annotated[Path, typer.Option("--out", "-o", help="The folder to make, such as TASKDATA.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the stops.")] = 1,
 ) -> None:

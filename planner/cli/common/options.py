@@ -56,6 +56,9 @@ NO_PLAN_STATUS = 3
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
+PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
+RunsArgument = Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
