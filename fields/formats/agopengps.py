@@ -35,7 +35,6 @@ from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import count_noun
 
 FIELD_FILE, BOUNDARY_FILE, HEADLAND_FILE = "field.txt", "boundary.txt", "headland.txt"
-LINE_FILES = ("tracklines.txt", "curvelines.txt", "ablines.txt")
 AB_MODE, CURVE_MODE = 2, 4
 AB_LINE_LENGTH_M = 100.0
 PLACEHOLDER_NAMES = ("FieldNew", "XML Derived", "KML Derived")
@@ -63,17 +62,17 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
     stated_name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
     folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
     name = stated_name if stated_name and stated_name not in PLACEHOLDER_NAMES else folder
-    outline = members.read_member_beside(field_file, BOUNDARY_FILE)
-    rings = [] if outline is None else _parse_rings(split_lines(outline), name, notes)
+    rings = _read_rings(members, field_file, BOUNDARY_FILE, plane, name, notes)
     if not rings:
         notes.append(f"'{name}' has no boundary and is skipped.")
         return []
-    coordinates = [[plane.to_degrees(*point) for point in ring] for ring in rings]
-    features = [build_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
-    for file in LINE_FILES:
-        content = members.read_member_beside(field_file, file)
+    features = [build_feature("Polygon", rings, {"name": name, "role": "boundary"})]
+    for file, parse_lines in LINE_FILES.items():
         unread_counts: list[int] = []
-        named_lines = [] if content is None else list(_parse_guidance_lines(split_lines(content), file, unread_counts))
+        file_lines = split_lines(members.read_member_beside(field_file, file) or b"")
+        if file_lines and file_lines[0].startswith("$"):
+            file_lines = file_lines[1:]
+        named_lines = list(parse_lines(file_lines, unread_counts))
         if unread_counts:
             notes.append(f"Skipped in '{name}': {count_noun(sum(unread_counts), 'unreadable line')} of {file}.")
         features += [
@@ -82,14 +81,16 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
             )
             for title, points in named_lines
         ]
-    return [*features, *_read_headland_edges(members.read_member_beside(field_file, HEADLAND_FILE), plane)]
+    edges = _read_rings(members, field_file, HEADLAND_FILE, plane, "", [])  # rings without a headland have no points
+    return [*features, *(build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges)]
 
 
-def _read_headland_edges(content: bytes | None, plane: LocalPlane) -> list[Feature]:
-    """Inner edges of headlands, in the format of the boundary's rings; rings without a headland have no points."""
-    rings = [] if content is None else _parse_rings(split_lines(content), "", [])
-    edges = [[plane.to_degrees(*point) for point in (*ring, ring[0])] for ring in rings]
-    return [build_feature("LineString", edge, {"role": "headland"}) for edge in edges]
+def _read_rings(
+    members: ArchiveMembers, field_file: str, file: str, plane: LocalPlane, name: str, notes: list[str]
+) -> list[list[list[float]]]:
+    """Longitude and latitude of the rings in a file beside a Field.txt; none without the file."""
+    rings = _parse_rings(split_lines(members.read_member_beside(field_file, file) or b""), name, notes)
+    return [[plane.to_degrees(*point) for point in ring] for ring in rings]
 
 
 def parse_plane(lines: list[str], label: str) -> LocalPlane:
@@ -109,8 +110,7 @@ def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tup
         if count is None:
             place += 1
             continue
-        points = [parse_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
-        valid_points = [(one[0], one[1]) for one in points if one is not None]
+        valid_points = _parse_points(lines[place + 1 : place + 1 + count])
         if len(valid_points) < count:
             notes.append(f"A ring of '{name}' has {len(valid_points)} points, not {count} as stated; these are used.")
         if len(set(valid_points)) >= 3:
@@ -125,41 +125,27 @@ def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tup
     return rings
 
 
-def _parse_guidance_lines(lines: list[str], file: str, unread_counts: list[int]) -> Iterator[NamedLine]:
-    """Names and points of the lines of TrackLines.txt or of its two predecessors.
-
-    Numbers of unreadable lines are appended to `unread_counts`.
-    """
-    lines = lines[1:] if lines and lines[0].startswith("$") else lines
-    if file == "ablines.txt":
-        yield from _parse_old_ab_lines(lines, unread_counts)
-    elif file == "curvelines.txt":
-        yield from _parse_old_curves(lines, unread_counts)
-    else:
-        yield from _parse_track_lines(lines, unread_counts)
-
-
 def _parse_track_lines(lines: list[str], unread_counts: list[int]) -> Iterator[NamedLine]:
     """TrackLines.txt: name, heading in radians, A, B, nudge, mode, visible, count and points, for every line.
 
-    After a garbled entry the next one is searched line by line.
+    After a garbled entry the next one is searched line by line. A number of unreadable lines is appended to
+    `unread_counts`.
     """
     place, garbled = 0, False
     while place < len(lines):
         head = lines[place : place + 8]
-        ends = [parse_numbers(line, 2) for line in head[2:4]]
+        ends = _parse_points(head[2:4])
         mode, count = (_parse_count(head[5]), _parse_count(head[7])) if len(head) == 8 else (None, None)
-        if count is None or mode is None or None in ends or head[6].lower() not in ("true", "false"):
+        if count is None or mode is None or len(ends) < 2 or head[6].lower() not in ("true", "false"):
             unread_counts += [] if garbled else [1]
             garbled, place = True, place + 1
             continue
         garbled, name = False, head[0]
-        points = [parse_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
-        curve = [(one[0], one[1]) for one in points if one is not None]
+        curve = _parse_points(lines[place + 8 : place + 8 + count])
         if mode == CURVE_MODE and len(curve) > 1:
             yield name, curve
         elif mode == AB_MODE:
-            yield name, [(one[0], one[1]) for one in ends if one is not None]
+            yield name, ends
         else:
             unread_counts.append(1)
         place += 8 + count
@@ -186,8 +172,7 @@ def _parse_old_curves(lines: list[str], unread_counts: list[int]) -> Iterator[Na
         if count is None:
             unread_counts.append(1)
             return
-        points = [parse_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
-        curve = [(one[0], one[1]) for one in points if one is not None]
+        curve = _parse_points(lines[place + 3 : place + 3 + count])
         if len(curve) > 1:
             yield lines[place], curve
         else:
@@ -207,6 +192,19 @@ def parse_numbers(line: str, min_count: int) -> list[float] | None:
     return numbers if len(numbers) >= min_count and all(map(math.isfinite, numbers)) else None
 
 
+LINE_FILES = {
+    "tracklines.txt": _parse_track_lines,
+    "curvelines.txt": _parse_old_curves,
+    "ablines.txt": _parse_old_ab_lines,
+}
+"""What parses the guidance lines of a file, and of its two predecessors, without their first line."""
+
+
+def _parse_points(lines: list[str]) -> list[tuple[float, float]]:
+    """Points of lines that begin with two numbers; other lines are left out."""
+    return [(numbers[0], numbers[1]) for line in lines if (numbers := parse_numbers(line, 2)) is not None]
+
+
 def _parse_count(line: str) -> int | None:
     """An integer of up to 7 digits, None for anything else."""
     return int(line) if line.isascii() and line.isdecimal() and len(line) <= 7 else None
@@ -220,9 +218,7 @@ def split_lines(content: bytes) -> list[str]:
 
 def read_boundary_degrees(members: ArchiveMembers, field_file: str, plane: LocalPlane) -> list[list[list[float]]]:
     """Longitude and latitude of the rings of the field with this Field.txt; empty without a boundary."""
-    content = members.read_member_beside(field_file, BOUNDARY_FILE)
-    rings = [] if content is None else _parse_rings(split_lines(content), "", [])
-    return [[plane.to_degrees(*point) for point in ring] for ring in rings]
+    return _read_rings(members, field_file, BOUNDARY_FILE, plane, "", [])
 
 
 FIELD_FORMAT = FieldFormat("AgOpenGPS", (), _read_fields, lambda names: FIELD_FILE in names)

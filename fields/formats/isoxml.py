@@ -311,9 +311,8 @@ FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASK
 
 TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
 SOFTWARE_NAME = "Headland"
-PLN_BOUNDARY, PLN_OBSTACLE, PLN_HEADLAND = "1", "6", "10"
-LSG_OUTER, LSG_INNER, LSG_GUIDANCE = "1", "2", "5"
-PNT_OTHER, PNT_ENTRANCE, PNT_A, PNT_B, PNT_BETWEEN = "2", "3", "6", "7", "9"
+OBSTACLE_TYPE = "6"
+OTHER_POINT_TYPE, A_TYPE, B_TYPE, BETWEEN_TYPE = "2", "6", "7", "9"
 GPN_AB, GPN_CURVE = "1", "3"
 GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
 """Extension of a pattern to both sides and ends; origin of its points (not measured)."""
@@ -323,12 +322,12 @@ FALLBACK_NAME = "Field"
 def _write_version_4(guidance: PlanGuidance) -> FileContents:
     root, partfield = _build_partfield(guidance, "4")
     if guidance.boundary is not None and guidance.headland_interior:
-        headland = add_child(partfield, "PLN", A=PLN_HEADLAND, B="Headland")
-        _add_ring(headland, LSG_OUTER, guidance.boundary.closed_rings[0])
+        headland = add_child(partfield, "PLN", A=HEADLAND_TYPE, B="Headland")
+        _add_ring(headland, OUTER_RING, guidance.boundary.closed_rings[0])
         for area in guidance.headland_interior:
-            _add_ring(headland, LSG_INNER, area.closed_rings[0])
+            _add_ring(headland, INNER_RING, area.closed_rings[0])
     if guidance.entrance is not None:
-        _add_point(partfield, PNT_ENTRANCE, *guidance.entrance, name="Entrance")
+        _add_point(partfield, ENTRANCE_TYPE, *guidance.entrance, name="Entrance")
     patterns = count(1)
     for tractor in guidance.tractors:
         if tractor.lines:
@@ -341,7 +340,12 @@ def _write_version_4(guidance: PlanGuidance) -> FileContents:
 def _write_version_3(guidance: PlanGuidance) -> FileContents:
     root, partfield = _build_partfield(guidance, "3")
     for line in guidance.lines:
-        _add_line(partfield, line, (PNT_OTHER, PNT_OTHER, PNT_OTHER), B=build_designator(line.name, FALLBACK_NAME))
+        _add_line(
+            partfield,
+            line,
+            (OTHER_POINT_TYPE, OTHER_POINT_TYPE, OTHER_POINT_TYPE),
+            B=build_designator(line.name, FALLBACK_NAME),
+        )
     return {TASKDATA_PATH: serialise_xml(root)}
 
 
@@ -359,9 +363,9 @@ def _build_partfield(guidance: PlanGuidance, major: str) -> tuple[Element, Eleme
         root, "PFD", A="PFD1", C=build_designator(guidance.field, FALLBACK_NAME), D=f"{guidance.area_m2:.0f}"
     )
     if guidance.boundary is not None:
-        _add_polygon(partfield, PLN_BOUNDARY, guidance.boundary)
+        _add_polygon(partfield, BOUNDARY_TYPE, guidance.boundary)
     for area in guidance.obstacles:
-        _add_polygon(partfield, PLN_OBSTACLE, area)
+        _add_polygon(partfield, OBSTACLE_TYPE, area)
     return root, partfield
 
 
@@ -376,13 +380,13 @@ def _find_software_version() -> str:
 def _add_polygon(partfield: Element, kind: str, area: GuidanceArea) -> None:
     polygon = add_child(partfield, "PLN", A=kind, B=build_designator(area.name, FALLBACK_NAME))
     for place, ring in enumerate(area.closed_rings):
-        _add_ring(polygon, LSG_INNER if place else LSG_OUTER, ring)
+        _add_ring(polygon, INNER_RING if place else OUTER_RING, ring)
 
 
 def _add_ring(polygon: Element, kind: str, ring: DegreePoints) -> None:
     line = add_child(polygon, "LSG", A=kind)
     for longitude, latitude in ring.tolist():
-        _add_point(line, PNT_OTHER, longitude, latitude)
+        _add_point(line, OTHER_POINT_TYPE, longitude, latitude)
 
 
 def _add_pattern(group: Element, key: str, line: GuidedLine) -> None:
@@ -397,12 +401,12 @@ def _add_pattern(group: Element, key: str, line: GuidedLine) -> None:
         G=f"{line.bearing_deg % 360.0:.6f}",
         I=GPN_DESKTOP,
     )
-    _add_line(pattern, line, (PNT_A, PNT_BETWEEN, PNT_B))
+    _add_line(pattern, line, (A_TYPE, BETWEEN_TYPE, B_TYPE))
 
 
 def _add_line(parent: Element, line: GuidedLine, kinds: tuple[str, str, str], **attributes: str) -> None:
     """A line with these kinds of its first point, intermediate points and last point."""
-    element = add_child(parent, "LSG", A=LSG_GUIDANCE, **attributes)
+    element = add_child(parent, "LSG", A=GUIDANCE_LINE_TYPE, **attributes)
     last = len(line.points) - 1
     for place, (longitude, latitude) in enumerate(line.points.tolist()):
         _add_point(element, kinds[0] if place == 0 else kinds[2] if place == last else kinds[1], longitude, latitude)

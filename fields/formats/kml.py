@@ -35,8 +35,15 @@ def _read_kml(path: str, label: str) -> FieldDocument:
 
 
 def read_kml_texts(path: str, label: str) -> list[bytes]:
-    """The text of a KML file, or every document of a KMZ; raises FieldError."""
-    return _unpack_kmz(path, label) if is_archive(path) else [read_bytes(path, "a KML file", FieldError)]
+    """The text of a KML file, or every document of a KMZ, the main one first; raises FieldError."""
+    if not is_archive(path):
+        return [read_bytes(path, "a KML file", FieldError)]
+    members = ArchiveMembers(path)
+    names = [name for name in members if name.lower().endswith(".kml")]
+    if not names:
+        raise FieldError(f"{label} contains no KML; give a KMZ with a doc.kml in it.")
+    names.sort(key=lambda name: PurePosixPath(name).name.lower() != MAIN_DOCUMENT)
+    return [members[name] for name in names]
 
 
 def parse_kml(content: bytes, label: str) -> FieldDocument:
@@ -52,16 +59,6 @@ def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
         document.features += layers.features
         document.notes += layers.notes
     return build_layer_document(document, label, "KML")
-
-
-def _unpack_kmz(path: str, label: str) -> list[bytes]:
-    """Every document of a KMZ, the main document first."""
-    members = ArchiveMembers(path)
-    names = [name for name in members if name.lower().endswith(".kml")]
-    if not names:
-        raise FieldError(f"{label} contains no KML; give a KMZ with a doc.kml in it.")
-    names.sort(key=lambda name: PurePosixPath(name).name.lower() != MAIN_DOCUMENT)
-    return [members[name] for name in names]
 
 
 FIELD_FORMAT = FieldFormat("KML", (".kml", ".kmz"), _read_kml, lambda names: MAIN_DOCUMENT in names, parse_kml)

@@ -153,12 +153,8 @@ def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
         files |= _write_layer("headland", edges, {"role": ["headland"] * len(edges)})
     if guidance.entrance is not None:
         files |= _write_layer("entrance", [shapely.Point(guidance.entrance)], {"role": ["entrance"]})
-    return files | _write_lines(guidance)
-
-
-def _write_lines(guidance: PlanGuidance) -> dict[str, bytes]:
     if not guidance.lines:
-        return {}
+        return files
     columns: dict[str, list[Any]] = {
         "name": [line.name for line in guidance.lines],
         "role": ["guidance" for _ in guidance.lines],
@@ -169,7 +165,7 @@ def _write_lines(guidance: PlanGuidance) -> dict[str, bytes]:
         "bearing": [round(line.bearing_deg, 6) for line in guidance.lines],
         "length_m": [round(line.length_m, 3) for line in guidance.lines],
     }
-    return _write_layer("lines", [shapely.linestrings(line.points) for line in guidance.lines], columns)
+    return files | _write_layer("lines", [shapely.linestrings(line.points) for line in guidance.lines], columns)
 
 
 def _build_polygon(area: GuidanceArea) -> shapely.Polygon:

@@ -6,13 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import shapely
 
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, MAX_LISTED, describe_assumed_obstacles
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
 
 
@@ -48,14 +46,13 @@ def add_obstacles(field: Field, texts: Sequence[str]) -> Field:
 
 def _build_added_obstacle(field: Field, text: str) -> Obstacle:
     x, y, radius_m = parse_obstacle_place(text)
-    if field.crs is not None:
-        if not (-180.0 <= x <= 180.0 and -90.0 <= y <= 90.0):
-            raise FieldError(
-                f"{mark_parameter('obstacles')} {shorten_value(text)} is not on the earth; give degrees of longitude, "
-                "then of latitude."
-            )
-        x, y = (project(np.array([(x, y)]), "EPSG:4326", field.crs)[0] - np.asarray(field.origin_m)).tolist()
-    place = shapely.Point(x, y)
+    located = field.locate_place((x, y))
+    if located is None:
+        raise FieldError(
+            f"{mark_parameter('obstacles')} {shorten_value(text)} is not on the earth; give degrees of longitude, "
+            "then of latitude."
+        )
+    place = shapely.Point(located)
     away_m = float(shapely.Polygon(field.boundary.exterior).distance(place))
     if away_m > radius_m:
         order = "" if field.crs is None else " (longitude first)"

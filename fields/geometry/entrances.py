@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
 
 MAX_OUTSIDE_M = 50.0  # a gate may be drawn on the road beside the field
 MIN_INSIDE_LIMIT_M = 5.0  # tolerance for entrances drawn by hand
@@ -21,16 +19,14 @@ def set_entrance(field: Field, place: tuple[float, float]) -> Field:
     Raises:
         FieldError: the place is not a valid longitude and latitude.
     """
-    if field.crs is None:
-        return replace(field, entrance=place)
-    lon, lat = place
-    if not (-180.0 <= lon <= 180.0 and -90.0 <= lat <= 90.0):
+    entrance = field.locate_place(place)
+    if entrance is None:
+        lon, lat = place
         raise FieldError(
             f"The entrance ({mark_parameter('entrance')}) is {lon:g},{lat:g}; give degrees of longitude, then of "
             "latitude."
         )
-    x, y = (project(np.array([place]), "EPSG:4326", field.crs)[0] - np.asarray(field.origin_m)).tolist()
-    return replace(field, entrance=(x, y))
+    return replace(field, entrance=entrance)
 
 
 def check_entrance(field: Field, headland_m: float) -> None:

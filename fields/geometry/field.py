@@ -252,6 +252,19 @@ class Field:
             raise FieldError(f"Points of shape {points.shape} are not pairs; pass an array of shape (n, 2).")
         return project(points + np.asarray(self.origin_m), self.crs, "EPSG:4326")
 
+    def locate_place(self, place: tuple[float, float]) -> tuple[float, float] | None:
+        """A place in metres of the field, given in longitude and latitude, or in the metres of its file without them.
+
+        None for degrees that are not on the earth.
+        """
+        points = np.array([place], dtype=np.float64)
+        if self.crs is not None:
+            if not (-180.0 <= place[0] <= 180.0 and -90.0 <= place[1] <= 90.0):
+                return None
+            points = project(points, "EPSG:4326", self.crs)
+        x, y = (points[0] - np.asarray(self.origin_m)).tolist()
+        return x, y
+
 
 def _check_margin(margin_m: float, field: Field) -> None:
     """Refuse a margin below 0, or one wider than a field without obstacles."""

@@ -9,7 +9,7 @@ apart, slopes are good to half a percent. Planes come out exactly.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,24 +47,6 @@ MIN_SPIKE_M, SPIKE_NEIGHBOURS = 2.0, 9
 CHUNK_NODES = 10_000
 
 
-@dataclass(frozen=True, eq=False)
-class PointSurface:
-    """A surface through points.
-
-    Attributes:
-        frame: its nodes.
-        heights_m, is_measured: (rows, columns); heights are continued where nothing was measured.
-        length_m: L of the weights.
-        scatter_m: standard deviation of the points about the surface (1.4826 times the median deviation).
-    """
-
-    frame: NodeFrame
-    heights_m: FloatArray
-    is_measured: BoolArray
-    length_m: float
-    scatter_m: float
-
-
 def build_point_grid(
     points: FloatArray,
     heights_m: FloatArray,
@@ -89,15 +71,12 @@ def build_point_grid(
     remarks = describe_spikes(
         deviations[is_spike], lambda number: name_place(*spikes[number].tolist()), len(heights_m), label
     )
-    surface = fit_surface(points[~is_spike], heights_m[~is_spike], region, length_m, margin_m)
-    frame = surface.frame
+    grid, scatter_m = fit_surface(points[~is_spike], heights_m[~is_spike], region, length_m, margin_m)
     source = (
         f"{len(heights_m) - len(spikes)} points of {label}, smoothed over {length_m:.3g} m (Gaussian), on a grid of "
-        f"{frame.spacing_m:.3g} m; points scatter {100.0 * surface.scatter_m:.2g} cm about it"
+        f"{grid.spacing_m:.3g} m; points scatter {100.0 * scatter_m:.2g} cm about it"
     )
-    return ElevationGrid(
-        frame.west_m, frame.south_m, frame.spacing_m, surface.heights_m, surface.is_measured, source, tuple(remarks)
-    )
+    return replace(grid, source=source, remarks=tuple(remarks))
 
 
 def choose_length_m(points: FloatArray, region: shapely.Geometry, label: str) -> float:
@@ -139,8 +118,10 @@ def find_spikes(points: FloatArray, heights_m: FloatArray, length_m: float) -> t
 
 def fit_surface(
     points: FloatArray, heights_m: FloatArray, region: shapely.Geometry, length_m: float, margin_m: float
-) -> PointSurface:
-    """The surface through points (n, 2) over a region and a margin round it.
+) -> tuple[ElevationGrid, float]:
+    """The surface through points (n, 2) over a region and a margin round it, and how far the points scatter about it.
+
+    `length_m` is L of the weights. The scatter is a standard deviation in metres: 1.4826 times the median deviation.
 
     Raises:
         ElevationError: the points are on one line, or reach too far for a grid.
@@ -161,7 +142,8 @@ def fit_surface(
     if not measured.any():
         raise ElevationError("The points with heights lie on a single line; give heights from several passes.")
     heights = fill_gaps(fitted, near)
-    return PointSurface(frame, heights, measured, length_m, _measure_scatter(frame, heights, points, heights_m))
+    grid = ElevationGrid(frame.west_m, frame.south_m, frame.spacing_m, heights, measured)
+    return grid, _measure_scatter(frame, heights, points, heights_m)
 
 
 def _average_cells(

@@ -8,22 +8,27 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperGroup
 
-from planner.cli.common.options import NO_PLAN_STATUS, AsJson, inject_request_options
+from planner.cli.common.options import (
+    NO_PLAN_STATUS,
+    AsJson,
+    ExecutorChoice,
+    ForceOption,
+    create_group,
+    inject_request_options,
+)
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
-    refuse_overwrite,
+    list_input_files,
     render_requested,
     write_before_printing,
 )
-from planner.cli.common.terminal import print_remarks, print_renderable, print_sentence, warm_up
-from planner.cli.plan import ExecutorChoice, check_one_output
+from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
     from planner.day.planning import PreparedDay
-    from planner.farm.inventory import FarmFile
     from reports.day.schedule_results import DayResult
 
 
@@ -39,17 +44,15 @@ class FileFirstGroup(TyperGroup):
         return super().parse_args(context, args if not args or args[0] in own_commands else [PLAN, *args])
 
 
-day = typer.Typer(cls=FileFirstGroup, no_args_is_help=True)
-
-
-@day.callback()
-def describe_day_group() -> None:
+day = create_group(
     """Several fields and fleets on one day: which fleet works which field, when, and how certain that is.
 
     Fields, windows, values, fleets, roads, light and rain are in one file; headland day new day.toml writes an example.
 
     Example: headland day day.toml --html day.html
-    """
+    """,
+    cls=FileFirstGroup,
+)
 
 
 DAY_OPTIONS: dict[str, dict[str, Any]] = {
@@ -97,28 +100,25 @@ def plan_day_file(
     """
     from planner.day.input_file import load_day
     from planner.day.planning import prepare_day
-    from planner.request.plan_request import MAX_SAMPLES
+    from planner.request.option_checks import check_day_options
+    from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
 
-    check_one_output(json, csv)
-    executor_choice = ExecutorChoice(processes, None)
+    form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise RequestError(f"--samples is {samples}; use 1 to {MAX_SAMPLES}.")
+    check_day_options(samples, certainty)
     if cache is not None and cache.exists() and not cache.is_dir():
         raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
-    if certainty is not None and not 50.0 <= certainty <= 99.0:
-        raise RequestError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)
-    check_output_paths(
-        (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_input_files(file, day_file, farm_file)
-    )
+    check_output_paths((html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_day_files(file, day_file))
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
     result = _compute_day_plan(prepared, cache, samples, seed, executor_choice, field_minutes)
     with write_before_printing(_render_day_outputs(result, html, png, map_png)):
-        _print_result(result, json, csv, explain)
+        form.print_answer(
+            result, json=format_day_json, csv=format_day_csv, screen=build_day_screen, table=build_day_table
+        )
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
     if not result.jobs or result.shortfalls:
@@ -128,7 +128,7 @@ def plan_day_file(
 @day.command()
 def new(
     file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Write an example of a day file, to be adapted.
 
@@ -136,8 +136,7 @@ def new(
     """
     from planner.day.input_file import read_example_day_text
 
-    check_output_paths((file, ".toml"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".toml"), force=force)
     with write_before_printing([(file, read_example_day_text())]):
         print_sentence(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.")
 
@@ -153,7 +152,7 @@ def example() -> None:
     typer.echo(read_example_day_text(), nl=False)
 
 
-def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict[str | Path, str]:
+def _list_day_files(file: str, day_file: DayFile) -> dict[str | Path, str]:
     """The files that a day reads, and what they are."""
     from fields.documents.sources import list_field_files
     from planner.day.input_file import EXAMPLE
@@ -162,12 +161,8 @@ def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict
     for entry in day_file.fields:
         files |= dict.fromkeys(list_field_files(entry.file), "a field of the day")
         files |= {} if entry.elevation is None else {entry.elevation: "the heights of a field of the day"}
-    files |= {entry.file: "a tractor file of the farm" for entry in farm_file.tractors if entry.file is not None}
-    if day_file.farm not in (None, EXAMPLE):
-        files[str(day_file.farm)] = "the farm file"
-    if day_file.rain is not None and day_file.rain.lower().endswith(".csv"):
-        files[day_file.rain] = "the file of rain"
-    return files
+    farm = None if day_file.farm == EXAMPLE else day_file.farm
+    return files | list_input_files({"farm": farm, "rain": day_file.rain})
 
 
 def _compute_day_plan(
@@ -200,22 +195,6 @@ def _compute_day_plan(
             seed=seed,
             field_minutes=field_minutes,
         )
-
-
-def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> None:
-    if json or csv:
-        from reports.day.tables import format_day_csv, format_day_json
-
-        typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
-        return
-    from reports.day.tables import build_day_screen
-
-    print_renderable(build_day_screen, result, with_next=not explain)
-    if explain:
-        from reports.day.tables import build_day_table
-
-        print_renderable("")
-        print_renderable(build_day_table, result)
 
 
 def _render_day_outputs(

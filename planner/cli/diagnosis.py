@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -16,9 +17,9 @@ from planner.cli.common.outputs import (
     write_before_printing,
 )
 from planner.cli.common.terminal import (
+    AnswerForm,
     create_progress_callback,
     limit_linear_algebra_threads,
-    print_answer,
     print_renderable,
     print_sentence,
 )
@@ -116,7 +117,7 @@ def diagnose(
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
     soil_table = None if soil_line is None else soil_line.path
     outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
-    input_files = list_input_files(logs=logs or (), tractor=tractor, elevation=elevation, mapping=mapping)
+    input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=logs or ())
     check_output_paths(*outputs, input_files=input_files)
     diagnosis, hidden = _run_diagnosis(
         logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
@@ -236,18 +237,13 @@ def _run_diagnosis(
 
 
 def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
-    if json:
-        from reports.diagnosis.tables import format_diagnosis_json
+    from reports.common.effect_names import format_effect_with_id
+    from reports.common.text_tables import format_sentence
+    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
 
-        typer.echo(format_diagnosis_json(diagnosis, hidden), nl=False)
-        return
-    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table
-
-    print_renderable(build_diagnosis_table if explain else build_diagnosis_screen, diagnosis)
-    if hidden is not None:
-        from reports.common.effect_names import format_effect_with_id
-        from reports.common.text_tables import format_sentence
-
+    screen = build_diagnosis_table if explain else build_diagnosis_screen
+    AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
+    if hidden is not None and not json:
         print_renderable(
             format_sentence(f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}")
         )
@@ -278,7 +274,7 @@ def replay(
     from reports.plan.map_figure import render_png
 
     heights, columns = _choose_heights(elevation, elevation_crs, crs, demo=False), _choose_mapping(mapping, column)
-    input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation, mapping=mapping)
+    input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=[log])
     check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
     result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
     results = render_requested(
@@ -286,4 +282,6 @@ def replay(
         (html, lambda: render_replay_page(result.replayed, result.remarks)),
     )
     with write_before_printing(results):
-        print_answer(json, format_replay_json, build_replay_table, result.replayed, result.remarks)
+        AnswerForm(json).print_answer(
+            result.replayed, result.remarks, json=format_replay_json, screen=build_replay_table
+        )

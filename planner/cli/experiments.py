@@ -15,7 +15,7 @@ from planner.cli.common.outputs import (
     render_requested,
     write_before_printing,
 )
-from planner.cli.common.terminal import create_progress_callback, print_answer, warm_up
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
@@ -36,12 +36,14 @@ def design(
     from reports.trials.report import build_trials_table, format_experiment_json
     from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
     check_name(study, STUDIES, "study")
     warm_up()
     sheet = run_design_study(study, tractor)
     with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        print_answer(json, format_experiment_json, lambda only: build_trials_table((only,)), sheet)
+        AnswerForm(json).print_answer(
+            sheet, json=format_experiment_json, screen=lambda only: build_trials_table((only,))
+        )
 
 
 OptionalNumber = Optional[float]
@@ -81,7 +83,7 @@ def drive(
         run_steered_drive,
     )
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
     request = SteeredDriveRequest(
         steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
         rear_limit,
@@ -90,7 +92,7 @@ def drive(
     result, path = run_steered_drive(request)
     sheets = (build_drive_sheet(request, result, path),) if html or png else ()
     with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        print_answer(json, format_drive_json, describe_drive, result)
+        AnswerForm(json).print_answer(result, json=format_drive_json, screen=describe_drive)
 
 
 def study(json: AsJson = False) -> None:
@@ -105,7 +107,7 @@ def study(json: AsJson = False) -> None:
     warm_up()
     with create_progress_callback("Simulating the study") as progress:
         result = simulate(progress=progress)
-    print_answer(json, format_study_json, build_study_tables, result)
+    AnswerForm(json).print_answer(result, json=format_study_json, screen=build_study_tables)
 
 
 ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
@@ -140,7 +142,7 @@ def validate(
         names = EXPERIMENTS if experiment is None else (experiment,)
         sheets = run_experiments(names, seed=seed, progress=progress)
     with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        print_answer(json, format_trials_json, build_trials_table, sheets)
+        AnswerForm(json).print_answer(sheets, json=format_trials_json, screen=build_trials_table)
 
 
 def render_experiment_outputs(

@@ -8,10 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
-from planner.cli.common.options import AsJson, FieldArgument, GivenOptions, inject_request_options
-from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
+from planner.cli.common.options import (
+    DEFAULT_FIELD,
+    AsJson,
+    FieldArgument,
+    RunsArgument,
+    inject_request_options,
+    read_given_options,
+)
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.reader import translate_help
-from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
@@ -30,7 +37,7 @@ HEIGHTS = "heights"
 @inject_request_options(only=FIELD_OPTIONS, panels=False)
 def field(
     context: typer.Context,
-    field: FieldArgument = "iwamizawa",
+    field: FieldArgument = DEFAULT_FIELD,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, headland passes and cells.")] = None,
     list_only: Annotated[bool, typer.Option("--list", help="Only list the fields of the file.")] = False,
     json: AsJson = False,
@@ -53,13 +60,8 @@ def field(
     from reports.plan.field_report import build_field_report
     from reports.plan.ranking_export import format_facts_json
 
-    given = GivenOptions(context, options)
-    check_output_paths(
-        (png, ".png"),
-        input_files=list_input_files(
-            field=field, tractor=options["tractor"], farm=given.choice.farm, elevation=options["elevation"]
-        ),
-    )
+    given = read_given_options(context, options)
+    check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")
     if list_only:
@@ -75,11 +77,11 @@ def field(
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
-        print_answer(json, format_facts_json, build_field_report, facts)
+        AnswerForm(json).print_answer(facts, json=format_facts_json, screen=build_field_report)
 
 
 def write_heights(
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    runs: RunsArgument,
     output: Annotated[
         Path, typer.Option("--out", "-o", help="The raster to write: .tif (GeoTIFF) or .asc (ASCII grid).")
     ],
@@ -99,9 +101,7 @@ def write_heights(
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
     files = list_raster_files(output)
-    check_output_paths(*((file, "") for file in files), input_files=input_files)
-    for file in files:
-        refuse_overwrite(file, force)
+    check_output_paths(*((file, "") for file in files), input_files=input_files, force=force)
     with create_progress_callback("Smoothing heights"):
         grid, crs = build_run_heights(load_imported_runs(runs))
         contents = render_raster(grid, crs, output)
@@ -139,4 +139,4 @@ def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, jso
 
     parcels, notes = list_fields_with_notes(field, local=local, crs=crs, swap_axes=swap_axes)
     print_remarks(notes)
-    print_answer(json, format_parcels_json, build_parcels_table, parcels)
+    AnswerForm(json).print_answer(parcels, json=format_parcels_json, screen=build_parcels_table)

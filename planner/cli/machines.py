@@ -1,4 +1,4 @@
-"""`headland tractor` (make and check tractor files) and `headland gnss` (the table of GNSS errors)."""
+"""`headland tractor`, `headland farm` (make and check their files) and `headland gnss` (the table of GNSS errors)."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, FarmOption, Html, Png
-from planner.cli.common.outputs import check_output_paths, list_input_files, refuse_overwrite, write_before_printing
+from planner.cli.common.options import AsJson, FarmOption, ForceOption, Html, Png, create_group
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import (
+    AnswerForm,
     create_progress_callback,
     print_remarks,
     print_renderable,
@@ -62,15 +63,7 @@ def _prompt_number(quantity: DatasheetQuantity) -> float:
         typer.echo(f"{value:g} is not possible; use {quantity.low:g} to {quantity.high:g}.", err=True)
 
 
-gnss = typer.Typer(
-    help="GNSS errors: make a table from static fixes.\n\nExample: headland gnss fit fixes.csv",
-    no_args_is_help=True,
-)
-
-
-@gnss.callback()
-def describe_gnss_group() -> None:
-    """GNSS errors: make a table from static fixes, or print the default table."""
+gnss = create_group("GNSS errors: make a table from static fixes.\n\nExample: headland gnss fit fixes.csv")
 
 
 @gnss.command()
@@ -107,20 +100,13 @@ def default() -> None:
     typer.echo(format_error_table(load_default_error_table()), nl=False)
 
 
-tractor = typer.Typer(
-    help="Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml",
-    no_args_is_help=True,
+tractor = create_group(
+    "Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml"
 )
 OptionalNumber = Optional[float]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 FILE_BANNER = (
     "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
 )
-
-
-@tractor.callback()
-def describe_tractor_group() -> None:
-    """Tractor files: make one from a datasheet, check one."""
 
 
 @tractor.command()
@@ -164,8 +150,7 @@ def new(
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.model.tractor_writer import format_tractor_toml
 
-    check_output_paths((file, ".toml"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".toml"), force=force)
     values: dict[str, float | str | None] = {
         "wheelbase_m": wheelbase, "width_m": width, "turning_radius_m": turning_radius, "mass_kg": mass,
         "power_kw": power_kw, "length_m": length, "track_m": track, "rear_overhang_m": rear_overhang,
@@ -197,23 +182,19 @@ def check(
     """
     from planner.cli.experiments import render_experiment_outputs
     from planner.farm.inventory import load_farm
+    from reports.trials.report import build_trials_table, format_tractor_check_json
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=file, farm=farm))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": file, "farm": farm}))
     machine = load_tractor(file) if farm is None else load_farm(farm).get_tractor(file).build_tractor()
     warm_up()
     with create_progress_callback("Driving the tractor"):
         verdict, sheet = check_tractor(machine)
     with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        if json:
-            from reports.trials.report import format_tractor_check_json
-
-            typer.echo(format_tractor_check_json(verdict), nl=False)
-        else:
-            from reports.trials.report import build_trials_table
-
-            print_renderable(build_trials_table, (sheet,))
+        AnswerForm(json).print_answer(
+            verdict, json=format_tractor_check_json, screen=lambda _: build_trials_table((sheet,))
+        )
 
 
 def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -> tuple[str, Datasheet]:
@@ -250,3 +231,53 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
     )
     table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), tuple(rows))
     return ExperimentSheet("tractor", f"{machine.name}: written to {file}", sentences, (), (), (table,))
+
+
+farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")
+
+
+@farm.command("new")
+def write_farm_example(
+    file: Annotated[Path, typer.Argument(help="The file to write, such as farm.toml.")],
+    force: ForceOption = False,
+) -> None:
+    """Write an example of a farm file, to be adapted.
+
+    Example: headland farm new farm.toml
+    """
+    from planner.farm.inventory import read_example_farm_text
+
+    check_output_paths((file, ".toml"), force=force)
+    with write_before_printing([(file, read_example_farm_text())]):
+        print_sentence(f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.")
+
+
+@farm.command("example")
+def print_farm_example() -> None:
+    """Print the example of a farm file.
+
+    Example: headland farm example > farm.toml
+    """
+    from planner.farm.inventory import read_example_farm_text
+
+    typer.echo(read_example_farm_text(), nl=False)
+
+
+@farm.command("check")
+def check_farm(
+    file: Annotated[str, typer.Argument(help="A farm file.")],
+    json: AsJson = False,
+) -> None:
+    """Show every value in use of a farm file: given, or the default with its source.
+
+    Example: headland farm check farm.toml
+    """
+    from planner.farm.inventory import load_farm
+    from planner.farm.value_sources import build_farm_sheet, format_farm_json
+    from reports.trials.report import build_trials_table
+
+    AnswerForm(json).print_answer(
+        load_farm(file),
+        json=format_farm_json,
+        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file),)),
+    )

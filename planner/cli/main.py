@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, NoReturn, Optional
 
 import typer
@@ -21,20 +21,17 @@ from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
 from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
-from planner.cli.compare_bearings import compare_bearings
-from planner.cli.compare_headlands import compare_headlands
+from planner.cli.comparisons import compare_bearings, compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
-from planner.cli.farm import farm
 from planner.cli.field import FieldCommand, field
-from planner.cli.guide import guide
-from planner.cli.machines import gnss, tractor
+from planner.cli.first_steps import guide, setup
+from planner.cli.machines import farm, gnss, tractor
 from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
 from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token
-from planner.cli.setup import setup
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
@@ -111,33 +108,18 @@ def describe_headland(
     """
 
 
-app.command()(plan)
-app.command("compare-headlands")(compare_headlands)
-app.command("compare-bearings")(compare_bearings)
-app.command()(show)
-app.command()(export)
-app.command(cls=FieldCommand)(field)
-app.command()(study)
-app.command()(diagnose)
-app.command()(replay)
-app.command()(compare)
-app.command()(learn)
-app.command()(validate)
-app.command()(drive)
-app.command()(design)
-app.command()(serve)
-app.command()(robot)
-app.command()(backup)
-app.command()(restore)
-app.command()(guide)
-app.command()(setup)
-app.add_typer(gnss, name="gnss")
-app.add_typer(tractor, name="tractor")
-app.add_typer(farm, name="farm")
-app.add_typer(logs, name="logs")
-app.add_typer(day, name="day")
-app.add_typer(token, name="token")
-app.add_typer(demo, name="demo")
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
+    "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,
+    "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve, "robot": robot,
+    "backup": backup, "restore": restore, "guide": guide, "setup": setup,
+}  # fmt: skip
+"""Commands in the order of the help; the groups of commands follow."""
+_GROUPS = {"gnss": gnss, "tractor": tractor, "farm": farm, "logs": logs, "day": day, "token": token, "demo": demo}
+for _name, _command in _COMMANDS.items():
+    app.command(_name, cls=FieldCommand if _command is field else None)(_command)
+for _name, _group in _GROUPS.items():
+    app.add_typer(_group, name=_name)
 
 
 def main() -> None:

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from planner.cli.common.options import (
+    DEFAULT_FIELD,
     NO_PLAN_STATUS,
     ClusterOption,
     CsvOption,
+    ExecutorChoice,
     FieldsArgument,
-    GivenOptions,
     JsonOption,
     ProcessesOption,
-    get_option_name,
+    build_requests,
     inject_request_options,
+    read_given_options,
+    render_refusal,
 )
 from planner.cli.common.outputs import (
     OutputContent,
@@ -30,38 +32,18 @@ from planner.cli.common.outputs import (
     write_before_printing,
     write_results,
 )
-from planner.cli.common.terminal import LOADING, print_remarks, print_renderable, print_sentence, warm_up
+from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
-from planner.request.option_texts import parse_widths
 from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
     from planner.evaluation.work_order import WorkOrder
+    from planner.pipeline.farm_inputs import GivenOptions
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
     from reports.plan.many_fields import FieldRecord
-
-
-@dataclass(frozen=True)
-class ExecutorChoice:
-    """Where to compute: in processes of this machine, or on a cluster; raises RequestError for both."""
-
-    processes: int | None
-    cluster: str | None
-
-    def __post_init__(self) -> None:
-        if self.processes is not None and self.processes < 1:
-            raise RequestError(f"--processes is {self.processes}; use 1 or more.")
-        if self.processes is not None and self.cluster is not None:
-            raise RequestError("--processes is for this machine, --cluster for others; leave out one of them.")
-
-    def open_executor(self, tasks: int) -> AbstractContextManager[Executor]:
-        """The executor for this number of tasks."""
-        from planner.pipeline.executors import connect_cluster, create_executor
-
-        return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
 def plan_batch(
@@ -70,9 +52,7 @@ def plan_batch(
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
     html: Path | None,
-    json: bool,
-    csv: bool,
-    explain: bool,
+    form: AnswerForm,
 ) -> bool:
     """Print one table of every field at every width; whether each has a plan that meets the request.
 
@@ -92,7 +72,7 @@ def plan_batch(
     questions = [FieldQuestion(given.build_order(one), every_plan, with_map) for one in share_obstacles(requests)]
     keys = [hash_question(question.order, every_plan) for question in questions]
     warm_up()
-    with open_stage_bar("Planning fields") as bar, _open_record_printer(json, csv, explain) as show:
+    with open_stage_bar("Planning fields") as bar, _open_record_printer(form) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
         if html is not None:
             write_results([(html, render_many_fields_page(records))])
@@ -136,7 +116,7 @@ def _collect_records(
                     break
                 index = pending[position]
                 question, refusal = questions[index], answer.refusal
-                reason = None if refusal is None else refusal.render_sentence(get_option_name)
+                reason = None if refusal is None else render_refusal(refusal)
                 width_m = question.order.request.width_m
                 finished[index] = FieldRecord(question.field_name, width_m, answer.ranking, reason, answer.map)
                 lines[index] = save_record(keys[index], finished[index])
@@ -165,7 +145,7 @@ def _print_field_remarks(records: Iterable[FieldRecord]) -> None:
 
 
 @contextmanager
-def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[FieldRecord], None]]:
+def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRecord], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
     from reports.plan.many_fields import (
         build_many_fields_screen,
@@ -181,19 +161,17 @@ def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Calla
         typer.echo(format_many_csv_rows(record), nl=False)
         sys.stdout.flush()
 
-    if csv:
+    if form.csv:
         typer.echo(format_many_csv_head(), nl=False)
-    yield print_row if csv else records.append
-    if json:
-        typer.echo(format_many_fields_json(records), nl=False)
-    elif not csv:
-        print_renderable(build_many_fields_screen, records, with_next=not explain)
-        if explain:
-            print_renderable("")
-            print_renderable(build_many_fields_table, records)
+        yield print_row
+        return
+    yield records.append
+    form.print_answer(
+        records, json=format_many_fields_json, screen=build_many_fields_screen, table=build_many_fields_table
+    )
 
 
-DEFAULT_FIELD = "iwamizawa"
+MOST_SHOWN_PLANS = 20
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
 _WIDTH = {
     "type": str,
@@ -238,33 +216,37 @@ def plan(
 
     Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
+    from reports.plan.first_screen import build_first_screen
+    from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+    from reports.plan.ranking_table import build_ranking_table
     from strategies.registry import describe_hidden_strategies
 
-    check_one_output(json, csv)
-    names = expand_fields(fields, options)
-    widths_m = parse_widths(options["width"])
-    executor_choice = ExecutorChoice(processes, cluster)
-    given = GivenOptions(context, options)
+    form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)
+    given = read_given_options(context, options)
     choice = given.choice
-    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-    if len(widths_m) > 1 or names != tuple(fields or [DEFAULT_FIELD])[:1] or checkpoint is not None:
+    request, *others = requests = build_requests(given, fields)
+    if others or request.field != (fields or [DEFAULT_FIELD])[0] or checkpoint is not None:
         _refuse_single_field_outputs(("--png", png), ("--save", save))
-        is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, json, csv, explain)
+        is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
-    (request,) = requests
-    input_files = list_input_files(
-        field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm,
-        rain=request.rain, elevation=request.elevation, soil=request.soil, rain_mm=request.rain_mm,
-    )  # fmt: skip
+    input_files = list_input_files({**options, "field": request.field})
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
     remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
     print_remarks([*remarks, *describe_hidden_strategies()])
-    is_answer_seen = sys.stdout.isatty() and not (json or csv)
+    is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
-        _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)
+        if form.is_for_programs:
+            print_remarks(result.ranking.day_sentences)
+        form.print_answer(
+            result.ranking,
+            json=format_ranking_json,
+            csv=format_ranking_csv,
+            screen=partial(build_first_screen, shows_all=choice.simulate_all),
+            table=partial(build_ranking_table, most_plans=None if choice.simulate_all else MOST_SHOWN_PLANS),
+        )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_PLAN_STATUS)
 
@@ -272,21 +254,6 @@ def plan(
 def _describe_learned_values(ranking: PlanRanking) -> list[str]:
     """A sentence for every value from the farm's own logs."""
     return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
-
-
-def check_one_output(json: bool, csv: bool) -> None:
-    """Raise RequestError where both would be printed."""
-
-    if json and csv:
-        raise RequestError("--json and --csv both print to standard output; choose one.")
-
-
-def expand_fields(fields: Sequence[str] | None, options: Mapping[str, Any]) -> tuple[str, ...]:
-    """The fields that names, with or without stars, stand for; raises HeadlandError."""
-    from planner.pipeline.many_fields import expand_field_names
-
-    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
-    return expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
 
 
 def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
@@ -319,23 +286,6 @@ def _simulate_plans(
             with_pictures=pictures,
             simulate_all=every_plan,
         )
-
-
-def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, explain: bool) -> None:
-    if json or csv:
-        print_remarks(ranking.day_sentences)
-        from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
-
-        typer.echo(format_ranking_json(ranking) if json else format_ranking_csv(ranking), nl=False)
-        return
-    from reports.plan.first_screen import build_first_screen
-
-    print_renderable(build_first_screen, ranking, shows_all=show_all, with_next=not explain)
-    if explain:
-        from reports.plan.ranking_table import build_ranking_table
-
-        print_renderable("")
-        print_renderable(build_ranking_table, ranking, most_plans=None if show_all else 20)
 
 
 def _render_plan_outputs(

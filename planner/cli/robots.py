@@ -16,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
+from planner.cli.common.options import create_group
 from planner.cli.common.terminal import create_progress_callback, limit_linear_algebra_threads, warm_up
 from planner.errors import RequestError
 from planner.pipeline.interrupts import stop_repeating
@@ -32,12 +33,7 @@ TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of 
 # Longer than a service waits for its office, and that for its workers: who is killed earlier leaves semaphores behind.
 TERMINATION_S, STARTUP_S = 60.0, 600.0
 
-demo = typer.Typer(help="Demonstrations.\n\nExample: headland demo fleet", no_args_is_help=True)
-
-
-@demo.callback()
-def _describe_demo_group() -> None:
-    """Demonstrations that need no preparation."""
+demo = create_group("Demonstrations.\n\nExample: headland demo fleet")
 
 
 @demo.command()

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson
-from planner.cli.common.outputs import WriteError, check_output_paths, refuse_overwrite, write_before_printing
-from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
+from planner.cli.common.options import AsJson, PlanArgument
+from planner.cli.common.outputs import check_output_paths, make_folders, refuse_overwrite, write_before_printing
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError
 from planner.request.option_texts import format_clock
 
 if TYPE_CHECKING:
-    from planner.pipeline.outputs.saved_plans import SavedPlanRun, StatedFigures
+    from planner.pipeline.outputs.saved_plans import SavedPlanRun
     from reports.plan.guidance_export import GuidanceFiles
 
 
@@ -32,7 +29,7 @@ CURVES_HELP = (
 
 
 def export(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     to: Annotated[str, typer.Option("--to", help=FORMAT_HELP)],
     output: Annotated[Optional[Path], typer.Option("--out", "-o", help=OUTPUT_HELP)] = None,
     tractor: Annotated[Optional[int], typer.Option(help="Write only this tractor, counted from 1.")] = None,
@@ -62,11 +59,14 @@ def export(
     for path in paths:
         refuse_overwrite(path, force)
     print_remarks(collect_remarks(guidance, guidance_files))
-    with _make_folders(target, paths):
+    if not target.parent.is_dir():
+        raise RequestError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
+    folders = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
+    with make_folders(*sorted(folders, key=lambda folder: len(folder.parts))):
         check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
         with write_before_printing(results):
             names = [str(path) for path in paths]
-            print_answer(json, export_json, build_export_table, guidance, guidance_files, names)
+            AnswerForm(json).print_answer(guidance, guidance_files, names, json=export_json, screen=build_export_table)
 
 
 def _place_files(
@@ -100,36 +100,8 @@ def _place_files(
     return target, [(target.joinpath(*path.split("/")), content) for path, content in guidance_files.files.items()]
 
 
-@contextmanager
-def _make_folders(target: Path, paths: Sequence[Path]) -> Iterator[None]:
-    """Make the target folder and the folders of `paths` in it, but none above it.
-
-    If the body fails, folders made here that are empty are removed again.
-    """
-
-    if not target.parent.is_dir():
-        raise RequestError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
-    folders = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
-    created: list[Path] = []
-    try:
-        for folder in sorted(folders, key=lambda one: len(one.parts)):
-            if not os.path.lexists(folder):
-                folder.mkdir()
-                created.append(folder)
-        yield
-    except BaseException as error:
-        for folder in reversed(created):
-            with suppress(OSError):
-                folder.rmdir()
-        if isinstance(error, OSError):
-            raise WriteError(
-                f"The folder {folder} could not be made: {error.strerror}; choose another place."
-            ) from None
-        raise
-
-
 def show(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     tractor: Annotated[Optional[int], typer.Option(help="Show only this tractor, counted from 1.")] = None,
     json: AsJson = False,
 ) -> None:
@@ -150,10 +122,11 @@ def show(
     count = len(saved_run.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
-    if json:
-        typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
-        return
-    print_renderable(build_leg_tables, _format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor)
+    AnswerForm(json).print_answer(
+        saved_run,
+        json=lambda run: format_leg_lists_json(run.steps, _summarise_plan(run), tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
+    )
 
 
 def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
@@ -171,35 +144,28 @@ def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
 
 
 def _format_title(saved_run: SavedPlanRun) -> str:
+    """The plan in one line: when it is done and what it costs as its ranking stated it, else how long it takes."""
     from planner.pipeline.outputs.saved_plans import read_stated_figures
-    from reports.common.wording import format_duration, format_tractor_count
+    from reports.common.wording import format_duration, format_price, format_tractor_count, round_up_to_minute
 
-    names = filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
-    stated = read_stated_figures(saved_run.saved)
-    if stated is None:
-        figures = f"done in {format_duration(saved_run.run.duration_s)}"
-    else:
-        figures = _format_stated_figures(saved_run, stated)
-    return f"{saved_run.request.field_name}: {', '.join(names)}, {figures}"
-
-
-def _format_stated_figures(saved_run: SavedPlanRun, stated: StatedFigures) -> str:
-    """When it is done and what it costs, as the ranking of the plan stated it."""
-    from reports.common.wording import format_duration, format_price, round_up_to_minute
+    request, duration = saved_run.request, format_duration(saved_run.run.duration_s)
 
     def format_end(seconds: float) -> str:
-        if saved_run.request.start_s is None:
+        if request.start_s is None:
             return f"in {format_duration(seconds)}"
-        return f"by {saved_run.request.format_clock_after(round_up_to_minute(seconds))}"
+        return f"by {request.format_clock_after(round_up_to_minute(seconds))}"
 
-    parts = [f"done {format_end(stated.end_s)}"]
-    if stated.late_end_s is not None:
-        parts[0] += f" (95 % {format_end(stated.late_end_s)})"
+    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(saved_run.saved.plan.tractors)]
+    stated = read_stated_figures(saved_run.saved)
+    if stated is None:
+        return f"{request.field_name}: {', '.join([*parts, f'done in {duration}'])}"
+    late = "" if stated.late_end_s is None else f" (95 % {format_end(stated.late_end_s)})"
+    parts.append(f"done {format_end(stated.end_s)}{late}")
     if stated.cost is not None:
         parts.append(f"{format_price(stated.cost)} {stated.currency or ''}".rstrip())
     if stated.late_end_s is not None:
-        parts.append(f"without delays in {format_duration(saved_run.run.duration_s)}")
-    return ", ".join(parts)
+        parts.append(f"without delays in {duration}")
+    return f"{request.field_name}: {', '.join(parts)}"
 
 
 def _get_strategy(saved_run: SavedPlanRun) -> str | None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.outputs import check_output_paths, refuse_overwrite
+from planner.cli.common.options import ForceOption, create_group
+from planner.cli.common.outputs import check_output_paths
 from planner.cli.common.terminal import limit_linear_algebra_threads, warm_up
 from planner.pipeline.interrupts import stop_repeating
 
@@ -209,7 +210,7 @@ def backup(
     file: Annotated[Path, typer.Argument(help="The file to write, such as farm.zip.")],
     data: DataOption = None,
     database: DatabaseOption = "",
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Write all data of the service into one file, also while it runs; unpacked it is a folder for --data.
 
@@ -218,8 +219,7 @@ def backup(
     from planner.service.store.backup import back_up
     from planner.service.store.service_store import open_store
 
-    check_output_paths((file, ".zip"))
-    refuse_overwrite(file, force)
+    check_output_paths((file, ".zip"), force=force)
     with open_store(build_settings(data, database)) as store:
         count = back_up(store, file)
     typer.echo(f"{file} has the database and {count} files; unpack it into an empty folder to use that with --data.")
@@ -258,16 +258,10 @@ EXPIRES_HELP = (
     "for a robot, else never."
 )
 
-token = typer.Typer(
-    help="Tokens for the service: who may read, plan, operate, drive or administer.\n\n"
-    "Example: headland token new --scope operator --name office",
-    no_args_is_help=True,
+token = create_group(
+    "Tokens for the service: who may read, plan, operate, drive or administer.\n\n"
+    "Example: headland token new --scope operator --name office"
 )
-
-
-@token.callback()
-def describe_token_group() -> None:
-    """Tokens for the service: who may read, plan, operate, drive or administer."""
 
 
 @token.command()

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, Html, Png
+from planner.cli.common.options import AsJson, Html, PlanArgument, Png, RunsArgument, create_group
 from planner.cli.common.outputs import (
     check_output_paths,
-    create_result_folder,
     refuse_overwrite,
     render_requested,
     write_before_printing,
-    write_results,
+    write_into_folder,
 )
-from planner.cli.common.terminal import create_progress_callback, print_answer, print_remarks, print_renderable, warm_up
-
-if TYPE_CHECKING:
-    from planner.task_logs.log_import import ImportedRuns
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 
 
 def compare(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    plan: PlanArgument,
+    runs: RunsArgument,
     html: Html = None,
     png: Png = None,
     json: AsJson = False,
@@ -55,11 +51,11 @@ def compare(
         (html, lambda: render_comparison_page(comparison)), (png, lambda: render_png(draw_comparison(comparison)))
     )
     with write_before_printing(results):
-        print_answer(json, format_comparison_json, build_comparison_table, comparison)
+        AnswerForm(json).print_answer(comparison, json=format_comparison_json, screen=build_comparison_table)
 
 
 def learn(
-    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    runs: RunsArgument,
     farm: Annotated[Path, typer.Option(help="The farm file to update (headland farm new writes one).")],
     output: Annotated[
         Optional[Path],
@@ -82,12 +78,12 @@ def learn(
     from planner.farm.inventory import parse_farm
     from planner.task_logs.farm_learning import learn_farm_values
     from planner.task_logs.runs.run_files import list_run_files
+    from reports.common.text_tables import format_sentence
     from reports.task_logs.run_tables import build_learned_table, format_learned_json
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
     if output is not None:
-        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"})
-        refuse_overwrite(output, False)
+        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"}, force=False)
     warm_up()
     with create_progress_callback("Learning"):
         learned_farm = learn_farm_values(runs, farm, implement, replace)
@@ -96,12 +92,11 @@ def learn(
         parse_farm(learned_farm.text, str(output), output.parent)  # paths of tractor files are relative to it
     check_output_paths((target, ".toml"), input_files=input_files)
     with write_before_printing([(target, learned_farm.text)]):
+        AnswerForm(json).print_answer(
+            learned_farm.values, learned_farm.notes, json=format_learned_json, screen=build_learned_table
+        )
         if json:
-            typer.echo(format_learned_json(learned_farm.values, learned_farm.notes), nl=False)
             return
-        from reports.common.text_tables import format_sentence
-
-        print_renderable(build_learned_table, learned_farm.values, learned_farm.notes)
         unchanged_count = sum(one.done.startswith("kept") for one in learned_farm.values)
         unchanged_text = f"; {unchanged_count} unchanged (--replace takes the learned ones)" if unchanged_count else ""
         print_renderable(
@@ -111,16 +106,10 @@ def learn(
         )
 
 
-logs = typer.Typer(
-    help="Logs of work: import ISOXML time logs (TASKDATA), point Shapefiles, AgOpenGPS paths and CSV files.\n\n"
-    "Example: headland logs import TASKDATA -o runs",
-    no_args_is_help=True,
+logs = create_group(
+    "Logs of work: import ISOXML time logs (TASKDATA), point Shapefiles, AgOpenGPS paths and CSV files.\n\n"
+    "Example: headland logs import TASKDATA -o runs"
 )
-
-
-@logs.callback()
-def describe_logs_group() -> None:
-    """Logs of work."""
 
 
 @logs.command("import")
@@ -146,37 +135,25 @@ def import_logs(
     Example: headland logs import TASKDATA -o runs
     """
     from planner.task_logs.log_import import import_runs
+    from reports.common.text_tables import format_sentence
+    from reports.task_logs.run_tables import build_runs_table, format_runs_json
 
     with create_progress_callback("Reading logs") as progress:
         imported_runs = import_runs(files, mapping, progress)
     print_remarks(imported_runs.notes)
-    _write_runs(imported_runs, output, force)
-    if json:
-        from reports.task_logs.run_tables import format_runs_json
-
-        typer.echo(format_runs_json(imported_runs.runs, imported_runs.notes), nl=False)
-        return
-    from reports.common.text_tables import format_sentence
-    from reports.task_logs.run_tables import build_runs_table
-
-    print_renderable(build_runs_table, imported_runs.runs)
-    print_renderable(
-        format_sentence(f"Written to {output}: {len(imported_runs.runs)} x log (CSV) and its data (JSON).")
+    write_into_folder(output, imported_runs.files, force=force)
+    AnswerForm(json).print_answer(
+        imported_runs.runs, imported_runs.notes, json=format_runs_json, screen=lambda runs, _: build_runs_table(runs)
     )
-
-
-def _write_runs(imported_runs: ImportedRuns, output: Path, force: bool) -> None:
-    text_by_path = {output / name: text for name, text in imported_runs.files.items()}
-    for path in text_by_path:
-        refuse_overwrite(path, force)
-    with create_result_folder(output):
-        check_output_paths(*((path, "") for path in text_by_path))
-        write_results(list(text_by_path.items()))
+    if not json:
+        print_renderable(
+            format_sentence(f"Written to {output}: {len(imported_runs.runs)} x log (CSV) and its data (JSON).")
+        )
 
 
 @logs.command()
 def example(
-    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    plan: PlanArgument,
     output: Annotated[Path, typer.Option("--out", "-o", help="The folder to make, such as TASKDATA.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the stops.")] = 1,
 ) -> None:
@@ -194,9 +171,7 @@ def example(
     warm_up()
     with create_progress_callback("Driving the plan again"):
         task_data = simulate_task_data(plan, seed)
-    with create_result_folder(output):
-        check_output_paths(*((output / name, "") for name in task_data.files), input_files={plan: "the plan"})
-        write_results([(output / name, content) for name, content in task_data.files.items()])
+    write_into_folder(output, task_data.files, input_files={plan: "the plan"})
     pace_text = f"driven at {100 * EXAMPLE_PACE:.0f} % of the plan's speed"
     print_renderable(format_sentence(f"Written to {output}: {len(task_data.truths)} x time log, {pace_text}."))
     for number, truth in enumerate(task_data.truths, start=1):

@@ -23,9 +23,9 @@ from planner.day.places import compute_sun_hours
 from planner.errors import RequestError
 from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.option_texts import DAY_S
-from planner.request.random_inputs import UncertaintySettings, copy_settings
 from planner.risk.costs import HOUR_S, CostTerms, compute_paid_per_sample, compute_travel_cost
 from planner.risk.leg_graph import LegGraph
 from planner.risk.monte_carlo import SampledOutcomes, compute_wilson_interval, sample_outcomes
@@ -113,7 +113,7 @@ def _find_daylight(day: DayFile, start_s: int, lon_lat: tuple[float, float] | No
 
 def get_field_uncertainty(farm: FarmFile, *, with_late_start: bool = False) -> UncertaintySettings:
     """The random inputs of a field; fleets start late once a day, not on every field."""
-    settings = copy_settings(farm.uncertainty)
+    settings = farm.uncertainty
     return settings if with_late_start else settings.disable_input("late start")
 
 

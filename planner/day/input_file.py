@@ -27,6 +27,7 @@ from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
+from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
 from planner.request.option_texts import (
     DAY_S,
     MAX_TRACTORS,
@@ -198,7 +199,11 @@ class DayFile(FileSection):
     utc_offset_h: float | None = define_number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
     rain: Annotated[str | None, FROM_TIMES] = define_value(None, "as --rain of headland plan", "none", strict=True)
     certainty_pct: float | None = define_number(
-        None, 50.0, 99.0, "percent of samples within the times used for planning", "mean times"
+        None,
+        MIN_CERTAINTY_PCT,
+        MAX_CERTAINTY_PCT,
+        "percent of samples within the times used for planning",
+        "mean times",
     )
     strategies: tuple[str, ...] = define_value(STRATEGY_NAMES, "names in quotes", "all of them")
     yard: Yard | None = define_value(None, "lon and lat", "that of the farm")

@@ -13,10 +13,10 @@ from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings
 from planner.risk.costs import CostTerms
 from strategies.program.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table

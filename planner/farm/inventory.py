@@ -14,7 +14,8 @@ from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_text
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, FileSection, LearnedValue, Yard
+from planner.farm.random_inputs import UncertaintySettings
+from planner.farm.settings import FarmPrices, FarmTimes, FileSection, LearnedValue, Yard
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
 from vehicle.model.validation_messages import describe_validation_errors
@@ -36,7 +37,7 @@ class FarmFile(FileSection):
     implements: tuple[FarmImplement, ...] = DEFAULT_IMPLEMENTS
     prices: FarmPrices = FarmPrices()
     times: FarmTimes = FarmTimes()
-    uncertainty: FarmUncertainty = FarmUncertainty()
+    uncertainty: UncertaintySettings = UncertaintySettings()
     yard: Yard = Yard()
     learned: tuple[LearnedValue, ...] = ()
 

@@ -9,7 +9,7 @@ from pydantic import Field, StrictInt, model_validator
 from planner.errors import HeadlandError
 from planner.farm.settings import FileSection, define_number, define_value
 from planner.request.implement_choice import choose_rule
-from planner.request.option_texts import MAX_TRACTORS, MPS_PER_KMH
+from planner.request.option_texts import MAX_TRACTORS
 from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
 from strategies.program.supply import Supply
 from vehicle.datasheet.build import build_tractor
@@ -113,22 +113,6 @@ class FarmImplement(FileSection):
             except HeadlandError as error:
                 raise ValueError(str(error).rstrip(".")) from None
         return self
-
-    @property
-    def speed_mps(self) -> float | None:
-        """Working speed in m/s, None if the plan decides."""
-        return None if self.speed_kmh is None else self.speed_kmh * MPS_PER_KMH
-
-    @property
-    def speed_limits_mps(self) -> tuple[float | None, float | None]:
-        """Least and greatest working speed in m/s, None without."""
-        least, greatest = self.min_speed_kmh, self.max_speed_kmh
-        return least and least * MPS_PER_KMH, greatest and greatest * MPS_PER_KMH
-
-    @property
-    def turn_speed_mps(self) -> float | None:
-        """Speed in turns in m/s, None if the plan decides."""
-        return None if self.turn_speed_kmh is None else self.turn_speed_kmh * MPS_PER_KMH
 
     @property
     def area_per_load_m2(self) -> float | None:

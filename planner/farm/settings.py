@@ -1,4 +1,4 @@
-"""Sections of a farm file (prices, times, uncertainty, yard, learned values): limits, defaults and their sources.
+"""Sections of a farm file (prices, times, yard, learned values): limits, defaults and their sources.
 
 All prices are in one currency; defaults are euros of about 2025.
 """
@@ -12,16 +12,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from planner.request.option_texts import DAY_S, convert_time_to_text, parse_clock
 from planner.request.plan_request import MAX_PRICE
-from planner.request.random_inputs import (
-    MAX_BREAKDOWN_INTERVAL_H,
-    MAX_CV,
-    MAX_DURATION_S,
-    MAX_SLIP_PCT,
-    MAX_STOPS_PER_HOUR,
-    MAX_TAIL_CV,
-    PARAMETER_SOURCES,
-    UncertaintySettings,
-)
 
 SOURCE_KEY = "source"
 NONE_GIVEN = "no default"
@@ -58,39 +48,6 @@ def get_default_source(section: type[FileSection], key: str) -> str:
     """The source of the default of a key."""
     extra = section.model_fields[key].json_schema_extra
     return str(extra[SOURCE_KEY]) if isinstance(extra, dict) and SOURCE_KEY in extra else NONE_GIVEN
-
-
-StopSeconds = Annotated[float, Field(ge=0.0, le=MAX_DURATION_S, strict=True, allow_inf_nan=False)]
-
-
-def _define_uncertainty(key: str, high: float, description: str) -> Any:
-    """A setting of `UncertaintySettings`, from 0 to `high`; 0 switches it off."""
-    return define_number(getattr(UncertaintySettings, key), 0.0, high, description, PARAMETER_SOURCES[key])
-
-
-class FarmUncertainty(FileSection):
-    """Random inputs, described in `planner.request.random_inputs`; 0 switches an input off.
-
-    Coefficients of variation are of lognormal laws. Stops and breakdowns are Poisson processes.
-    """
-
-    speed_cv: float = _define_uncertainty("speed_cv", MAX_CV, "of the speed of one pass")
-    job_cv: float = _define_uncertainty("job_cv", MAX_CV, "of one factor on all driving of a job")
-    slip_pct: float = _define_uncertainty("slip_pct", MAX_SLIP_PCT, "percent of wheel slip, at which speeds hold")
-    slip_cv: float = _define_uncertainty("slip_cv", MAX_CV, "of the slip")
-    turn_cv: float = _define_uncertainty("turn_cv", MAX_CV, "of the time of a turn to the next track")
-    turn_more_cv: float = _define_uncertainty("turn_more_cv", MAX_CV, "of the time of a turn over several tracks")
-    stops_per_hour: float = _define_uncertainty("stops_per_hour", MAX_STOPS_PER_HOUR, "stops per tractor and hour")
-    stop_s: float = _define_uncertainty("stop_s", MAX_DURATION_S, "s, mean length of a stop")
-    stop_cv: float = _define_uncertainty("stop_cv", MAX_TAIL_CV, "of the length of a stop")
-    stop_durations_s: tuple[StopSeconds, ...] = define_value((), "s of measured stops", "none: the law above")
-    breakdown_hours: float = _define_uncertainty(
-        "breakdown_hours", MAX_BREAKDOWN_INTERVAL_H, "hours between breakdowns, 0 for none"
-    )
-    repair_s: float = _define_uncertainty("repair_s", MAX_DURATION_S, "s, mean length of a repair")
-    repair_cv: float = _define_uncertainty("repair_cv", MAX_TAIL_CV, "of the length of a repair")
-    start_delay_s: float = _define_uncertainty("start_delay_s", MAX_DURATION_S, "s, mean delay of the start")
-    start_delay_cv: float = _define_uncertainty("start_delay_cv", MAX_TAIL_CV, "of the delay")
 
 
 class LearnedValue(FileSection):
@@ -189,7 +146,7 @@ class FarmPrices(FileSection):
     )
 
 
-MAX_HANDLING_S = 7.0 * DAY_S
+MAX_DURATION_S = 7.0 * DAY_S
 MAX_BREAK_S = DAY_S // 2
 
 
@@ -234,11 +191,11 @@ class FarmTimes(FileSection):
     """
 
     unfold_s: float = define_number(
-        120.0, 0.0, MAX_HANDLING_S, "s to unfold on the field", "assumed: a folding implement"
+        120.0, 0.0, MAX_DURATION_S, "s to unfold on the field", "assumed: a folding implement"
     )
-    fold_s: float = define_number(120.0, 0.0, MAX_HANDLING_S, "s to fold for the road", "assumed: a folding implement")
+    fold_s: float = define_number(120.0, 0.0, MAX_DURATION_S, "s to fold for the road", "assumed: a folding implement")
     refill_s: float = define_number(
-        300.0, 0.0, MAX_HANDLING_S, "s to refill or unload at the service point", "assumed: one big bag or tank"
+        300.0, 0.0, MAX_DURATION_S, "s to refill or unload at the service point", "assumed: one big bag or tank"
     )
     shift_start: Clock = _define_clock("hh:mm in quotes")
     shift_end: Clock = _define_clock("hh:mm in quotes")

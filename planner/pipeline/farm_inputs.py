@@ -3,21 +3,63 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Container
-from dataclasses import replace
+from collections.abc import Collection, Container, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.work_order import WorkOrder
-from planner.farm.inventory import FarmFile
+from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
-from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import copy_settings
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.options import convert_options_to_parameters, list_given_parameters
+from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
 from vehicle.model.tractor import list_tractor_names
+
+
+@dataclass(frozen=True)
+class GivenOptions:
+    """The options of a plan and its farm by name, as a command or the API is given them; None is the same as not given.
+
+    Of what a farm sets, the options of `given_names` win over it.
+    """
+
+    values: Mapping[str, Any]
+    given_names: Collection[str]
+
+    @cached_property
+    def choice(self) -> FarmChoice:
+        """The farm and its implement; raises RequestError."""
+        return FarmChoice(**convert_options_to_parameters(FarmChoice, self.values))
+
+    @cached_property
+    def farm(self) -> FarmFile | None:
+        """The farm that the options name; raises HeadlandError."""
+        return None if self.choice.farm is None else load_farm(self.choice.farm)
+
+    def build_request(self, **others: Any) -> PlanRequest:
+        """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
+
+        Raises HeadlandError.
+        """
+        values = {**self.values, **others}
+        farm = None if values.get("deadline") is None else self.farm
+        return PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
+
+    def build_order(self, request: PlanRequest) -> WorkOrder:
+        """The request completed by the farm; raises HeadlandError."""
+        if self.farm is None and self.choice.implement is not None:
+            raise RequestError(
+                f"{mark_parameter('implement')} {self.choice.implement!r} names an implement of a farm file; add "
+                f"{mark_parameter('farm')} or leave it out."
+            )
+        given = list_given_parameters(PlanRequest, self.given_names)
+        return complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
 
 
 def complete_request_by_farm(
@@ -62,7 +104,7 @@ def complete_request_by_farm(
         replace(request, **farm_values),
         tractor=None if farm_tractor is None else farm_tractor.origin,
         implement=sized_implement,
-        uncertainty=copy_settings(farm.uncertainty),
+        uncertainty=farm.uncertainty,
         cost_terms=terms,
         supply=farm_implement.build_supply(farm.times.refill_s),
         times=farm.times,
@@ -141,12 +183,15 @@ def _list_farm_values(
     farm: FarmFile, farm_tractor: FarmTractor | None, farm_implement: FarmImplement
 ) -> dict[str, Any]:
     """Parameters of a request from the farm; None for those it leaves open."""
+    speeds_kmh = {
+        "speed_mps": farm_implement.speed_kmh,
+        "turn_speed_mps": farm_implement.turn_speed_kmh,
+        "min_speed_mps": farm_implement.min_speed_kmh,
+        "max_speed_mps": farm_implement.max_speed_kmh,
+    }
     return {
         "width_m": farm_implement.width_m,
-        "speed_mps": farm_implement.speed_mps,
-        "turn_speed_mps": farm_implement.turn_speed_mps,
-        "min_speed_mps": farm_implement.speed_limits_mps[0],
-        "max_speed_mps": farm_implement.speed_limits_mps[1],
+        **{name: None if speed_kmh is None else speed_kmh * MPS_PER_KMH for name, speed_kmh in speeds_kmh.items()},
         "operation": farm_implement.operation,
         "draft": farm_implement.draft,
         "depth_cm": farm_implement.depth_cm,

@@ -251,10 +251,9 @@ def _estimate_offsets(table: Array, owners: Rows, region: shapely.Geometry, leng
 
 
 def _fit_grid(table: Array, region: shapely.Geometry, length_m: float) -> ElevationGrid:
-    surface = fit_surface(table[:, :2], table[:, 2], region, length_m, GRID_MARGIN_M)
-    frame = surface.frame
-    source = f"smoothed over {length_m:.3g} m; they scatter {100.0 * surface.scatter_m:.2g} cm about that surface"
-    return ElevationGrid(frame.west_m, frame.south_m, frame.spacing_m, surface.heights_m, surface.is_measured, source)
+    grid, scatter_m = fit_surface(table[:, :2], table[:, 2], region, length_m, GRID_MARGIN_M)
+    source = f"smoothed over {length_m:.3g} m; they scatter {100.0 * scatter_m:.2g} cm about that surface"
+    return replace(grid, source=source)
 
 
 def _check_own_surface(grids: Sequence[ElevationGrid], places: Array) -> None:

@@ -20,6 +20,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.evaluation.work_order import FieldChoice, WorkOrder
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
@@ -27,7 +28,6 @@ from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
 from reports.common.language import mark_text

@@ -1,1 +1,1 @@
-"""What is asked of a plan: its model, options, uncertainty and service points."""
+"""What is asked of a plan: its model, options and service points."""

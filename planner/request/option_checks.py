@@ -11,6 +11,8 @@ from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, forma
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
 FULL_CIRCLE_DEG = 360.0
+MAX_SAMPLES = 1_000_000
+MIN_CERTAINTY_PCT, MAX_CERTAINTY_PCT = 50.0, 99.0
 
 
 def check_fleet(tractors: tuple[int, ...], strategies: tuple[str, ...]) -> None:
@@ -136,6 +138,17 @@ def check_samples(samples: int | None, **judged: Any) -> None:
                 f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
                 "or leave out one of them."
             )
+
+
+def check_day_options(samples: int, certainty_pct: float | None) -> None:
+    """Raise RequestError for a number of samples or a certainty that a day cannot be planned with."""
+    if certainty_pct is not None and not MIN_CERTAINTY_PCT <= certainty_pct <= MAX_CERTAINTY_PCT:
+        raise RequestError(
+            f"{mark_parameter('certainty')} is {certainty_pct:g}; use {MIN_CERTAINTY_PCT:g} to {MAX_CERTAINTY_PCT:g} "
+            "percent."
+        )
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise RequestError(f"{mark_parameter('samples')} is {samples}; use 1 to {MAX_SAMPLES}.")
 
 
 def check_ground(soil: str | None, moisture_pct: float | None, rain_mm: str | None, et0_mm: float | None) -> None:

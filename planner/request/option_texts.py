@@ -16,11 +16,6 @@ MAX_TRACTORS = 50
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 
 
-def convert_kmh_to_mps(speed_kmh: float) -> float:
-    """km/h as m/s."""
-    return speed_kmh * MPS_PER_KMH
-
-
 def format_clock(seconds: float) -> str:
     """Seconds of the day as hh:mm."""
     return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"

@@ -69,6 +69,14 @@ class NumberLimits:
             return False
         return self.low - 1e-9 * abs(self.low) <= value <= self.high + 1e-9 * abs(self.high)
 
+    def convert_option(self, value: float) -> float:
+        """The parameter of an option."""
+        return value * self.scale
+
+    def convert_parameter(self, value: Any) -> float | None:
+        """The option of a parameter; None stays."""
+        return None if value is None else float(value) / self.scale
+
     def describe_range(self) -> str:
         """What to use."""
         unit = f" {self.unit}" if self.unit else ""
@@ -114,6 +122,8 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
         for name, (value, help_text) in ({} if flags is None else flags.values).items():
             options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))
         if flags is None:
+            if form is None and limits is not None and limits.scale != 1.0:
+                form = OptionTextForm(float, limits.convert_option, limits.convert_parameter(default))
             name = rules.name or strip_unit(parameter.name)
             kind, parse = (get_plain_type(annotation), None) if form is None else (form.type, form.parse)
             default = default if form is None else form.default

@@ -17,7 +17,6 @@ from planner.request import option_checks
 from planner.request.option_texts import (
     DAY_S,
     MPS_PER_KMH,
-    convert_kmh_to_mps,
     format_later_clock,
     parse_cell_bearings,
     parse_clock,
@@ -67,7 +66,7 @@ HEADLAND_ORDERS_BY_OPERATION = {
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
-MAX_MARGIN_M, MAX_SAMPLES = 100.0, 1_000_000
+MAX_MARGIN_M = 100.0
 MAX_MOISTURE_PCT, MAX_DEPTH_CM = 100.0, 100.0
 STRAIGHT, CONTOUR = SWATH_FORMS = "straight", "contour"
 FASTEST, CHEAPEST, SUREST, LEAST_FUEL = OBJECTIVES = "fastest", "cheapest", "surest", "fuel"
@@ -183,7 +182,6 @@ class PlanRequest:
     speed_mps: Annotated[
         Number,
         OptionHelp("Working speed, km/h.", MACHINES, from_farm=True),
-        OptionTextForm(float, convert_kmh_to_mps, DEFAULT_SPEED_KMH),
         _SPEED("working speed"),
     ] = DEFAULT_SPEED_KMH * MPS_PER_KMH
     turn_speed_mps: Annotated[
@@ -191,7 +189,6 @@ class PlanRequest:
         OptionHelp(
             "Largest speed in turns, km/h; less in bends. By default the working speed.", MACHINES, from_farm=True
         ),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("turn speed"),
     ] = None
     min_speed_mps: Annotated[
@@ -201,13 +198,11 @@ class PlanRequest:
             MACHINES,
             from_farm=True,
         ),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("least working speed"),
     ] = None
     max_speed_mps: Annotated[
         Number | None,
         OptionHelp("Greatest working speed of the implement, km/h.", MACHINES, from_farm=True),
-        OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("greatest working speed"),
     ] = None
     price_per_hour: Annotated[
@@ -277,7 +272,7 @@ class PlanRequest:
     samples: Annotated[
         Count | None,
         OptionHelp("Samples of what varies from day to day; 10000 with {deadline} or {rain}.", RISK),
-        NumberLimits(high=MAX_SAMPLES),
+        NumberLimits(high=option_checks.MAX_SAMPLES),
     ] = None
     rain: Annotated[
         TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import shapely
 
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
@@ -57,18 +55,16 @@ def _parse_service_point(text: str, field: Field) -> Point:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
-    degrees = field.crs is not None
-    if not (math.isfinite(x) and math.isfinite(y)) or (degrees and not (abs(x) <= 180.0 and abs(y) <= 90.0)):
-        expected = "longitude,latitude in degrees" if degrees else "x,y in metres, as the field is in local metres"
+    place = field.locate_place((x, y)) if math.isfinite(x) and math.isfinite(y) else None
+    if place is None:
+        is_local = field.crs is None
+        expected = "x,y in metres, as the field is in local metres" if is_local else "longitude,latitude in degrees"
         raise RequestError(
             f"{mark_parameter('refill')} {text[:40]!r} is not a place; write {HEADLAND}, {SERVICE_VEHICLE} or "
             f"{expected}.",
             parameter="refill",
         )
-    if field.crs is not None:
-        x, y = project(np.array([[x, y]]), "EPSG:4326", field.crs)[0].tolist()
-    east, north = field.origin_m
-    return x - east, y - north
+    return place
 
 
 def check_capacity(supply: Supply | None, layout: Layout) -> None:
@@ -96,14 +92,21 @@ def _ceil_to_three_digits(need: float) -> float:
 
 def export_supply(supply: Supply) -> dict[str, float | str | None]:
     """What tractors carry, or their batteries, as plain values for a ranking."""
+    x, y = supply.place or (0.0, 0.0)
+    values: dict[str, float | str | None]
     if isinstance(supply, BatterySupply):
-        return _export_battery(supply)
-    return {
-        "capacity": supply.capacity,
-        "rate_per_m2": supply.rate_per_m2,
-        "refill_s": supply.stop_s,
-        "refill": supply.served_at if supply.place is None else f"{supply.place[0]:.2f},{supply.place[1]:.2f} m",
-    }
+        drive = supply.meter.drive
+        is_charged = drive.change_s is None
+        values = {
+            "battery_kwh": drive.battery_kwh,
+            "usable_kwh": drive.usable_kwh,
+            "charger_kw": drive.charger_kw if is_charged else None,
+            "connect_s": drive.connect_s if is_charged else None,
+            "change_s": drive.change_s,
+        }
+    else:
+        values = {"capacity": supply.capacity, "rate_per_m2": supply.rate_per_m2, "refill_s": supply.stop_s}
+    return {**values, "refill": supply.served_at if supply.place is None else f"{x:.2f},{y:.2f} m"}
 
 
 def describe_supply(supply: Supply) -> tuple[str, ...]:
@@ -131,13 +134,17 @@ def add_coordinates(plan: Plan, field: Field) -> Plan:
 
 
 def describe_service_point(supply: Supply) -> str:
-    """Where tanks are filled or emptied, in words."""
-    if supply.served_at == HEADLAND:
-        return "on the headland at the end of a track"
+    """Where tanks are filled or emptied, or batteries charged or changed, in words."""
+    if supply.place is not None:
+        x, y = supply.place
+        return f"at a place ({x:.0f}, {y:.0f} m), one tractor at a time"
+    if isinstance(supply, BatterySupply):
+        if supply.one_at_a_time:
+            return "by a service vehicle at the end of a track, one tractor at a time; its own driving is not simulated"
+        return "on the headland at the end of a track, where a mobile charger or full batteries are taken to stand"
     if supply.served_at == SERVICE_VEHICLE:
         return "by a tender at the end of a track, one tractor at a time; the tender's own driving is not simulated"
-    x, y = supply.place or (0.0, 0.0)
-    return f"at a place ({x:.0f}, {y:.0f} m), one tractor at a time"
+    return "on the headland at the end of a track"
 
 
 def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
@@ -155,28 +162,6 @@ def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
     )
     return (
         f"Every tractor starts with a battery of {drive.battery_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it above "
-        f"the reserve; it {way}, {_describe_charging_place(supply)}.",
+        f"the reserve; it {way}, {describe_service_point(supply)}.",
         amount,
     )
-
-
-def _describe_charging_place(supply: BatterySupply) -> str:
-    """Where batteries are charged or changed, in words."""
-    if supply.place is not None:
-        return f"at a place ({supply.place[0]:.0f}, {supply.place[1]:.0f} m), one tractor at a time"
-    if supply.one_at_a_time:
-        return "by a service vehicle at the end of a track, one tractor at a time; its own driving is not simulated"
-    return "on the headland at the end of a track, where a mobile charger or full batteries are taken to stand"
-
-
-def _export_battery(supply: BatterySupply) -> dict[str, float | str | None]:
-    """The battery of every tractor, as plain values for a ranking."""
-    drive = supply.meter.drive
-    return {
-        "battery_kwh": drive.battery_kwh,
-        "usable_kwh": drive.usable_kwh,
-        "charger_kw": None if drive.change_s is not None else drive.charger_kw,
-        "connect_s": None if drive.change_s is not None else drive.connect_s,
-        "change_s": drive.change_s,
-        "refill": supply.served_at if supply.place is None else f"{supply.place[0]:.2f},{supply.place[1]:.2f} m",
-    }

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, PlanRequest
-from planner.request.random_inputs import UncertaintySettings
 from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, estimate_cost
 from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import (

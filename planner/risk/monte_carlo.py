@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from planner.farm.workday import Workday
-from planner.request.random_inputs import (
+from planner.farm.random_inputs import (
     RANDOM_INPUTS,
     UncertaintySettings,
     build_certain_settings,
     compute_log_deviation,
 )
+from planner.farm.workday import Workday
 from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
 from planner.risk.rain import RainForecast
 from planner.risk.random_events import StopEvents, create_generator, draw_lognormal, draw_stop_events

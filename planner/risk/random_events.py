@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.request.random_inputs import UncertaintySettings, compute_log_deviation
+from planner.farm.random_inputs import UncertaintySettings, compute_log_deviation
 
 HOUR_S = 3600.0
 Array = npt.NDArray[np.float64]

@@ -25,8 +25,8 @@ from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
+from planner.farm.random_inputs import UncertaintySettings
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings
 from planner.risk.leg_graph import LegGraph, build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes
 from tests.benchmarks.driven_order import Driven, driven_again, worked

@@ -143,7 +143,7 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
 def test_bad_input_is_one_sentence_before_any_work(
     headland: Callable[..., Any], farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
 ) -> None:
-    monkeypatch.setattr("planner.cli.compare_headlands.warm_up", lambda: pytest.fail("something was computed"))
+    monkeypatch.setattr("planner.cli.comparisons.warm_up", lambda: pytest.fail("something was computed"))
     monkeypatch.chdir(farm.parent)
     outcome = headland("compare-headlands", "farm.geojson#north", "--local", *options)
     assert_refused(outcome, words)

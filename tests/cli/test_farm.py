@@ -122,7 +122,7 @@ def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder
     ("arguments", "words"),
     [
         (("plan", "--farm", "none.toml"), "There is no file 'none.toml'"),
-        (("plan", "--implement", "harrow"), "add --farm FILE"),
+        (("plan", "--implement", "harrow"), "add --farm or leave it out"),
         (("plan", "--farm", "farm.toml", "--implement", "harow"), "did you mean 'harrow'?"),
         (("plan", "--farm", "farm.toml", "--tractor", "Carier"), "did you mean 'Carrier'?"),
         (("plan", "--farm", "farm.toml", "--tractors", "1-3"), "--tractors asks for 3, and the farm has 1 x Carrier"),

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from planner.day.formulation import FleetDaySamples, PlannedRouteField, convert_rain_onsets, sample_fleet_day
+from planner.farm.random_inputs import UncertaintySettings, build_certain_settings
 from planner.farm.workday import Workday
-from planner.request.random_inputs import UncertaintySettings, build_certain_settings
 from planner.risk.costs import build_hire_terms
 from planner.risk.leg_graph import TURN_OVER_MORE, WORK_PASS, LegGraph
 from planner.risk.rain import RainForecast

@@ -19,8 +19,8 @@ from planner.day.optimization.solver import solve_day
 from planner.day.planning import prepare_day
 from planner.errors import RequestError
 from planner.farm.inventory import FarmFile
+from planner.farm.random_inputs import UncertaintySettings, build_certain_settings
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings, build_certain_settings
 from planner.risk.costs import build_hire_terms
 from planner.risk.monte_carlo import sample_outcomes
 from strategies.program.supply import Supply

@@ -12,11 +12,11 @@ from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
+from planner.farm.random_inputs import build_certain_settings
 from planner.farm.settings import FarmPrices
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import build_certain_settings
 from planner.risk.assessment import PhysicsCheck, add_ranking_advice, build_decision_criteria, describe_check
 from planner.risk.costs import CostTerms, build_hire_terms
 from planner.risk.monte_carlo import DEFAULT_SAMPLES

@@ -1,7 +1,7 @@
 """The farm file: what it holds, where its defaults are from, what is refused, and what a plan takes from it."""
 
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from planner.errors import HeadlandError, RequestError
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm, parse_farm, read_example_farm_text
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import NONE_GIVEN, FarmPrices, FarmTimes, FarmUncertainty, Yard, get_default_source
+from planner.farm.random_inputs import UncertaintySettings
+from planner.farm.settings import NONE_GIVEN, FarmPrices, FarmTimes, Yard, get_default_source
 from planner.farm.value_sources import GIVEN, build_farm_sheet, format_farm_json, list_values
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import UncertaintySettings, copy_settings
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import build_datasheet
 from vehicle.model.tractor_writer import format_tractor_toml
 
-SECTIONS = (FarmTractor, FarmImplement, FarmPrices, FarmTimes, FarmUncertainty, Yard)
+SECTIONS = (FarmTractor, FarmImplement, FarmPrices, FarmTimes, UncertaintySettings, Yard)
 
 
 def refusal(text: str) -> str:
@@ -39,7 +39,7 @@ def test_the_example_is_a_farm() -> None:
     # 600 kg of seed at 180 kg a hectare.
     assert farm.get_implement("drill").area_per_load_m2 == pytest.approx(10_000.0 * 600.0 / 180.0)
     assert farm.get_implement("cultivator").area_per_load_m2 is None
-    assert farm.get_implement("drill").speed_mps == pytest.approx(7.0 / 3.6)
+    assert farm.get_implement("drill").speed_kmh == 7.0
     sections = set(FarmFile.model_fields) - {"learned"}  # what headland learn writes
     assert set(tomllib.loads(read_example_farm_text())) == sections, "the example shows every section"
 
@@ -148,12 +148,10 @@ def test_files_of_tractors_are_looked_for_beside_the_farm(tmp_path: Path) -> Non
     assert farm.get_tractor("F").origin == str(tmp_path / "fendt.toml")
 
 
-def test_uncertainties_are_the_settings_of_the_draws() -> None:
-    assert set(FarmUncertainty.model_fields) == {each.name for each in fields(UncertaintySettings)}
-    assert copy_settings(parse_farm("", "empty.toml").uncertainty) == UncertaintySettings()
-    assert copy_settings(
-        parse_farm("[uncertainty]\nstop_durations_s = [5.0, 120]", "one.toml").uncertainty
-    ).stop_durations_s == (5, 120)
+def test_an_uncertainty_is_read_and_the_others_are_as_usual() -> None:
+    assert parse_farm("", "empty.toml").uncertainty == UncertaintySettings()
+    uncertainty = parse_farm("[uncertainty]\nstop_durations_s = [5.0, 120]\nspeed_cv = 0.3", "one.toml").uncertainty
+    assert uncertainty == UncertaintySettings(stop_durations_s=(5.0, 120.0), speed_cv=0.3)
 
 
 PLAIN = """

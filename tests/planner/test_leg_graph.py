@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.request.random_inputs import build_certain_settings
+from planner.farm.random_inputs import build_certain_settings
 from planner.risk.leg_graph import TURN_OVER_MORE, TURN_OVER_ONE, WORK_PASS, build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes
 from vehicle.missions.plan import SWATH, TURN, FollowOrder, Leg, LegGate, LegTask, Mission, Plan

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from planner.errors import RequestError
-from planner.farm.inventory import FarmFile
-from planner.request.random_inputs import (
-    PARAMETER_SOURCES,
+from planner.farm.random_inputs import (
     RANDOM_INPUTS,
     UncertaintySettings,
     build_certain_settings,
     compute_log_deviation,
-    copy_settings,
 )
+from planner.farm.settings import NONE_GIVEN, get_default_source
 from planner.risk.leg_graph import TURN_OVER_MORE, TURN_OVER_ONE, WORK_PASS, LegGraph, WaitLink
 from planner.risk.monte_carlo import (
     RiskSettings,
@@ -50,7 +48,7 @@ def chain(kind: int, *seconds: float, tractors: int = 1, links: tuple[WaitLink, 
 
 def only(**values: Any) -> UncertaintySettings:
     """Nothing varies but what is named."""
-    return replace(build_certain_settings(), **values)
+    return build_certain_settings().model_copy(update=values)
 
 
 def standard_error(values: Any) -> float:
@@ -222,27 +220,19 @@ class TestWilson:
 
 class TestSettings:
     def test_every_default_has_a_source(self) -> None:
-        assert set(vars(UncertaintySettings())) - {"stop_durations_s"} == set(PARAMETER_SOURCES)
+        keys = UncertaintySettings.model_fields
+        assert all(get_default_source(UncertaintySettings, key) != NONE_GIVEN for key in keys)
 
     @pytest.mark.parametrize(
         ("values", "word"),
         [
-            ({"speed_cv": -0.1}, "speed_cv is -0.1"),
-            ({"stop_s": math.nan}, "stop_s is nan"),
-            ({"slip_pct": 95.0}, "use 0 to 90"),
-            ({"job_cv": True}, "give a number"),
-            ({"stop_durations_s": (3.0, -1.0)}, "stop_durations_s is -1"),
+            ({"speed_cv": -0.1}, "speed_cv\n.*greater than or equal to 0 .*-0.1"),
+            ({"stop_s": math.nan}, "stop_s\n.*finite number"),
+            ({"slip_pct": 95.0}, "slip_pct\n.*less than or equal to 90"),
+            ({"job_cv": True}, "job_cv\n.*valid number"),
+            ({"stop_durations_s": (3.0, -1.0)}, "stop_durations_s.1\n.*-1"),
         ],
     )
     def test_what_cannot_be_is_refused(self, values: dict[str, Any], word: str) -> None:
-        with pytest.raises(RequestError, match=word):
+        with pytest.raises(ValidationError, match=word):
             UncertaintySettings(**values)
-
-    def test_settings_of_a_file_are_taken_by_name(self) -> None:
-        class Section:
-            speed_cv, stops_per_hour, other = 0.3, 2.0, "x"
-
-        assert copy_settings(Section()) == UncertaintySettings(speed_cv=0.3, stops_per_hour=2.0)
-
-    def test_a_farm_that_says_nothing_has_the_same_chances(self) -> None:
-        assert copy_settings(FarmFile().uncertainty) == UncertaintySettings()

@@ -18,9 +18,9 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmTractor
+from planner.farm.random_inputs import build_certain_settings
 from planner.farm.settings import FarmPrices
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
-from planner.request.random_inputs import build_certain_settings
 from planner.risk.costs import CostTerms, compute_paid_per_sample
 from planner.risk.leg_graph import build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import sample_outcomes

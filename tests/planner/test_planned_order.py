@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.request.random_inputs import UncertaintySettings, build_certain_settings
+from planner.farm.random_inputs import UncertaintySettings, build_certain_settings
 from planner.risk.assessment import check_graph_in_physics, scale_speeds
 from planner.risk.leg_graph import build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes

@@ -19,10 +19,10 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
+from planner.farm.random_inputs import build_certain_settings
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
-from planner.request.random_inputs import build_certain_settings
 from planner.request.service_points import add_coordinates
 from planner.risk.leg_graph import build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes

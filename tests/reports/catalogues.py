@@ -13,8 +13,8 @@ from babel.messages.catalog import Catalog
 from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
+from planner.farm.random_inputs import RANDOM_INPUTS
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
-from planner.request.random_inputs import RANDOM_INPUTS
 from reports.plan.figures import COUNT_DROPS, FIGURES, SCREEN_DROPS, TABLE_DROPS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT

@@ -15,7 +15,8 @@ from starlette.testclient import TestClient
 from planner.day.input_file import DayField, DayFile, DayFleet, DayRoad, read_example_day_text
 from planner.farm.inventory import FarmFile, read_example_farm_text
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, Yard
+from planner.farm.random_inputs import UncertaintySettings
+from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.service.jobs.job_requests import PLAN_OPTIONS
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.form_texts import read_day_form, read_farm_form
@@ -215,6 +216,6 @@ def test_the_forms_ask_for_keys_that_the_files_have() -> None:
     text = (STATIC_FOLDER / "js" / "layouts.js").read_text()
     asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', text)}
     machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
-    sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, FarmUncertainty, Yard]
+    sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, UncertaintySettings, Yard]
     models: list[type[BaseModel]] = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
     assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
 from typer.models import ArgumentInfo
 
-from planner.errors import RequestError
-from planner.request.options import RequestOption, convert_options_to_parameters, list_given_parameters, list_options
+from planner.cli.common.terminal import print_remarks
+from planner.errors import HeadlandError, RequestError
+from planner.request.option_texts import parse_widths
+from planner.request.options import RequestOption, list_options
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:
-    from planner.evaluation.work_order import WorkOrder
+    from planner.pipeline.farm_inputs import GivenOptions
 
 
 JsonOption = Annotated[
@@ -45,11 +50,15 @@ FieldsArgument = Annotated[
         show_default="iwamizawa",
     ),
 ]
+DEFAULT_FIELD = "iwamizawa"
 NO_PLAN_STATUS = 3
 """Exit status where no plan meets the request."""
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
+PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
+RunsArgument = Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
@@ -66,6 +75,38 @@ _OPTION_NAMES = {
 def get_option_name(parameter: str) -> str:
     """What a parameter of a program is called on the command line: width_m is --width, speed_mps is --speed-kmh."""
     return _OPTION_NAMES.get(parameter) or "--" + strip_unit(parameter).replace("_", "-")
+
+
+def create_group(help_text: str, **options: Any) -> typer.Typer:
+    """A group of commands, also where it has only one; without a command it prints its help."""
+    group = typer.Typer(help=help_text, no_args_is_help=True, **options)
+    group.callback()(lambda: None)
+    return group
+
+
+def render_refusal(refusal: HeadlandError) -> str:
+    """The sentence of a refusal with the names of options."""
+    return refusal.render_sentence(get_option_name)
+
+
+@dataclass(frozen=True)
+class ExecutorChoice:
+    """Where to compute: in processes of this machine, or on a cluster; raises RequestError for both."""
+
+    processes: int | None
+    cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.processes is not None and self.processes < 1:
+            raise RequestError(f"--processes is {self.processes}; use 1 or more.")
+        if self.processes is not None and self.cluster is not None:
+            raise RequestError("--processes is for this machine, --cluster for others; leave out one of them.")
+
+    def open_executor(self, tasks: int) -> AbstractContextManager[Executor]:
+        """The executor for this number of tasks."""
+        from planner.pipeline.executors import connect_cluster, create_executor
+
+        return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
 def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any) -> inspect.Parameter:
@@ -124,43 +165,19 @@ def _is_argument(annotation: Any) -> bool:
     )
 
 
-class GivenOptions:
-    """The options of a plan as a command was given them, and the farm that they name."""
+def read_given_options(context: typer.Context, values: Mapping[str, Any]) -> GivenOptions:
+    """The options of a plan as a command was given them, and the farm that they name; raises RequestError."""
+    from planner.pipeline.farm_inputs import GivenOptions
 
-    def __init__(self, context: typer.Context, values: Mapping[str, Any]) -> None:
-        self.context, self.values = context, values
-        self.choice = FarmChoice(**convert_options_to_parameters(FarmChoice, values))
-
-    def build_request(self, **others: Any) -> PlanRequest:
-        """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
-
-        Raises HeadlandError.
-        """
-        values, farm = {**self.values, **others}, self.choice.farm
-        if farm is None or values.get("deadline") is None:
-            return PlanRequest.from_options(values)
-        from planner.farm.inventory import load_farm
-
-        return PlanRequest.from_options(values, shift_s=load_farm(farm).times.shift_span_s[0])
-
-    def build_order(self, request: PlanRequest) -> WorkOrder:
-        """The request completed by the farm; options that were given win. Raises HeadlandError."""
-        from planner.farm.inventory import load_farm
-        from planner.pipeline.farm_inputs import complete_request_by_farm
-
-        farm, implement = self.choice.farm, self.choice.implement
-        if farm is None and implement is not None:
-            raise RequestError(
-                f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
-            )
-        given = _list_given_parameters(self.context)
-        loaded = None if farm is None else load_farm(farm)
-        return complete_request_by_farm(request, loaded, given, implement_name=implement)
-
-
-def _list_given_parameters(context: typer.Context) -> frozenset[str]:
-    """Parameters of a request, of those a farm file may set, whose options were given."""
     sources = {name: context.get_parameter_source(name) for name in context.params}
-    return list_given_parameters(
-        PlanRequest, (name for name, source in sources.items() if source and source.name != "DEFAULT")
-    )
+    return GivenOptions(values, [name for name, source in sources.items() if source and source.name != "DEFAULT"])
+
+
+def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
+    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+    from planner.pipeline.many_fields import expand_field_names
+
+    reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
+    names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+    widths_m = parse_widths(given.values["width"])
+    return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]

@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from fields.text_files import explain_error, quote_path
 from planner.errors import HeadlandError, RequestError
@@ -18,6 +18,12 @@ from planner.errors import HeadlandError, RequestError
 Output = tuple[Path | None, str]
 """A file to write or None, and its required ending ("" for any)."""
 OutputContent = str | bytes
+_PLAIN_INPUTS = {
+    "gnss_table": "the table of GNSS errors",
+    "mapping": "the mapping of columns",
+    "elevation": "the file of heights",
+}
+"""Options that are names of files and nothing else, and what the files are."""
 
 
 class WriteError(HeadlandError):
@@ -26,12 +32,8 @@ class WriteError(HeadlandError):
     status = 1
 
 
-def list_input_files(
-    *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
-    farm: str | None = None, rain: str | None = None, elevation: str | None = None, soil: str | None = None,
-    rain_mm: str | None = None, mapping: str | None = None,
-) -> dict[str | Path, str]:  # fmt: skip
-    """The files that a command reads and what they are, for `check_output_paths`."""
+def list_input_files(options: Mapping[str, Any], *, logs: Sequence[str] = ()) -> dict[str | Path, str]:
+    """The files that options by name and `logs` have a command read, and what they are, for `check_output_paths`."""
     from fields.documents.sources import list_field_files
     from vehicle.model.tractor import list_tractor_names
 
@@ -40,37 +42,36 @@ def list_input_files(
         from vehicle.identification.logs.reader import find_log_files
 
         files |= {path: f"the log {path}" for path in find_log_files(logs)}
-    for text in (rain, rain_mm):
-        if text is not None and text.strip().lower().endswith(".csv"):
-            files[text.strip()] = "the file of rain"
-    named = {
-        "the table of GNSS errors": gnss_table,
-        "the mapping of columns": mapping,
-        "the file of heights": elevation,
-    }
-    files |= {path: description for description, path in named.items() if path is not None}
-    if soil is not None:
+    given = {name: text for name, text in options.items() if text is not None}
+    for text in (given[name].strip() for name in ("rain", "rain_mm") if name in given):
+        files |= {text: "the file of rain"} if text.lower().endswith(".csv") else {}
+    files |= {given[name]: description for name, description in _PLAIN_INPUTS.items() if name in given}
+    if "soil" in given:
         from planner.evaluation.field_physics import split_soil_name
 
-        table = split_soil_name(soil)[1]
+        table = split_soil_name(given["soil"])[1]
         files |= {} if table is None else {table: "the table of soils"}
-    if farm is not None:
+    if "farm" in given:
         from planner.farm.inventory import load_farm
 
-        files |= {each.file: "a tractor file of the farm" for each in load_farm(farm).tractors if each.file is not None}
-        files[farm] = "the farm file"
-    if tractor is not None and tractor not in list_tractor_names():
-        files[tractor] = "the tractor file"
-    if field is not None:
-        files |= dict.fromkeys(list_field_files(field), "the field")
+        tractors = load_farm(given["farm"]).tractors
+        files |= {each.file: "a tractor file of the farm" for each in tractors if each.file is not None}
+        files[given["farm"]] = "the farm file"
+    if "tractor" in given and given["tractor"] not in list_tractor_names():
+        files[given["tractor"]] = "the tractor file"
+    if "field" in given:
+        files |= dict.fromkeys(list_field_files(given["field"]), "the field")
     return files
 
 
-def check_output_paths(*outputs: Output, input_files: Mapping[str | Path, str] | None = None) -> None:
+def check_output_paths(
+    *outputs: Output, input_files: Mapping[str | Path, str] | None = None, force: bool = True
+) -> None:
     """Raise RequestError for an output that could not be written later; the file system stays unchanged.
 
-    An output must be a regular file or not exist yet, in a writable folder. It must be neither an input file (path and
-    what it is) nor another output, also through links and on file systems that ignore case.
+    An output must be a regular file or not exist yet, in a writable folder; without `force` it must not exist. It must
+    be neither an input file (path and what it is) nor another output, also through links and on file systems that
+    ignore case.
     """
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
     for path, suffix in requested:
@@ -82,6 +83,7 @@ def check_output_paths(*outputs: Output, input_files: Mapping[str | Path, str] |
             if _is_same_file(path, occupied_path, ignores_case[path]):
                 _refuse(f"{path} would overwrite {description}; choose another file.")
         occupied.append((path, "another result"))
+        refuse_overwrite(path, force)
 
 
 def _check_suffix(path: Path, suffix: str) -> None:
@@ -152,23 +154,46 @@ def refuse_overwrite(path: Path, force: bool) -> None:
 
 
 @contextmanager
-def create_result_folder(folder: Path) -> Iterator[None]:
-    """A folder for results, created if missing and removed again if the body fails; raises RequestError."""
-    is_new = not os.path.lexists(folder)
+def make_folders(*folders: Path) -> Iterator[None]:
+    """Folders, the outer ones first, made if missing, and removed again if the body fails; raises RequestError."""
+    made: list[Path] = []
     try:
-        if is_new:
-            os.makedirs(folder)
-    except OSError as error:
-        _refuse(f"The folder {quote_path(folder)} cannot be made: {explain_error(error)}; choose another place.")
-    if not os.path.isdir(folder):
-        _refuse(f"{quote_path(folder)} is a file; name a folder.")
-    try:
+        for folder in folders:
+            if not os.path.lexists(folder):
+                try:
+                    os.makedirs(folder)
+                except OSError as error:
+                    raise RequestError(
+                        f"The folder {folder} could not be made: {error.strerror}; choose another place."
+                    ) from None
+                made.append(folder)
+            if not os.path.isdir(folder):
+                _refuse(f"{quote_path(folder)} is a file; name a folder.")
         yield
     except BaseException:
-        if is_new:
+        for folder in reversed(made):
             with suppress(OSError):
                 os.rmdir(folder)
         raise
+
+
+def write_into_folder(
+    folder: Path,
+    contents: Mapping[str, OutputContent],
+    *,
+    force: bool = True,
+    input_files: Mapping[str | Path, str] | None = None,
+) -> None:
+    """Write files by name into a folder, which is made if missing.
+
+    Raises RequestError, also for files that exist unless `force` allows overwriting them, and WriteError.
+    """
+    results = [(folder / name, content) for name, content in contents.items()]
+    for path, _ in results:
+        refuse_overwrite(path, force)
+    with make_folders(folder):
+        check_output_paths(*((path, "") for path, _ in results), input_files=input_files)
+        write_results(results)
 
 
 def render_requested(*results: tuple[Path | None, Callable[[], OutputContent]]) -> list[tuple[Path, OutputContent]]:

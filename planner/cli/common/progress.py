@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task
 from rich.table import Column
 from rich.text import Text
 
@@ -87,37 +87,29 @@ class StageBar:
             return translate("about {time_left} left", time_left=time_left) if left_s else translate("nearly done")
 
 
-class _WordsColumn(ProgressColumn):
-    """The stage and its count."""
+class _BarColumn(ProgressColumn):
+    """A text of the bar, drawn several times a second: the time left counts down between reports."""
 
-    def __init__(self, bar: StageBar) -> None:
+    def __init__(self, bar: StageBar, describe: Callable[[], str]) -> None:
         super().__init__(Column(no_wrap=True))
-        self._bar = bar
+        self._bar, self._describe = bar, describe
 
     def render(self, task: Task) -> Text:
-        """Called several times a second; keeps the bar up to date as well."""
+        """The text as it is now; keeps the length of the bar up to date as well."""
         task.total = None if self._bar.share is None else 1.0
         task.completed = self._bar.share or 0.0
-        return Text(self._bar.describe())
-
-
-class _LeftColumn(TextColumn):
-    """The time that is left, counting down between reports."""
-
-    def __init__(self, bar: StageBar) -> None:
-        super().__init__("", table_column=Column(no_wrap=True))
-        self._bar = bar
-
-    def render(self, task: Task) -> Text:
-        """Called several times a second."""
-        return Text(self._bar.describe_left())
+        return Text(self._describe())
 
 
 @contextmanager
 def open_stage_bar(words: str) -> Iterator[StageBar]:
     """Draw a bar on a terminal while the body runs, and nothing elsewhere; `words` say what is done at first."""
     console, bar = Console(stderr=True), StageBar(words)
-    columns = (_WordsColumn(bar), BarColumn(bar_width=24 if console.width >= WIDE_COLUMNS else 10), _LeftColumn(bar))
+    columns = (
+        _BarColumn(bar, bar.describe),
+        BarColumn(bar_width=24 if console.width >= WIDE_COLUMNS else 10),
+        _BarColumn(bar, bar.describe_left),
+    )
     is_hidden = not console.is_terminal
     with Progress(
         *columns, console=console, transient=True, disable=is_hidden, refresh_per_second=REFRESHES_PER_S

@@ -6,17 +6,18 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from fields.errors import make_one_line
+from planner.errors import RequestError
 from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
-    from planner.pipeline.kernels import Kernel
 
 COMPILE_NOTICE_S = 3.0
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
@@ -43,42 +44,35 @@ def warm_up(bar: StageBar | None = None, next_stages_s: Mapping[str, float] | No
         with open_stage_bar(LOADING) as own_bar:
             warm_up(own_bar)
         return
-    from planner.pipeline.kernels import COMPILING, list_missing_kernels
+    from planner.pipeline.kernels import PLAN
     from planner.pipeline.worker_tasks import warm_up_simulation
 
-    missing = list_missing_kernels()
-    bar.expect({COMPILING: estimate_compile_s(missing), **(next_stages_s or {})})
-    if missing:
-        compile_missing(missing, bar)
+    compile_missing(bar, (PLAN,), next_stages_s)
     warm_up_simulation()
 
 
-def estimate_compile_s(kernels: Sequence[Kernel]) -> float:
-    """About the seconds that compiling takes on all cores."""
-    from planner.pipeline.kernels import share_kernels
+def compile_missing(bar: StageBar, uses: Sequence[str], next_stages_s: Mapping[str, float] | None = None) -> int:
+    """Compile the kernels of these uses that are missing on disk, on all cores, and count them in the bar.
 
-    shares = share_kernels(kernels, os.cpu_count() or 1)
-    return max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
+    Where no bar can be drawn, a sentence says that it takes a while, down to 5 s. Returns how many were missing.
+    """
+    from planner.pipeline.kernels import COMPILING, compile_kernels, list_missing_kernels, share_kernels
 
-
-def describe_compiling(count: int, seconds: float) -> str:
-    """What is compiled, and about how long that takes, down to 5 s."""
-    with use_reader():
-        return translate(
-            "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
-            count=count,
-            seconds=5 * max(1, round(seconds / 5)),
-        )
-
-
-def compile_missing(kernels: Sequence[Kernel], bar: StageBar) -> None:
-    """Compile kernels on all cores; where no bar can be drawn, a sentence says that it takes a while."""
-    from planner.pipeline.kernels import COMPILING, compile_kernels
-
-    seconds = estimate_compile_s(kernels)
+    missing = list_missing_kernels(uses)
+    shares = share_kernels(missing, os.cpu_count() or 1)
+    seconds = max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
+    bar.expect({COMPILING: seconds, **(next_stages_s or {})})
     if seconds > COMPILE_NOTICE_S and not sys.stderr.isatty():
-        print_sentence(describe_compiling(len(kernels), seconds), err=True)
-    compile_kernels(kernels, report=partial(bar.report, COMPILING))
+        with use_reader():
+            notice = translate(
+                "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
+                count=len(missing),
+                seconds=5 * max(1, round(seconds / 5)),
+            )
+        print_sentence(notice, err=True)
+    if missing:
+        compile_kernels(missing, report=partial(bar.report, COMPILING))
+    return len(missing)
 
 
 def print_remarks(sentences: Iterable[str]) -> None:
@@ -108,14 +102,43 @@ def print_renderable(renderable: object, *arguments: Any, **options: Any) -> Non
         Console(width=width).print(renderable(*arguments, **options) if callable(renderable) else renderable)
 
 
-def print_answer(
-    as_json: bool, format_json: Callable[..., str], build_renderable: Callable[..., object], *results: Any
-) -> None:
-    """Print results as JSON for programs, or for people by what `build_renderable` makes of them."""
-    if as_json:
-        typer.echo(format_json(*results), nl=False)
-    else:
-        print_renderable(build_renderable, *results)
+@dataclass(frozen=True)
+class AnswerForm:
+    """How a command prints its answer: JSON or CSV for programs, else a screen, with `explain` also the tables."""
+
+    json: bool = False
+    csv: bool = False
+    explain: bool = False
+
+    def __post_init__(self) -> None:
+        if self.json and self.csv:
+            raise RequestError("--json and --csv both print to standard output; choose one.")
+
+    @property
+    def is_for_programs(self) -> bool:
+        """Whether JSON or CSV is printed."""
+        return self.json or self.csv
+
+    def print_answer(
+        self,
+        *results: Any,
+        json: Callable[..., str],
+        screen: Callable[..., object],
+        csv: Callable[..., str] | None = None,
+        table: Callable[..., object] | None = None,
+    ) -> None:
+        """Print results by what makes a text, a screen or a table of them; a screen with a table says what is next."""
+        if self.csv and csv is not None:
+            typer.echo(csv(*results), nl=False)
+        elif self.json:
+            typer.echo(json(*results), nl=False)
+        elif table is None:
+            print_renderable(screen, *results)
+        else:
+            print_renderable(screen, *results, with_next=not self.explain)
+            if self.explain:
+                print_renderable("")
+                print_renderable(table, *results)
 
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")

@@ -10,9 +10,10 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from planner.errors import RequestError, mark_parameter
+from planner.request.option_checks import check_day_options
 from planner.request.options import RequestOption, list_options
 from planner.request.parameter_names import strip_unit
-from planner.request.plan_request import MAX_SAMPLES, MAX_SEED, FarmChoice, PlanRequest
+from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
 from planner.service.store.job_queue import ResultFile
 
 LONGEST_TEXT_CHARS, MOST_LIST_ENTRIES = 400, 64
@@ -84,10 +85,7 @@ class DayJobRequest(JobRequest):
 
     def check_options(self) -> None:
         """Raise RequestError as the command does."""
-        if self.certainty is not None and not 50.0 <= self.certainty <= 99.0:
-            raise RequestError(f"{mark_parameter('certainty')} is {self.certainty:g}; use 50 to 99 percent.")
-        if not 1 <= self.samples <= MAX_SAMPLES:
-            raise RequestError(f"{mark_parameter('samples')} is {self.samples}; use 1 to {MAX_SAMPLES}.")
+        check_day_options(self.samples, self.certainty)
 
 
 class DiagnosisJobRequest(JobRequest):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.errors import attach_parameter
 
 if TYPE_CHECKING:
     from planner.evaluation.work_order import WorkOrder
@@ -13,22 +13,10 @@ if TYPE_CHECKING:
 
 def build_work_order(values: Mapping[str, Any]) -> WorkOrder:
     """What to plan, from the options of a plan request and its farm; raises HeadlandError as the command does."""
-    from planner.farm.inventory import load_farm
-    from planner.pipeline.farm_inputs import complete_request_by_farm
-    from planner.request.options import list_given_parameters
-    from planner.request.plan_request import PlanRequest
+    from planner.pipeline.farm_inputs import GivenOptions
 
-    farm_file, implement = values.get("farm"), values.get("implement")
-    farm = None if farm_file is None else load_farm(farm_file)
-    if farm is None and implement is not None:
-        raise RequestError(
-            f"{mark_parameter('implement')} {implement!r} names an implement of a farm file; give "
-            f"{mark_parameter('farm')} or leave it out.",
-            parameter="implement",
-        )
-    shift_s = None if farm is None or values.get("deadline") is None else farm.times.shift_span_s[0]
-    request = PlanRequest.from_options(values, shift_s=shift_s)
-    return complete_request_by_farm(request, farm, list_given_parameters(PlanRequest, values), implement_name=implement)
+    given = GivenOptions(values, values)
+    return given.build_order(given.build_request())
 
 
 def check_plan_request(values: Mapping[str, Any]) -> None:

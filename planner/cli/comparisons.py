@@ -1,4 +1,4 @@
-"""`headland compare-headlands`: fields planned with several ways to work the headland, side by side."""
+"""`headland compare-headlands` and `compare-bearings`: fields planned in several ways, side by side."""
 
 from __future__ import annotations
 
@@ -11,31 +11,37 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
+    DEFAULT_FIELD,
     NO_PLAN_STATUS,
+    AsJson,
     ClusterOption,
     CsvOption,
+    ExecutorChoice,
+    FieldArgument,
     FieldsArgument,
-    GivenOptions,
     JsonOption,
     ProcessesOption,
-    get_option_name,
+    build_requests,
     inject_request_options,
+    read_given_options,
+    render_refusal,
 )
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable, warm_up
-from planner.cli.plan import ExecutorChoice, check_one_output, expand_fields
-from planner.errors import HeadlandError, RequestError, shorten_value, suggest_name
-from planner.request.option_texts import parse_widths
-from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK
+from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
+from planner.errors import RequestError, shorten_value, suggest_name
+from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES, OUTPUT, WORK
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from planner.pipeline.many_fields import FieldQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
 """Options of a plan that this command takes as lists, or not at all."""
+_SPLIT_FIELD = {
+    "default": "split-field",
+    "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
+}
 _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "width": {
         "type": str,
@@ -43,16 +49,8 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "Working widths of the implement, metres: 3 or 3,6; with several each is compared.",
     },
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
-    "strategies": {
-        "default": "split-field",
-        "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
-    },
+    "strategies": _SPLIT_FIELD,
 }
-
-
-def render_refusal(refusal: HeadlandError) -> str:
-    """The sentence of a refusal with the names of options."""
-    return refusal.render_sentence(get_option_name)
 
 
 @inject_request_options(without=COMPARED_OPTIONS, changes=_CHANGED_OPTIONS)
@@ -90,32 +88,40 @@ def compare_headlands(
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
     from planner.pipeline.comparisons import HeadlandChoices, list_headland_questions
+    from planner.pipeline.comparisons import compare_headlands as compare
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_page import render_headland_page
+    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
 
-    check_one_output(json, csv)
+    form = AnswerForm(json, csv)
     if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
         raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
-    names = expand_fields(fields, options)
     choices = HeadlandChoices(
         _parse_choices(corners, "--corners", CORNERS),
         () if headland_order is None else _parse_choices(headland_order, "--headland-order", HEADLAND_ORDERS),
         () if headland_passes is None else _parse_pass_counts(headland_passes),
     )
     executor_choice = ExecutorChoice(processes, cluster)
-    given = GivenOptions(context, options)
-    widths_m = parse_widths(options["width"])
-    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    given = read_given_options(context, options)
+    requests = build_requests(given, fields)
     orders = [given.build_order(request) for request in share_obstacles(requests)]
     farm = given.choice
     questions = list_headland_questions(orders, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
-    input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
+    input_files: dict[str | Path, str] = {}
+    for name in dict.fromkeys(request.field for request in requests):
+        input_files |= list_input_files({"field": name, "farm": farm.farm})
     check_output_paths((html, ".html"), input_files=input_files)
-    comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
+    warm_up()
+    with (
+        executor_choice.open_executor(len(questions)) as executor,
+        create_progress_callback("Comparing headlands") as progress,
+    ):
+        comparison = compare(questions, executor, progress, render_refusal)
+    comparison = replace(comparison, operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
-        _print_comparison(comparison, json, csv)
+        form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.plans):
         raise typer.Exit(NO_PLAN_STATUS)
@@ -150,17 +156,6 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _compare(questions: Sequence[FieldQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
-    from planner.pipeline.comparisons import compare_headlands as compare
-
-    warm_up()
-    with (
-        executor_choice.open_executor(len(questions)) as executor,
-        create_progress_callback("Comparing headlands") as progress,
-    ):
-        return compare(questions, executor, progress, render_refusal)
-
-
 def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     """Raise RequestError where the only field is refused for one reason, whatever the way."""
 
@@ -169,10 +164,59 @@ def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
         raise RequestError(str(reasons.pop()))
 
 
-def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> None:
-    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
+LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
+"""Options of a plan that this command compares, or that exclude what it compares."""
+_ONE_TRACTOR = {
+    "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},
+    "strategies": _SPLIT_FIELD,
+}
 
-    if json or csv:
-        typer.echo(format_headland_json(comparison) if json else format_headland_csv(comparison), nl=False)
-        return
-    print_renderable(build_headland_table, comparison)
+
+@inject_request_options(without=LEFT_OUT, changes=_ONE_TRACTOR)
+def compare_bearings(
+    context: typer.Context,
+    field: FieldArgument = DEFAULT_FIELD,
+    bearings: Annotated[
+        Optional[str],
+        typer.Option(help="Bearings to try, degrees clockwise from north: 0,45,90,135.", rich_help_panel=FIELD),
+    ] = None,
+    json: AsJson = False,
+    processes: ProcessesOption = None,
+    cluster: ClusterOption = None,
+    **options: Any,
+) -> None:
+    """Compare bearings of the tracks on slopes: time, fuel, largest cross slope, margin to rolling over and erosion.
+
+    The bearing that a plan chooses by itself and tracks along contours are compared as well.
+
+    Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
+    """
+    from planner.pipeline.comparisons import USUAL_BEARINGS_DEG, list_bearing_requests
+    from planner.pipeline.comparisons import compare_bearings as compare
+    from reports.plan.bearing_report import build_bearing_table, format_bearing_json
+
+    chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
+    given = read_given_options(context, options)
+    completed = given.build_order(given.build_request(field=field))
+    orders = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
+    executor_choice = ExecutorChoice(processes, cluster)
+    warm_up()
+    with (
+        executor_choice.open_executor(len(orders)) as executor,
+        create_progress_callback("Comparing bearings") as progress,
+    ):
+        comparison = compare(orders, executor, progress, render_refusal)
+    AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
+    if all(row.plan is None for row in comparison.rows):
+        raise typer.Exit(NO_PLAN_STATUS)
+
+
+def _parse_bearings(text: str) -> tuple[float, ...]:
+    """ "0,45,90" as degrees, each once; raises RequestError."""
+
+    try:
+        return tuple(dict.fromkeys(float(part) for part in text.split(",")))
+    except ValueError:
+        raise RequestError(
+            f"--bearings {shorten_value(text)} is not a list of degrees; write for instance 0,45,90,135."
+        ) from None

@@ -1,4 +1,4 @@
-"""`headland guide`: prints a page of the guide."""
+"""`headland guide` (prints a page of the guide) and `headland setup` (compiles everything beforehand)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.cli.common.terminal import print_renderable
+from planner.cli.common.terminal import LOADING, compile_missing, print_renderable, print_sentence
 
 
 def guide(
@@ -34,3 +34,20 @@ def guide(
         print_renderable(Markdown(text))
     else:
         typer.echo(text)
+
+
+def setup() -> None:
+    """Compile everything for this machine now, on all cores, so that no command waits for it later.
+
+    Example: headland setup
+    """
+    from planner.cli.common.progress import open_stage_bar
+
+    with open_stage_bar(LOADING) as bar:
+        from planner.pipeline.kernels import MORE, PLAN, list_missing_kernels
+
+        missing_count = compile_missing(bar, (PLAN, MORE))
+        count = missing_count - len(list_missing_kernels((PLAN, MORE)))
+    print_sentence(
+        f"Compiled {count} functions for this machine." if missing_count else "Everything is compiled already."
+    )
