@@ -51,7 +51,7 @@ def fleet_app(store: Store, hub: FleetSessions) -> FastAPI:
     app.state.diagnosing = TwinDiagnosis(store, FileReader(store.settings, store, reads_inline=True))
     for router in (link_router, fleet_router, twin_router, recording_router):
         app.include_router(router, prefix="/api/v1")
-    add_error_handlers(app, lambda parameter: parameter)
+    add_error_handlers(app)
     return app
 
 

@@ -27,9 +27,9 @@ from planner.service.backgrounds.map_background import MapBackground
 from planner.service.backgrounds.tile_grid import (
     HALF_WIDTH_M,
     MOST_TILE_BYTES,
+    FloatArray,
     Tile,
     TileError,
-    evaluate_polynomial,
     place_degrees,
     place_metres,
 )
@@ -59,6 +59,14 @@ def read_tiles(background: MapBackground, *tiles: Tile) -> list[tuple[bytes, str
             await background.close()
 
     return asyncio.run(read_all())
+
+
+def evaluate_polynomial(coefficients: list[list[float]], points_m: FloatArray) -> FloatArray:
+    """What a page makes of the coefficients of a placement, in the order that the API tells, at points (n, 2)."""
+    u, v = points_m.T / 1000.0
+    terms = np.stack([u**0, u, v, u**2, u * v, v**2, u**3, u**2 * v, u * v**2, v**3], axis=1)
+    values: FloatArray = terms @ np.array(coefficients).T
+    return values
 
 
 @settings(max_examples=count_examples(25))

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 import typer
 from typer.models import ArgumentInfo
 
-from planner.errors import RequestError
+from planner.errors import RequestError, strip_unit
 from planner.request.options import RequestOption, convert_options_to_parameters, list_given_parameters, list_options
-from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:
