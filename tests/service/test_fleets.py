@@ -23,7 +23,7 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.fleets import fleet_app, fleet_plan
+from tests.service.fleets import fleet_app, fleet_plan, state
 from vehicle.missions.plan_file import format_plan
 
 PLAN = fleet_plan(2, 2)
@@ -164,26 +164,12 @@ def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -
     assert client.get(f"/api/v1/twins/{id}/7").status_code == 422
 
 
-def state(sequence: int, north_m: float) -> inbound_frames.StateFrame:
-    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC)
-    return inbound_frames.StateFrame(
-        kind="state",
-        id="t",
-        sequence=sequence,
-        time=at,
-        easting_m=1000.0,
-        northing_m=2000.0 + north_m,
-        heading_deg=0.0,
-        speed_mps=1.0,
-        speed_command_mps=1.0,
-        steering_command_deg=0.0,
-        shuttle=1,
-        start=1,
-        mode="automatic",
-        leg=0,
-        leg_m=north_m,
-        implement=1,
-    )
+def driven(sequence: int, leg_m: float) -> inbound_frames.StateFrame:
+    """What a tractor says of its first leg."""
+    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC).isoformat()
+    speeds = {"speed_mps": 1.0, "speed_command_mps": 1.0}
+    place = {"northing_m": 2000.0 + leg_m, "leg_m": leg_m, "start": 1, "mode": "automatic", "implement": 1}
+    return inbound_frames.StateFrame.model_validate_json(json.dumps(state(sequence, time=at, **speeds, **place)))
 
 
 def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
@@ -199,7 +185,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.add_client(tractor, time.monotonic())
         fleet.step(time.monotonic())  # its first leg is released
         for sequence in range(8):
-            fleet.take_state(tractor, state(sequence, 1.5 * sequence), time.monotonic())
+            fleet.take_state(tractor, driven(sequence, 1.5 * sequence), time.monotonic())
         fleet.step(time.monotonic())
         await hub.save(fleet)  # and then the service is killed
         return fleet.id
@@ -215,10 +201,9 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.add_client(tractor, time.monotonic())
         welcome = json.loads(str(await tractor.outbox.take_next_frame()))
         assert (welcome["last_sequence"], welcome["leg"], welcome["leg_m"]) == (7, 0, 10.5)
-        fleet.take_state(
-            tractor, state(7, 10.5), time.monotonic()
-        )  # sent again: nothing was lost, nothing is kept twice
-        fleet.take_state(tractor, state(8, 12.0), time.monotonic())
+        # Sent again: nothing was lost, nothing is kept twice.
+        fleet.take_state(tractor, driven(7, 10.5), time.monotonic())
+        fleet.take_state(tractor, driven(8, 12.0), time.monotonic())
         await hub.save(fleet)
         assert [row[0] for row in store.read_recording(id, 0)] == list(range(9))
 

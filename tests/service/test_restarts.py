@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
@@ -30,7 +29,7 @@ from planner.service.fleets import fleet_sessions as hubs
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
+from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, restart_manager, start_fleet
 from vehicle.missions.plan import ENTER, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor_writer import format_tractor_toml
@@ -177,9 +176,7 @@ def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is
 def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> None:
     first = start_fleet()
     first.run(5)
-    kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))  # the service is killed
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, kept, 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     report = first.manager.states[0].report
     assert report is not None
     for tenth in range(50):  # the link takes its time
@@ -205,8 +202,7 @@ def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> Non
 def test_what_an_operator_orders_after_a_restart_is_carried_out(order: str) -> None:
     first = start_fleet()
     first.run(5)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     again.connect_tractor(0, 100.0)
     if order == "lease":
         again.operators.take_lease("anna", 0, False, 100.0)
@@ -226,8 +222,7 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
     if began:
         first.manager.operators.start_fleet_work("anna", 0.0)
         first.manager.operators.stop_all("anna", 1.0)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     assert (
         any(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
         == again.alarms.is_alarm_on("restarted", None)
@@ -238,8 +233,7 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
 def test_an_alarm_of_earlier_versions_that_nothing_ends_any_more_is_gone() -> None:
     first = start_fleet()
     first.manager.alarms.raise_alarm("stood", 0, "warning", "Tractor 1 was ordered to stop.", 0.0)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     assert [alarm.code for alarm in again.alarms.list_alarms()] == ["restarted"]
 
 
