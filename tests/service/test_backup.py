@@ -18,6 +18,7 @@ from planner.service.store.disk_storage import BlobStore
 from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TableBase
+from tests.service.conftest import store_done_job
 from tests.service.databases import KINDS
 
 Parts = dict[str, bytes]
@@ -29,9 +30,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Parts:
     folder = tmp_path_factory.mktemp("whole")
     store = Store(ServiceSettings(data=folder / "data"))
     store.add_file("field", "north", b"bytes of the field")
-    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
-    store.claim_job("w")
-    store.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    store_done_job(store, {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
     store.save_fleet("f1", "north", "{}", {"files": {"field": [".json", store.blobs.put_bytes(b"of the fleet")]}})
     store.add_recording("f1", 1, [[number, 1.5] for number in range(2_000)])
     store.create_token_text("robot", "robot", fleet="f1", tractor=1)

@@ -23,6 +23,7 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
+from tests.service.conftest import store_done_job
 from tests.service.fleets import fleet_app, fleet_plan, state
 from vehicle.missions.plan_file import format_plan
 
@@ -76,14 +77,10 @@ def test_a_fleet_is_made_of_a_plan_started_and_stopped_by_whoever_may(client: Te
 
 def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestClient) -> None:
     store: Store = client.app.state.store  # type: ignore[attr-defined]
-    job = store.add_job("plan", "mine", {})
-    store.claim_job("test")
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    store.finish_job(
-        job.number, "test", [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
-    )
-    id = new(client, plan=job.id, deadline="23:59").json()["id"]
+    results = [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
+    id = new(client, plan=store_done_job(store, results=results).id, deadline="23:59").json()["id"]
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
     assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
@@ -91,14 +88,9 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
 
 def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
     store: Store = client.app.state.store  # type: ignore[attr-defined]
-    job = store.add_job("plan", "mine", {})
-    store.claim_job("test")
-    made = [
-        ("map.png", b"\x89PNG\xff", "image/png"),
-        build_result_file("result.json", json.dumps({"best": None, "plans": []})),
-    ]
-    store.finish_job(job.number, "test", made)
-    answer = new(client, plan=job.id, result="map.png")
+    ranking = build_result_file("result.json", json.dumps({"best": None, "plans": []}))
+    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), ranking])
+    answer = new(client, plan=done.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
 
 
