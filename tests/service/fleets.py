@@ -31,7 +31,7 @@ from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
 from planner.service.store.service_store import Store
 from vehicle.missions.plan import SWATH, Leg, LegGate, LegTask, Mission, Plan
-from vehicle.missions.plan_file import SavedPlan
+from vehicle.missions.plan_file import SavedPlan, format_plan
 from vehicle.model.tractor import Implement, load_tractor
 
 SPEED, LENGTH = 1.0, 20.0
@@ -116,6 +116,12 @@ def state(sequence: int, **other: Any) -> dict[str, Any]:
         "leg_m": 0.0,
         "implement": 0,
     } | other
+
+
+def format_small_plan(**scenario: object) -> str:
+    """A plan file of two tractors that drive two legs each."""
+    request = {"field": "mine", "tractor": "eg105", "width_m": 2.0} | scenario
+    return format_plan(fleet_plan(2, 2).plan, crs=None, origin_m=(1000.0, 2000.0), scenario=request)
 
 
 def restart_manager(manager: FleetManager, ended_s: float, begins_s: float, away_s: float = 0.0) -> FleetManager:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import sync_playwright
 
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import format_small_plan
 from tests.service.running import Running, run_service
 from tests.service.watching import BROWSER
 from tests.service.web_proxies import (
@@ -25,16 +25,12 @@ from tests.service.web_proxies import (
     run_caddy,
     run_nginx,
 )
-from vehicle.missions.plan_file import format_plan
 
 PUBLIC = "https://farm.example"
 MUST = bool(os.environ.get("HEADLAND_TEST_BROWSER"))
 needs_nginx = pytest.mark.skipif(not (has_nginx() or MUST), reason="no nginx is installed")
 needs_caddy = pytest.mark.skipif(not (has_caddy() or MUST), reason="no Caddy is installed")
-PLAN = fleet_plan(2, 2)
-TEXT = format_plan(
-    PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario={"field": "mine", "tractor": "eg105", "width_m": 2.0}
-)
+TEXT = format_small_plan()
 
 
 @dataclass

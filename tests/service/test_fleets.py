@@ -24,13 +24,9 @@ from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.conftest import store_done_job
-from tests.service.fleets import fleet_app, fleet_plan, state
-from vehicle.missions.plan_file import format_plan
+from tests.service.fleets import fleet_app, format_small_plan, state
 
-PLAN = fleet_plan(2, 2)
-TEXT = format_plan(
-    PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario={"field": "mine", "tractor": "eg105", "width_m": 2.0}
-)
+TEXT = format_small_plan()
 
 
 class InlineHub(FleetSessions):
@@ -117,8 +113,7 @@ def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) ->
 
 
 def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
-    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "deadline_s": 17 * 3600}
-    text = format_plan(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
+    text = format_small_plan(start_s=8 * 3600, deadline_s=17 * 3600)
     for asked, hour in (({}, 17), ({"deadline": "19:00"}, 19)):
         fleet = new(client, plan=text, **asked).json()["fleet"]
         at = datetime.fromtimestamp(time.time() + fleet["deadline_s"] + 60.0)

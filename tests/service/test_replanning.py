@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import shapely
@@ -25,9 +26,11 @@ from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.request.plan_request import PlanRequest
+from strategies.program.supply import Supply
 from tests.service.fleets import restart_manager
 from vehicle.missions.plan_file import format_plan, parse_plan
 
+WIDTH_M = 3.0
 FIELD = {
     "type": "FeatureCollection",
     "features": [
@@ -89,18 +92,15 @@ def waits_where_it_stands(plan: FleetPlan, case: ForcedWait) -> bool:
 def plan_three(
     tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None, strategy: str = "split-field"
 ) -> FleetPlan:
-    file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
+    return plan_field(tmp_path_factory.mktemp("field"), strategy, entrance=entrance, corners="square")
+
+
+def plan_field(folder: Path, strategy: str, supply: Supply | None = None, **asked: Any) -> FleetPlan:
+    """A plan of three tractors on the field of these tests, whose file is put into a folder."""
+    file = folder / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
-    scenario = PlanRequest(
-        field=str(file),
-        local=True,
-        width_m=3.0,
-        tractors=(3,),
-        strategies=(strategy,),
-        entrance=entrance,
-        corners="square",
-    )
-    site = prepare_context(scenario)
+    always = {"field": str(file), "local": True, "width_m": WIDTH_M, "tractors": (3,), "strategies": (strategy,)}
+    site = prepare_context(PlanRequest(**always, **asked), supply=supply)
     run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert run is not None
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
