@@ -22,6 +22,7 @@ from tests.service.conftest import store_done_job
 from tests.service.databases import KINDS
 
 Parts = dict[str, bytes]
+Damage = Callable[[Parts, Path], Parts]
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,17 @@ def naming(parts: Parts, name: str, size: int = 1) -> Parts:
     return manifest_of(parts, files=files)
 
 
-DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
+def by(*statements: str) -> Damage:
+    """A damage that statements do to the database."""
+    return lambda parts, folder: changed(parts, folder, *statements)
+
+
+def adding(name: str) -> Damage:
+    """A damage that puts in one part more, and names it."""
+    return lambda parts, _: naming(parts | {name: b"x"}, name)
+
+
+DAMAGES: dict[str, tuple[Damage, str]] = {
     "no manifest": (
         lambda parts, _: without(parts, MANIFEST_FILE),
         "has no manifest.json, .* unpack it into an empty folder",
@@ -133,18 +144,9 @@ DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
         "its headland.db is no database",
     ),
     "strange part": (lambda parts, _: parts | {"../evil": b""}, "does not name '../evil'"),
-    "strange part that is named": (
-        lambda parts, _: naming(parts | {"../evil": b"x"}, "../evil"),
-        "names '../evil', which is no part",
-    ),
-    "rooted part that is named": (
-        lambda parts, _: naming(parts | {"/etc/evil": b"x"}, "/etc/evil"),
-        "names '/etc/evil', which is no part",
-    ),
-    "another name for bytes": (
-        lambda parts, _: naming(parts | {"bytes/aa/" + "a" * 64: b"x"}, "bytes/aa/" + "a" * 64),
-        "gives no SHA-256",
-    ),
+    "strange part that is named": (adding("../evil"), "names '../evil', which is no part"),
+    "rooted part that is named": (adding("/etc/evil"), "names '/etc/evil', which is no part"),
+    "another name for bytes": (adding("bytes/aa/" + "a" * 64), "gives no SHA-256"),
     "manifest cut off": (
         lambda parts, _: parts | {MANIFEST_FILE: parts[MANIFEST_FILE][:-20]},
         "its manifest.json cannot be used",
@@ -158,25 +160,17 @@ DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
     "another form": (lambda parts, _: manifest_of(parts, form=2), "its form is not 1"),
     "another version": (lambda parts, _: manifest_of(parts, migration="0001"), "is not of the version"),
     "row without its owner": (
-        lambda parts, folder: changed(parts, folder, "PRAGMA foreign_keys=OFF", "DELETE FROM fleets"),
+        by("PRAGMA foreign_keys=OFF", "DELETE FROM fleets"),
         "rows of its table recordings belong to none of fleets",
     ),
-    "a trigger": (
-        lambda parts, folder: changed(
-            parts, folder, "CREATE TRIGGER evil AFTER INSERT ON events BEGIN DELETE FROM tokens; END"
-        ),
-        "has a trigger evil",
-    ),
+    "a trigger": (by("CREATE TRIGGER evil AFTER INSERT ON events BEGIN DELETE FROM tokens; END"), "has a trigger evil"),
     "a file more named": (
-        lambda parts, folder: changed(parts, folder, f"UPDATE files SET sha256 = '{'b' * 64}'"),
+        by(f"UPDATE files SET sha256 = '{'b' * 64}'"),
         "its database names bytes/bb/b*, which is missing",
     ),
-    "a file less named": (
-        lambda parts, folder: changed(parts, folder, "DELETE FROM files"),
-        "nothing in its database names bytes/",
-    ),
+    "a file less named": (by("DELETE FROM files"), "nothing in its database names bytes/"),
     "rows that cannot be read": (
-        lambda parts, folder: changed(parts, folder, "UPDATE events SET data = 'no JSON' WHERE id = 250"),
+        by("UPDATE events SET data = 'no JSON' WHERE id = 250"),
         "rows of its headland.db cannot be read",
     ),
 }
