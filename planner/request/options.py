@@ -9,7 +9,7 @@ from functools import cache
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from planner.request.parameter_names import strip_unit
+from planner.errors import strip_unit
 
 _OPTION_REFERENCE = re.compile(r"\{(\w+)\}")
 Part = TypeVar("Part")

@@ -13,9 +13,8 @@ from pydantic import BaseModel
 from planner.cli.common.options import get_option_name
 from planner.cli.field import field
 from planner.cli.plan import plan
-from planner.errors import RequestError
+from planner.errors import RequestError, strip_unit
 from planner.request.options import list_options
-from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.service.jobs.job_requests import PLAN_JOB_MODEL
 

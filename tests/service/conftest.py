@@ -1,7 +1,8 @@
 """A service of each test's own: folder, database, tokens, and a client on this machine; a browser for the pages."""
 
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ from starlette.testclient import TestClient
 
 from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
+from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
-from planner.service.store.tables import TokenRow
+from planner.service.store.tables import JobRow, TokenRow
 from planner.service.store.token_table import has_expired, hash_token
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
@@ -56,7 +58,7 @@ def app(settings: ServiceSettings) -> FastAPI:
 @pytest.fixture
 def client(app: FastAPI) -> Iterator[TestClient]:
     """A client that has logged in and so reads, without a token."""
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         yield log_in(client)
 
 
@@ -74,7 +76,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     """A client and the header of a token that may plan and operate, for tests that leave nothing behind."""
     settings = ServiceSettings(data=tmp_path_factory.mktemp("shared"), workers=0, upload_mb=1, jobs_waiting=1000)
     app = create_app(settings, reads_inline=True)
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         yield log_in(client), bearer(app, BOTH)
 
 
@@ -110,6 +112,19 @@ def watched(window: WatchedPage) -> WatchedPage:
     return window
 
 
+def client_of(app: FastAPI) -> TestClient:
+    """A client on the machine of a service."""
+    return TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
+
+
+def wait_until(is_true: Callable[[], bool], patience_s: float = 60.0) -> None:
+    """Wait for something; no longer than `patience_s`."""
+    end = time.monotonic() + patience_s
+    while not is_true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
 def log_in(client: TestClient) -> TestClient:
     """The same client, which has opened the login address."""
     app: Any = client.app
@@ -121,6 +136,20 @@ def log_in(client: TestClient) -> TestClient:
 def bearer(app: FastAPI, scope: str, **more: Any) -> dict[str, str]:
     """The header of a new token of a scope, or of several with spaces between them."""
     return {"Authorization": f"Bearer {app.state.store.create_token_text(f'a {scope}', scope, **more)}"}
+
+
+def store_done_job(
+    store: Store,
+    request: dict[str, Any] | None = None,
+    inputs: dict[str, str] | None = None,
+    results: Sequence[ResultFile] = (("result.json", b"made", "application/json"),),
+) -> JobRow:
+    """A plan in a store that is done, with its results."""
+    job = store.add_job("plan", "first", request or {}, inputs)
+    claimed = store.claim_job("w")
+    assert claimed is not None and claimed.id == job.id
+    store.finish_job(job.number, "w", list(results))
+    return store.get_job(job.id)
 
 
 def find_token(store: Store, text: str) -> TokenRow | None:

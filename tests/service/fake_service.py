@@ -30,6 +30,7 @@ REPORT = (
 
 
 EVENT = {"id": 1, "time": "2026-11-20T08:30:00Z", "fleet": "f1", "who": "office", "what": "start", "data": {}}
+SAID = {"kind": "event", "time": "2026-11-20T09:11:00Z", "who": "office"}
 NOTHING = {"named": [], "words": "Nothing was found that the tractor file lacks.", "extends_model": False}
 UNDERSTEER = {"named": ["understeer"], "words": "The tractor turns less than its wheels say.", "extends_model": True}
 
@@ -223,16 +224,11 @@ def _jobs(app: FastAPI, made: Made) -> None:
         if kind == "fleets":
             return _fleet() | {"videos": made.videos}
         made.polls += made.polls >= 0
-        status = (
-            "cancelled"
-            if made.polls < 0
-            else "failed"
-            if name == "bad"
-            else "running"
-            if name == "made" and made.polls < 3
-            else "done"
-        )
-        return _job(kind, name, status, made)
+        if made.polls < 0:
+            return _job(kind, name, "cancelled", made)
+        if name == "made" and made.polls < 3:
+            return _job(kind, name, "running", made)
+        return _job(kind, name, "failed" if name == "bad" else "done", made)
 
 
 def _fleet() -> dict[str, Any]:
@@ -327,41 +323,15 @@ def _painted(number: int, points: list[Any]) -> dict[str, Any]:
 
 
 def _alarms(made: Made) -> list[dict[str, Any]]:
-    return [
-        {
-            "id": 1,
-            "code": "broken",
-            "related_number": None,
-            "level": "critical",
-            "tractor": 3,
-            "sentence": "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops.",
-            "since": 1_790_000_000.0,
-            "acknowledged": made.acknowledged,
-            "over": False,
-        },
-        {
-            "id": 2,
-            "code": "obstacle",
-            "related_number": 1,
-            "level": "warning",
-            "tractor": 2,
-            "sentence": f"An obstacle {NASTY} is on track 9.",
-            "since": 1_790_000_100.0,
-            "acknowledged": "office",
-            "over": True,
-        },
-        {
-            "id": 3,
-            "code": "unread obstacle",
-            "related_number": None,
-            "level": "critical",
-            "tractor": 2,
-            "sentence": "Tractor 2 stopped: it sees an obstacle that could not be read.",
-            "since": 1_790_000_200.0,
-            "acknowledged": None,
-            "over": made.looked,
-        },
-    ]
+    keys = ("id", "code", "related_number", "level", "tractor", "acknowledged", "over", "since", "sentence")
+    silent = "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops."
+    unread = "Tractor 2 stopped: it sees an obstacle that could not be read."
+    rows = (
+        (1, "broken", None, "critical", 3, made.acknowledged, False, 1_790_000_000.0, silent),
+        (2, "obstacle", 1, "warning", 2, "office", True, 1_790_000_100.0, f"An obstacle {NASTY} is on track 9."),
+        (3, "unread obstacle", None, "critical", 2, None, made.looked, 1_790_000_200.0, unread),
+    )
+    return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
 def _tick(lanes: list[dict[str, Any]], now: float) -> dict[str, Any]:
@@ -416,17 +386,10 @@ async def _listen(socket: WebSocket, made: Made) -> None:
         if frame["kind"] == "lease":
             made.holder = "me"
             mine = frame["takeover"]
-            await socket.send_json(
-                {
-                    "kind": "lease",
-                    "tractor": frame["tractor"],
-                    "holder": "office" if mine else "the yard",
-                    "is_yours": mine,
-                }
-            )
+            lease = {"tractor": frame["tractor"], "holder": "office" if mine else "the yard", "is_yours": mine}
+            await socket.send_json({"kind": "lease"} | lease)
         elif frame["kind"] == "stop_all" and not made.deaf:
-            event = {"kind": "event", "time": "2026-11-20T09:11:00Z", "who": "office", "what": "stop_all", "data": {}}
-            await socket.send_json(event)
+            await socket.send_json(SAID | {"what": "stop_all", "data": {}})
         elif frame["kind"] == "acknowledge" and frame["alarm"] == 3:
             made.looked = True
         elif frame["kind"] == "acknowledge":
@@ -442,12 +405,4 @@ async def _listen(socket: WebSocket, made: Made) -> None:
                     "sentence": "Tractors 1 and 2 take over 2 tracks of tractor 3.",
                 }
             )
-            await socket.send_json(
-                {
-                    "kind": "event",
-                    "time": "2026-11-20T09:11:00Z",
-                    "who": "office",
-                    "what": "replan",
-                    "data": {"without": [3]},
-                }
-            )
+            await socket.send_json(SAID | {"what": "replan", "data": {"without": [3]}})

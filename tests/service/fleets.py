@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 import shapely
 from fastapi import FastAPI
 
 from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
@@ -27,7 +31,7 @@ from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
 from planner.service.store.service_store import Store
 from vehicle.missions.plan import SWATH, Leg, LegGate, LegTask, Mission, Plan
-from vehicle.missions.plan_file import SavedPlan
+from vehicle.missions.plan_file import SavedPlan, format_plan
 from vehicle.model.tractor import Implement, load_tractor
 
 SPEED, LENGTH = 1.0, 20.0
@@ -51,7 +55,7 @@ def fleet_app(store: Store, hub: FleetSessions) -> FastAPI:
     app.state.diagnosing = TwinDiagnosis(store, FileReader(store.settings, store, reads_inline=True))
     for router in (link_router, fleet_router, twin_router, recording_router):
         app.include_router(router, prefix="/api/v1")
-    add_error_handlers(app, lambda parameter: parameter)
+    add_error_handlers(app)
     return app
 
 
@@ -89,6 +93,43 @@ def fleet_plan(
         10.0,
         ground,
     )
+
+
+def state(sequence: int, **other: Any) -> dict[str, Any]:
+    """A frame of a tractor that stands at the origin of the plan, with what it says of itself otherwise."""
+    at = datetime.now(UTC).isoformat(timespec="milliseconds")
+    return {
+        "kind": "state",
+        "id": "t",
+        "sequence": sequence,
+        "time": at,
+        "easting_m": 1000.0,
+        "northing_m": 2000.0,
+        "heading_deg": 0.0,
+        "speed_mps": 0.0,
+        "speed_command_mps": 0.0,
+        "steering_command_deg": 0.0,
+        "shuttle": 1,
+        "start": 0,
+        "mode": "stopped",
+        "leg": 0,
+        "leg_m": 0.0,
+        "implement": 0,
+    } | other
+
+
+def format_small_plan(**scenario: object) -> str:
+    """A plan file of two tractors that drive two legs each."""
+    request = {"field": "mine", "tractor": "eg105", "width_m": 2.0} | scenario
+    return format_plan(fleet_plan(2, 2).plan, crs=None, origin_m=(1000.0, 2000.0), scenario=request)
+
+
+def restart_manager(manager: FleetManager, ended_s: float, begins_s: float, away_s: float = 0.0) -> FleetManager:
+    """A new manager that has read what was stored of another, which was killed `away_s` before by the clock."""
+    kept = json.loads(json.dumps(capture_progress(manager, ended_s, 1e9)))
+    again = FleetManager(manager.plan, manager.rules)
+    restore_progress(again, kept, begins_s, 1e9 + away_s)
+    return again
 
 
 @dataclass

@@ -20,7 +20,7 @@ from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.gateway.request_gate import find_route_rule, list_route_rules
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import ResultRow, TokenRow
-from tests.service.conftest import BOTH, HERE, SMALL, Shared, bearer
+from tests.service.conftest import BOTH, HERE, SMALL, Shared, bearer, client_of
 
 READING = (
     "/fields", "/fields/iwamizawa", "/tractors", "/farms", "/logs", "/plans", "/days", "/diagnoses", "/jobs", "/events",
@@ -50,7 +50,7 @@ def test_a_browser_that_logged_in_reads_and_does_nothing_else(client: TestClient
 
 @pytest.mark.parametrize("where", ["here", "elsewhere"])
 def test_nobody_reads_without_a_token_or_a_login(app: FastAPI, where: str) -> None:
-    client = elsewhere(app) if where == "elsewhere" else TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
+    client = elsewhere(app) if where == "elsewhere" else client_of(app)
     assert client.get("/api/v1/health").status_code == 200
     for path in READING:
         assert client.get(f"/api/v1{path}").status_code == 401, path
@@ -167,7 +167,7 @@ def test_a_login_address_works_once_and_its_cookie_lasts(app: FastAPI) -> None:
     shown: list[str] = []
     logins.on_used = shown.append
     code = logins.code
-    first = TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
+    first = client_of(app)
     answer = first.get(f"/login?code={code}", follow_redirects=False)
     assert answer.status_code == 303 and answer.headers["location"] == "/"
     cookie = answer.headers["set-cookie"]
@@ -234,7 +234,7 @@ def test_bodies_that_are_too_large_are_refused(client: TestClient, token: dict[s
 
 def test_the_rate_is_limited_for_each_address(tmp_path: Path) -> None:
     app = create_app(ServiceSettings(data=tmp_path, workers=0, rate_per_minute=5), reads_inline=True)
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         statuses = [client.get("/api/v1/health").status_code for _ in range(7)]
         assert statuses == [200] * 5 + [429] * 2
         answer = client.get("/api/v1/health")
@@ -245,7 +245,7 @@ def test_the_rate_is_limited_for_each_address(tmp_path: Path) -> None:
 def test_an_order_to_stop_is_never_too_often(tmp_path: Path) -> None:
     app = create_app(ServiceSettings(data=tmp_path, workers=0, rate_per_minute=2), reads_inline=True)
     stop = "/api/v1/fleets/none/stop"
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         token = bearer(app, "operator")
         assert [client.get("/api/v1/health").status_code for _ in range(3)] == [200, 200, 429]
         assert [client.post(stop, headers=token).status_code for _ in range(4)] == [404] * 4
@@ -306,7 +306,7 @@ def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str,
         except ServiceError as refusal:
             await websocket.send_text(json.dumps(refusal.http_status))
 
-    client = TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
+    client = client_of(app)
     text = token["Authorization"].removeprefix("Bearer ")
     hellos = ((None, ["nobody", False, False]), (text, ["a operator planner", True, True]), ("hl_no", 401))
     for (headers, refused), (given, expected) in product(ORIGINS, hellos):
@@ -318,7 +318,7 @@ def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str,
 def test_the_login_of_the_own_machine_brings_a_token_until_somebody_makes_one(app: FastAPI) -> None:
     store, logins = app.state.store, app.state.logins
     logins.make_token = store.create_browser_token
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         used = logins.code
         answer = client.get("/login", params={"code": used}, follow_redirects=False)
         assert answer.status_code == 303 and answer.headers["cache-control"] == "no-store"
@@ -359,5 +359,5 @@ def test_services_of_one_process_share_nothing_but_their_routes(tmp_path: Path) 
     )
     header = bearer(one, BOTH)
     for app, status in ((other, 401), (one, 200)):
-        with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+        with client_of(app) as client:
             assert client.get("/api/v1/fleets", headers=header).status_code == status

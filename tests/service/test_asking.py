@@ -9,8 +9,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.errors import HeadlandError
-from planner.request.parameter_names import strip_unit
+from planner.errors import HeadlandError, strip_unit
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.sandbox.request_checks import build_work_order, check_diagnosis_request
 from tests.service.conftest import SMALL, Shared

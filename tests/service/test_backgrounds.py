@@ -27,9 +27,9 @@ from planner.service.backgrounds.map_background import MapBackground
 from planner.service.backgrounds.tile_grid import (
     HALF_WIDTH_M,
     MOST_TILE_BYTES,
+    FloatArray,
     Tile,
     TileError,
-    evaluate_polynomial,
     place_degrees,
     place_metres,
 )
@@ -59,6 +59,14 @@ def read_tiles(background: MapBackground, *tiles: Tile) -> list[tuple[bytes, str
             await background.close()
 
     return asyncio.run(read_all())
+
+
+def evaluate_polynomial(coefficients: list[list[float]], points_m: FloatArray) -> FloatArray:
+    """What a page makes of the coefficients of a placement, in the order that the API tells, at points (n, 2)."""
+    u, v = points_m.T / 1000.0
+    terms = np.stack([u**0, u, v, u**2, u * v, v**2, u**3, u**2 * v, u * v**2, v**3], axis=1)
+    values: FloatArray = terms @ np.array(coefficients).T
+    return values
 
 
 @settings(max_examples=count_examples(25))
@@ -169,58 +177,26 @@ def test_a_tile_is_fetched_once_and_kept_over_a_restart(tmp_path: Path) -> None:
     assert offline == first, "kept tiles do without the server"
 
 
-def answer_html(_: str) -> Answer:
-    return 200, {"content-type": "image/png"}, b"<!doctype html><script>alert(1)</script>" + b" " * 600
-
-
-def answer_svg(_: str) -> Answer:
-    return 200, {"content-type": "image/svg+xml"}, b'<svg xmlns="http://www.w3.org/2000/svg"><script/></svg>'
-
-
-def answer_endless(_: str) -> Answer:
-    return 200, {"content-type": "image/png"}, paint_tile(0, 0) + bytes(2 * MOST_TILE_BYTES)
-
-
-def answer_wide(_: str) -> Answer:
-    return 200, {"content-type": "image/png"}, paint_tile(0, 0, 1_300)
-
-
-def answer_elsewhere(_: str) -> Answer:
-    return 302, {"location": "http://127.0.0.1:1/secret"}, b""
-
-
-def answer_zipped(_: str) -> Answer:
-    return 200, {"content-type": "image/png", "content-encoding": "gzip"}, b"\x1f\x8b" + bytes(100)
-
-
-def answer_broken(_: str) -> Answer:
-    return 200, {"content-type": "image/png"}, paint_tile(0, 0)[:20]
-
-
-def answer_bomb(_: str) -> Answer:
-    header = b"IHDR" + struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)
-    chunk = struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header))
-    return 200, {"content-type": "image/png"}, b"\x89PNG\r\n\x1a\n" + chunk + bytes(1_000)
-
-
-@pytest.mark.parametrize(
-    ("answer", "said"),
-    [
-        (answer_html, "something other than a PNG"),
-        (answer_svg, "something other than a PNG"),
-        (answer_endless, "larger than 2 MB"),
-        (answer_wide, "1300 x 1300 pixels"),
-        (answer_elsewhere, "status 302"),
-        (answer_zipped, "compressed pictures"),
-        (answer_broken, "something other than a PNG"),
-        (answer_bomb, "pixels|something other"),
-    ],
+PNG = {"content-type": "image/png"}
+HEADER = b"IHDR" + struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)
+BOMB = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + HEADER + struct.pack(">I", zlib.crc32(HEADER)) + bytes(1_000)
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><script/></svg>'
+NO_TILES = (
+    ((200, PNG, b"<!doctype html><script>alert(1)</script>" + b" " * 600), "something other than a PNG"),
+    ((200, {"content-type": "image/svg+xml"}, SVG), "something other than a PNG"),
+    ((200, PNG, paint_tile(0, 0) + bytes(2 * MOST_TILE_BYTES)), "larger than 2 MB"),
+    ((200, PNG, paint_tile(0, 0, 1_300)), "1300 x 1300 pixels"),
+    ((302, {"location": "http://127.0.0.1:1/secret"}, b""), "status 302"),
+    ((200, PNG | {"content-encoding": "gzip"}, b"\x1f\x8b" + bytes(100)), "compressed pictures"),
+    ((200, PNG, paint_tile(0, 0)[:20]), "something other than a PNG"),
+    ((200, PNG, BOMB), "pixels|something other"),
 )
-def test_what_is_no_picture_of_a_tile_is_neither_sent_nor_kept(
-    tmp_path: Path, answer: Callable[[str], Answer], said: str
-) -> None:
+
+
+@pytest.mark.parametrize(("answer", "said"), NO_TILES)
+def test_what_is_no_picture_of_a_tile_is_neither_sent_nor_kept(tmp_path: Path, answer: Answer, said: str) -> None:
     with serve_tiles() as host:
-        host.answer = answer
+        host.answer = lambda _: answer
         background = MapBackground(make_settings(tmp_path, host.address))
         with pytest.raises(TileError, match=said):
             read_tiles(background, TILE)

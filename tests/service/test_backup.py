@@ -18,9 +18,11 @@ from planner.service.store.disk_storage import BlobStore
 from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TableBase
+from tests.service.conftest import store_done_job
 from tests.service.databases import KINDS
 
 Parts = dict[str, bytes]
+Damage = Callable[[Parts, Path], Parts]
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +31,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Parts:
     folder = tmp_path_factory.mktemp("whole")
     store = Store(ServiceSettings(data=folder / "data"))
     store.add_file("field", "north", b"bytes of the field")
-    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
-    store.claim_job("w")
-    store.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    store_done_job(store, {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
     store.save_fleet("f1", "north", "{}", {"files": {"field": [".json", store.blobs.put_bytes(b"of the fleet")]}})
     store.add_recording("f1", 1, [[number, 1.5] for number in range(2_000)])
     store.create_token_text("robot", "robot", fleet="f1", tractor=1)
@@ -107,7 +107,17 @@ def naming(parts: Parts, name: str, size: int = 1) -> Parts:
     return manifest_of(parts, files=files)
 
 
-DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
+def by(*statements: str) -> Damage:
+    """A damage that statements do to the database."""
+    return lambda parts, folder: changed(parts, folder, *statements)
+
+
+def adding(name: str) -> Damage:
+    """A damage that puts in one part more, and names it."""
+    return lambda parts, _: naming(parts | {name: b"x"}, name)
+
+
+DAMAGES: dict[str, tuple[Damage, str]] = {
     "no manifest": (
         lambda parts, _: without(parts, MANIFEST_FILE),
         "has no manifest.json, .* unpack it into an empty folder",
@@ -134,18 +144,9 @@ DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
         "its headland.db is no database",
     ),
     "strange part": (lambda parts, _: parts | {"../evil": b""}, "does not name '../evil'"),
-    "strange part that is named": (
-        lambda parts, _: naming(parts | {"../evil": b"x"}, "../evil"),
-        "names '../evil', which is no part",
-    ),
-    "rooted part that is named": (
-        lambda parts, _: naming(parts | {"/etc/evil": b"x"}, "/etc/evil"),
-        "names '/etc/evil', which is no part",
-    ),
-    "another name for bytes": (
-        lambda parts, _: naming(parts | {"bytes/aa/" + "a" * 64: b"x"}, "bytes/aa/" + "a" * 64),
-        "gives no SHA-256",
-    ),
+    "strange part that is named": (adding("../evil"), "names '../evil', which is no part"),
+    "rooted part that is named": (adding("/etc/evil"), "names '/etc/evil', which is no part"),
+    "another name for bytes": (adding("bytes/aa/" + "a" * 64), "gives no SHA-256"),
     "manifest cut off": (
         lambda parts, _: parts | {MANIFEST_FILE: parts[MANIFEST_FILE][:-20]},
         "its manifest.json cannot be used",
@@ -159,25 +160,17 @@ DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
     "another form": (lambda parts, _: manifest_of(parts, form=2), "its form is not 1"),
     "another version": (lambda parts, _: manifest_of(parts, migration="0001"), "is not of the version"),
     "row without its owner": (
-        lambda parts, folder: changed(parts, folder, "PRAGMA foreign_keys=OFF", "DELETE FROM fleets"),
+        by("PRAGMA foreign_keys=OFF", "DELETE FROM fleets"),
         "rows of its table recordings belong to none of fleets",
     ),
-    "a trigger": (
-        lambda parts, folder: changed(
-            parts, folder, "CREATE TRIGGER evil AFTER INSERT ON events BEGIN DELETE FROM tokens; END"
-        ),
-        "has a trigger evil",
-    ),
+    "a trigger": (by("CREATE TRIGGER evil AFTER INSERT ON events BEGIN DELETE FROM tokens; END"), "has a trigger evil"),
     "a file more named": (
-        lambda parts, folder: changed(parts, folder, f"UPDATE files SET sha256 = '{'b' * 64}'"),
+        by(f"UPDATE files SET sha256 = '{'b' * 64}'"),
         "its database names bytes/bb/b*, which is missing",
     ),
-    "a file less named": (
-        lambda parts, folder: changed(parts, folder, "DELETE FROM files"),
-        "nothing in its database names bytes/",
-    ),
+    "a file less named": (by("DELETE FROM files"), "nothing in its database names bytes/"),
     "rows that cannot be read": (
-        lambda parts, folder: changed(parts, folder, "UPDATE events SET data = 'no JSON' WHERE id = 250"),
+        by("UPDATE events SET data = 'no JSON' WHERE id = 250"),
         "rows of its headland.db cannot be read",
     ),
 }

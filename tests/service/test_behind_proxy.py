@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import os
 import re
-import ssl
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,20 +13,24 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import sync_playwright
 
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import format_small_plan
 from tests.service.running import Running, run_service
 from tests.service.watching import BROWSER
-from tests.service.web_proxies import has_caddy, has_nginx, run_bare_nginx, run_caddy, run_nginx
-from vehicle.missions.plan_file import format_plan
+from tests.service.web_proxies import (
+    ask_over_tls,
+    connect_over_tls,
+    has_caddy,
+    has_nginx,
+    run_bare_nginx,
+    run_caddy,
+    run_nginx,
+)
 
 PUBLIC = "https://farm.example"
 MUST = bool(os.environ.get("HEADLAND_TEST_BROWSER"))
 needs_nginx = pytest.mark.skipif(not (has_nginx() or MUST), reason="no nginx is installed")
 needs_caddy = pytest.mark.skipif(not (has_caddy() or MUST), reason="no Caddy is installed")
-PLAN = fleet_plan(2, 2)
-TEXT = format_plan(
-    PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario={"field": "mine", "tractor": "eg105", "width_m": 2.0}
-)
+TEXT = format_small_plan()
 
 
 @dataclass
@@ -41,14 +43,7 @@ class Behind:
 
     def ask(self, method: str, path: str, body: bytes | None, headers: dict[str, str]) -> int:
         """The status of a request through the proxy."""
-        context = ssl.create_default_context()
-        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-        connection = http.client.HTTPSConnection("127.0.0.1", self.port, timeout=60, context=context)
-        try:
-            connection.request(method, path, body, headers)
-            return connection.getresponse().status
-        finally:
-            connection.close()
+        return ask_over_tls(connect_over_tls(self.port, "127.0.0.1"), method, path, body, headers)
 
 
 @pytest.fixture(scope="module", params=["with --public-url", pytest.param("without", marks=pytest.mark.matrix)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import pytest
@@ -10,12 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import BROKEN, OFFLINE, ONLINE, Hold, TractorReport
 from tests.examples import count_examples
-from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, start_fleet
+from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, restart_manager, start_fleet
 from vehicle.missions.plan import LegGate
 
 WAITS = {(1, 1): (LegGate(0, 1, 5.0),)}  # tractor 2 begins its second leg when tractor 1 is 5 m into its own
@@ -345,9 +343,7 @@ def test_a_fleet_goes_on_from_stored_progress_once_somebody_orders_it() -> None:
     first, other = start_fleet(plan), start_fleet(plan)
     first.run(27)
     other.run(27)
-    kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))
-    again = FleetManager(plan, FleetRules())
-    restore_progress(again, kept, first.now + 100.0, 1e9)
+    again = restart_manager(first.manager, first.now, first.now + 100.0)
     assert again.state == "running" and again.started_s == pytest.approx(100.0)
     assert [(s.leg, s.base_end, s.update) for s in again.states] == [
         (s.leg, s.base_end, s.update) for s in first.manager.states
@@ -375,9 +371,7 @@ def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
     first.manager.operators.mark_failed("anna", 0, first.now)
     failed = first.manager.alarms.list_alarms()[-1]
     first.manager.obstacle_reports.acknowledge_alarm("bert", failed.id, first.now)
-    kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, kept, 3.0, 1e9 + 60.0)
+    again = restart_manager(first.manager, first.now, 3.0, 60.0)
     assert [s.report for s in again.states] == [s.report for s in first.manager.states]
     assert (
         again.states[1].last_contact_s == pytest.approx(3.0 - 60.0)

@@ -23,8 +23,7 @@ from planner.fleet.session.frame_timing import (
     describe_offset,
 )
 from planner.fleet.session.inbound_frames import StateFrame
-from tests.service.fleets import fleet_plan
-from tests.service.test_links import state
+from tests.service.fleets import fleet_plan, state
 
 NOW = 1.9e9  # of the service, when its clock of beats shows 0
 

@@ -31,6 +31,7 @@ from planner.service.gateway.connection_protocol import (
     RequestScheduler,
     build_limited_protocol_class,
 )
+from tests.service.conftest import wait_until
 
 REQUEST = b"GET / HTTP/1.1\r\nhost: x\r\n\r\n"
 PATIENCE_S = 60.0  # for what takes a moment, on a machine that does much else
@@ -176,9 +177,7 @@ def test_a_body_that_does_not_come_and_an_answer_that_is_not_taken_end(monkeypat
     with serve(book) as port:
         half = connect(port, b"POST / HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nhalf")
         deaf = connect(port, b"GET /large HTTP/1.1\r\nhost: x\r\n\r\n")
-        until = time.monotonic() + PATIENCE_S
-        while len(book.closed_by_reason) < 2 and time.monotonic() < until:
-            time.sleep(0.05)
+        wait_until(lambda: len(book.closed_by_reason) >= 2, PATIENCE_S)
         half.close()
         deaf.close()
     assert book.closed_by_reason == {"body too slow": 1, "answer not taken": 1}
@@ -211,10 +210,7 @@ def test_places_are_given_back() -> None:
         for _ in range(5):
             with connect(port, REQUEST) as one:
                 assert read_answer(one)
-        until = time.monotonic() + PATIENCE_S
-        while len(book) and time.monotonic() < until:
-            time.sleep(0.02)
-        assert len(book) == 0
+        wait_until(lambda: len(book) == 0, PATIENCE_S)
 
 
 def test_greetings_give_way_to_newer_ones() -> None:

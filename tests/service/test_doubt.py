@@ -31,6 +31,18 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[DoubtedFl
     made.close()
 
 
+def find(fleet: DoubtedFleet, verdict: str, named: list[str], tractor: Tractor | None = None) -> str:
+    """Finish the waiting diagnosis with a verdict, and with a tractor file if it makes one; the ID of its job."""
+    job = fleet.store.claim_job("test")
+    assert job is not None
+    results = [build_result_file("result.json", json.dumps({"verdict": verdict, "named": named}))]
+    if tractor is not None:
+        results.append(build_result_file("tractor.toml", format_tractor_toml(tractor)))
+    fleet.store.finish_job(job.number, "test", results)
+    asyncio.run(fleet.look())
+    return job.id
+
+
 @pytest.mark.slow
 def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedFleet) -> None:
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
@@ -39,24 +51,11 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedF
     assert fleet.client.get(TWIN).json()["diagnosis"]["status"] == "queued"
     fleet.drive(3.0)
     assert fleet.live.diagnoses[0] == first  # the doubt lasts, and was diagnosed
-    job = fleet.store.claim_job("test")
-    assert job is not None and job.id == first and fleet.store.claim_job("test") is None
     mended = Tractor(**EG105.model_dump() | {"name": "slips", "effects": {"wheel_slip": {"value": {"ratio": 0.1}}}})
-    fleet.store.finish_job(
-        job.number,
-        "test",
-        [
-            build_result_file("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
-            build_result_file("tractor.toml", format_tractor_toml(mended)),
-        ],
-    )
-    asyncio.run(fleet.look())
+    assert find(fleet, VERDICT, ["wheel_slip"], mended) == first and fleet.store.claim_job("test") is None
     assert f"Diagnosis of tractor 1: {VERDICT}" in fleet.alarms()
-    assert fleet.client.get(TWIN).json()["finding"] == {
-        "named": ["wheel_slip"],
-        "words": VERDICT,
-        "extends_model": True,
-    }
+    found = {"named": ["wheel_slip"], "words": VERDICT, "extends_model": True}
+    assert fleet.client.get(TWIN).json()["finding"] == found
     taken = fleet.client.post(f"{TWIN}/mend", json={"name": "mine"})
     assert taken.status_code == 201 and taken.json() == {"tractor": "mine"}
     assert b"slips" in fleet.store.blobs.read_bytes(fleet.store.get_file("tractor", "mine").sha256)
@@ -69,18 +68,7 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedF
 def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedFleet) -> None:
     fleet.drive(1.0)
     fleet.client.post(f"{TWIN}/diagnose")
-    job = fleet.store.claim_job("test")
-    assert job is not None
-    same = EG105.model_copy(update={"name": "another name"})
-    fleet.store.finish_job(
-        job.number,
-        "test",
-        [
-            build_result_file("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
-            build_result_file("tractor.toml", format_tractor_toml(same)),
-        ],
-    )
-    asyncio.run(fleet.look())
+    find(fleet, "Nothing.", [], EG105.model_copy(update={"name": "another name"}))
     assert fleet.client.get(TWIN).json()["finding"] == {"named": [], "words": "Nothing.", "extends_model": False}
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
     assert fleet.live.twins.tractors[0] == EG105
@@ -89,11 +77,7 @@ def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedF
 def test_a_diagnosis_that_harms_unseen_driving_offers_no_file(fleet: DoubtedFleet) -> None:
     fleet.drive(1.0)
     fleet.client.post(f"{TWIN}/diagnose")
-    job = fleet.store.claim_job("test")
-    assert job is not None
-    result = build_result_file("result.json", json.dumps({"verdict": "It slips.", "named": ["wheel_slip"]}))
-    fleet.store.finish_job(job.number, "test", [result])
-    asyncio.run(fleet.look())
+    find(fleet, "It slips.", ["wheel_slip"])
     told = fleet.client.get(TWIN).json()["finding"]
     assert told == {"named": ["wheel_slip"], "words": "It slips.", "extends_model": False}
     taken = fleet.client.post(f"{TWIN}/mend", json={})

@@ -10,7 +10,7 @@ from starlette.testclient import TestClient
 from planner.pipeline.outputs.guidance_lines import build_guidance
 from reports.plan.guidance_export import find_guidance_format, write_guidance
 from tests.planner.saved_plans import saved
-from tests.service.conftest import Shared
+from tests.service.conftest import Shared, store_done_job
 from vehicle.missions.plan_file import format_plan
 
 Plans = tuple[TestClient, dict[str, str], str]
@@ -23,11 +23,8 @@ def plans(shared: Shared) -> Plans:
     assert isinstance(client.app, FastAPI)
     store, one = client.app.state.store, saved()
     text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
-    job = store.add_job("plan", "by hand", {})
-    store.claim_job("w")
     results = [("plan.json", text.encode(), "application/json"), ("map.png", b"\x89PNG\xff", "image/png")]
-    store.finish_job(job.number, "w", results)
-    return client, token, f"/api/v1/plans/{job.id}/results"
+    return client, token, f"/api/v1/plans/{store_done_job(store, results=results).id}/results"
 
 
 def test_a_plan_is_a_zip_of_what_the_command_writes(plans: Plans) -> None:

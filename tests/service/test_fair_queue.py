@@ -27,7 +27,7 @@ from planner.service.jobs.file_reading import (
 from planner.service.sandbox.reader_processes import ReadOrder, ReadOutcome
 from planner.service.settings import ServiceSettings
 from tests.fields.strangers import SECRET, vrt
-from tests.service.conftest import BOTH, HERE, SMALL, bearer
+from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
 
 LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
     f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
@@ -51,10 +51,7 @@ class Held:
         return held
 
     def await_begun(self, count: int) -> None:
-        until = time.monotonic() + 60
-        while len(self.begun) < count:
-            assert time.monotonic() < until, self.begun
-            time.sleep(0.005)
+        wait_until(lambda: len(self.begun) >= count)
 
 
 def test_a_client_has_one_thing_read_at_a_time_and_others_go_on() -> None:
@@ -174,39 +171,29 @@ def test_many_slow_summaries_leave_other_routes_and_clients_quick(slow: tuple[Fa
         bearer(app, "read"),
         {"Authorization": f"Bearer {app.state.store.create_token_text('another', 'read')}"},
     )
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client, ThreadPoolExecutor(120) as threads:
+    with client_of(app) as client, ThreadPoolExecutor(120) as threads:
         asked = [
             threads.submit(client.get, f"/api/v1/fields/slow{number}/summary", headers=one) for number in range(120)
         ]
-        until = time.monotonic() + 30
-        while (
-            sum(each.done() for each in asked) < 120 - 1 - file_reading.MOST_WAITING_PER_CLIENT
-            and time.monotonic() < until
-        ):
-            time.sleep(0.01)
+        most = file_reading.MOST_WAITING_PER_CLIENT
+        wait_until(lambda: sum(each.done() for each in asked) >= 120 - 1 - most)
         assert client.get("/api/v1/fields", headers=other).status_code == 200
         assert client.get("/api/v1/fields/quick/summary", headers=other).status_code == 200
         assert processes.orders == 2 and not processes.go.is_set(), "answered while the slow ones wait"
         refused = [each.result() for each in asked if each.done()]
-        assert [each.status_code for each in refused] == [429] * (120 - 1 - file_reading.MOST_WAITING_PER_CLIENT)
-        assert (
-            refused[0]
-            .json()["error"]
-            .startswith(f"{file_reading.MOST_WAITING_PER_CLIENT} files of yours wait to be read already; ")
-        )
+        assert [each.status_code for each in refused] == [429] * (120 - 1 - most)
+        assert refused[0].json()["error"].startswith(f"{most} files of yours wait to be read already; ")
         processes.go.set()
-        assert [each.result().status_code for each in asked].count(200) == 1 + file_reading.MOST_WAITING_PER_CLIENT
+        assert [each.result().status_code for each in asked].count(200) == 1 + most
 
 
 def test_who_asks_for_the_same_waits_for_the_same_reading(slow: tuple[FastAPI, SlowProcesses]) -> None:
     app, processes = slow
     stored(app, "slow")
     token = bearer(app, "read")
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client, ThreadPoolExecutor(30) as threads:
+    with client_of(app) as client, ThreadPoolExecutor(30) as threads:
         asked = [threads.submit(client.get, "/api/v1/fields/slow/summary", headers=token) for _ in range(30)]
-        until = time.monotonic() + 60
-        while processes.orders < 1 and time.monotonic() < until:
-            time.sleep(0.01)
+        wait_until(lambda: processes.orders >= 1)
         time.sleep(0.2)
         processes.go.set()
         assert [each.result().status_code for each in asked] == [200] * 30
@@ -217,7 +204,7 @@ def test_who_asks_for_the_same_waits_for_the_same_reading(slow: tuple[FastAPI, S
 def real(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestClient, dict[str, str], FastAPI]]:
     """A service that reads in processes of their own."""
     app = create_app(ServiceSettings(data=tmp_path_factory.mktemp("real"), workers=0, upload_mb=4))
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         yield client, bearer(app, BOTH), app
 
 
@@ -280,7 +267,7 @@ def test_a_reading_gets_the_time_of_its_files(slow: tuple[FastAPI, SlowProcesses
     app, processes = slow
     stored(app, "slow")
     processes.go.set()
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         client.get("/api/v1/fields/slow/summary", headers=bearer(app, "read"))
     assert processes.seconds == [10.0]
 

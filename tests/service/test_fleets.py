@@ -23,13 +23,10 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.fleets import fleet_app, fleet_plan
-from vehicle.missions.plan_file import format_plan
+from tests.service.conftest import store_done_job
+from tests.service.fleets import fleet_app, format_small_plan, state
 
-PLAN = fleet_plan(2, 2)
-TEXT = format_plan(
-    PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario={"field": "mine", "tractor": "eg105", "width_m": 2.0}
-)
+TEXT = format_small_plan()
 
 
 class InlineHub(FleetSessions):
@@ -76,14 +73,10 @@ def test_a_fleet_is_made_of_a_plan_started_and_stopped_by_whoever_may(client: Te
 
 def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestClient) -> None:
     store: Store = client.app.state.store  # type: ignore[attr-defined]
-    job = store.add_job("plan", "mine", {})
-    store.claim_job("test")
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    store.finish_job(
-        job.number, "test", [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
-    )
-    id = new(client, plan=job.id, deadline="23:59").json()["id"]
+    results = [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
+    id = new(client, plan=store_done_job(store, results=results).id, deadline="23:59").json()["id"]
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
     assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
@@ -91,14 +84,9 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
 
 def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
     store: Store = client.app.state.store  # type: ignore[attr-defined]
-    job = store.add_job("plan", "mine", {})
-    store.claim_job("test")
-    made = [
-        ("map.png", b"\x89PNG\xff", "image/png"),
-        build_result_file("result.json", json.dumps({"best": None, "plans": []})),
-    ]
-    store.finish_job(job.number, "test", made)
-    answer = new(client, plan=job.id, result="map.png")
+    ranking = build_result_file("result.json", json.dumps({"best": None, "plans": []}))
+    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), ranking])
+    answer = new(client, plan=done.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
 
 
@@ -125,8 +113,7 @@ def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) ->
 
 
 def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
-    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "deadline_s": 17 * 3600}
-    text = format_plan(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
+    text = format_small_plan(start_s=8 * 3600, deadline_s=17 * 3600)
     for asked, hour in (({}, 17), ({"deadline": "19:00"}, 19)):
         fleet = new(client, plan=text, **asked).json()["fleet"]
         at = datetime.fromtimestamp(time.time() + fleet["deadline_s"] + 60.0)
@@ -164,26 +151,12 @@ def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -
     assert client.get(f"/api/v1/twins/{id}/7").status_code == 422
 
 
-def state(sequence: int, north_m: float) -> inbound_frames.StateFrame:
-    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC)
-    return inbound_frames.StateFrame(
-        kind="state",
-        id="t",
-        sequence=sequence,
-        time=at,
-        easting_m=1000.0,
-        northing_m=2000.0 + north_m,
-        heading_deg=0.0,
-        speed_mps=1.0,
-        speed_command_mps=1.0,
-        steering_command_deg=0.0,
-        shuttle=1,
-        start=1,
-        mode="automatic",
-        leg=0,
-        leg_m=north_m,
-        implement=1,
-    )
+def driven(sequence: int, leg_m: float) -> inbound_frames.StateFrame:
+    """What a tractor says of its first leg."""
+    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC).isoformat()
+    speeds = {"speed_mps": 1.0, "speed_command_mps": 1.0}
+    place = {"northing_m": 2000.0 + leg_m, "leg_m": leg_m, "start": 1, "mode": "automatic", "implement": 1}
+    return inbound_frames.StateFrame.model_validate_json(json.dumps(state(sequence, time=at, **speeds, **place)))
 
 
 def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
@@ -199,7 +172,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.add_client(tractor, time.monotonic())
         fleet.step(time.monotonic())  # its first leg is released
         for sequence in range(8):
-            fleet.take_state(tractor, state(sequence, 1.5 * sequence), time.monotonic())
+            fleet.take_state(tractor, driven(sequence, 1.5 * sequence), time.monotonic())
         fleet.step(time.monotonic())
         await hub.save(fleet)  # and then the service is killed
         return fleet.id
@@ -215,10 +188,9 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.add_client(tractor, time.monotonic())
         welcome = json.loads(str(await tractor.outbox.take_next_frame()))
         assert (welcome["last_sequence"], welcome["leg"], welcome["leg_m"]) == (7, 0, 10.5)
-        fleet.take_state(
-            tractor, state(7, 10.5), time.monotonic()
-        )  # sent again: nothing was lost, nothing is kept twice
-        fleet.take_state(tractor, state(8, 12.0), time.monotonic())
+        # Sent again: nothing was lost, nothing is kept twice.
+        fleet.take_state(tractor, driven(7, 10.5), time.monotonic())
+        fleet.take_state(tractor, driven(8, 12.0), time.monotonic())
         await hub.save(fleet)
         assert [row[0] for row in store.read_recording(id, 0)] == list(range(9))
 

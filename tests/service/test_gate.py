@@ -14,9 +14,8 @@ from pathlib import Path
 
 import pytest
 from fastapi import FastAPI
-from starlette.testclient import TestClient
 
-from tests.service.conftest import BOTH, HERE, SMALL, bearer
+from tests.service.conftest import BOTH, SMALL, bearer, client_of
 from tests.service.running import Running, run_service
 
 pytestmark = pytest.mark.slow
@@ -179,7 +178,7 @@ def test_figures_and_request_ids(running: Running, reader: dict[str, str]) -> No
 
 
 def test_bodies_of_orders_are_short_and_those_of_fleets_long(app: FastAPI) -> None:
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         token = bearer(app, BOTH)
         large = b" " * 70_000
         answer = client.post("/api/v1/fleets/none/accept", content=large, headers=token)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import http.client
 import re
 import shutil
-import ssl
 import subprocess
 import sys
 import threading
@@ -17,7 +15,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.service.web_proxies import GUIDE, has_caddy, has_nginx, run_caddy, run_nginx
+from tests.service.web_proxies import GUIDE, ask_over_tls, connect_over_tls, has_caddy, has_nginx, run_caddy, run_nginx
 
 ROOT = GUIDE.parents[1]
 PAGES = (*sorted(GUIDE.glob("*.md")), ROOT / "README.md", ROOT / "SECURITY.md")
@@ -81,21 +79,12 @@ def upstream() -> Iterator[int]:
 
 def ask(port: int, method: str, path: str, body: bytes | None = None, **headers: str) -> int:
     """The status of an answer over HTTPS, with a Host as a browser sends it."""
-    context = ssl.create_default_context()
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    connection = http.client.HTTPSConnection("localhost", port, context=context, timeout=20)
-    try:
-        connection.request(method, path, body, headers)
-        return connection.getresponse().status
-    finally:
-        connection.close()
+    return ask_over_tls(connect_over_tls(port), method, path, body, headers)
 
 
 def ask_often(port: int, times: int) -> list[int]:
     """Statuses of many requests over one connection."""
-    context = ssl.create_default_context()
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    connection = http.client.HTTPSConnection("localhost", port, context=context, timeout=20)
+    connection = connect_over_tls(port)
     found = []
     for _ in range(times):
         connection.request("GET", "/")

@@ -1,8 +1,6 @@
 """Workers: what becomes of a job that is done, refused, broken, cancelled, or takes its process with it."""
 
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.benchmarks.jobs import campaign
+from tests.service.conftest import wait_until
 from tests.service.databases import database
 from tests.service.kinds import KINDS, made
 
@@ -47,14 +46,6 @@ def test_a_job_that_fails_says_why_in_one_sentence(kept: Store) -> None:
     )  # fmt: skip
 
 
-def until(true: Callable[[], bool], patience_s: float = 60.0) -> None:
-    """Wait for something."""
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
 @pytest.mark.slow
 def test_workers_are_replaced_and_end_with_their_supervisor(kept: Store) -> None:
     settings = replace(kept.settings, tries=2)
@@ -63,16 +54,16 @@ def test_workers_are_replaced_and_end_with_their_supervisor(kept: Store) -> None
     supervisor.start()
     try:
         deadly, long = store.add_job("deadly", "deadly", {}), store.add_job("tiny", "long", {"number": 1, "step_s": 30})
-        until(lambda: store.get_job(long.id).status == "running")
-        until(lambda: store.get_job(long.id).words == "At work")
+        wait_until(lambda: store.get_job(long.id).status == "running")
+        wait_until(lambda: store.get_job(long.id).words == "At work")
         first = supervisor.list_worker_pids()
         store.cancel_job(long.id)
         last = store.add_job("tiny", "last", {"number": 2})
-        until(lambda: store.get_job(last.id).status == "done" and store.get_job(deadly.id).status == "failed")
+        wait_until(lambda: store.get_job(last.id).status == "done" and store.get_job(deadly.id).status == "failed")
         assert supervisor.list_worker_pids() != first and store.get_job(long.id).status == "cancelled"
         assert "ended 2 times" in str(store.get_job(deadly.id).error)
         left = store.add_job("tiny", "left", {"number": 3, "step_s": 30})
-        until(lambda: store.get_job(left.id).status == "running")
+        wait_until(lambda: store.get_job(left.id).status == "running")
         pids = supervisor.list_worker_pids()
     finally:
         supervisor.stop()

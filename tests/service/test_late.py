@@ -22,8 +22,7 @@ from planner.fleet.session.clients import FrameOutbox
 from planner.fleet.session.fleet_twins import LEAP_DELAY_S, FleetTwins
 from planner.fleet.session.inbound_frames import ResumeFrame, StartFrame, StateFrame, StopAllFrame, TakeLeaseFrame
 from planner.fleet.simulated_robot import RobotDriver
-from tests.service.fleets import fleet_plan, start_fleet
-from tests.service.test_links import state
+from tests.service.fleets import fleet_plan, start_fleet, state
 from tests.service.test_robot import let, release, robot
 from tests.service.test_safety import drive, live, waiting
 

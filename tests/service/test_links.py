@@ -37,7 +37,7 @@ from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from tests.examples import seldom
-from tests.service.fleets import fleet_app, fleet_plan
+from tests.service.fleets import fleet_app, fleet_plan, state
 from vehicle.identification.logs.reader import read_log
 
 TOLD = TypeAdapter(outgoing.OutboundMessage)
@@ -99,28 +99,6 @@ def until(session: WebSocketTestSession, kind: str) -> Any:
         if frame["kind"] == kind:
             return frame
     raise AssertionError(f"no {kind} in 400 frames")
-
-
-def state(sequence: int, **other: Any) -> dict[str, Any]:
-    at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    return {
-        "kind": "state",
-        "id": "t",
-        "sequence": sequence,
-        "time": at,
-        "easting_m": 1000.0,
-        "northing_m": 2000.0,
-        "heading_deg": 0.0,
-        "speed_mps": 0.0,
-        "speed_command_mps": 0.0,
-        "steering_command_deg": 0.0,
-        "shuttle": 1,
-        "start": 0,
-        "mode": "stopped",
-        "leg": 0,
-        "leg_m": 0.0,
-        "implement": 0,
-    } | other
 
 
 def test_a_viewer_needs_a_login_or_a_token_is_shown_all_and_cannot_send(service: Service) -> None:

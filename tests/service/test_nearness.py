@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from dataclasses import replace
@@ -10,13 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from tests.examples import seldom
-from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
+from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, restart_manager, start_fleet
 
 NORTH = math.pi / 2
 RULES = FleetRules()
@@ -182,9 +179,7 @@ def test_an_operator_leads_one_out_of_an_overlap_and_not_deeper_into_it() -> Non
 
 def restarted(fleet: SimulatedFleet) -> None:
     """The service ends and begins anew; the tractors of the fleet are linked again, and let go on."""
-    kept = json.loads(json.dumps(capture_progress(fleet.manager, fleet.now, 1e9 + fleet.now)))
-    fleet.manager = FleetManager(fleet.manager.plan, fleet.manager.rules)
-    restore_progress(fleet.manager, kept, fleet.now, 1e9 + fleet.now)
+    fleet.manager = restart_manager(fleet.manager, fleet.now, fleet.now)
     for number in range(fleet.manager.plan.tractor_count):
         fleet.manager.connect_tractor(number, fleet.now)
     fleet.manager.operators.resume_tractors("anna", None, fleet.now)
@@ -218,9 +213,7 @@ def test_who_is_found_too_near_before_its_link_is_back_is_told_to_stand_with_the
     )
     for number, report in enumerate((east, west)):
         manager.take_report(number, report, fleet.now)
-    kept = json.loads(json.dumps(capture_progress(manager, fleet.now, 1e9)))
-    again = FleetManager(manager.plan, manager.rules)
-    restore_progress(again, kept, fleet.now, 1e9)
+    again = restart_manager(manager, fleet.now, fleet.now)
     assert all(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
     for state in again.states:  # by what the first tick sees
         state.holds.add(Hold.TOO_NEAR)

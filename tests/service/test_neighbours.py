@@ -20,7 +20,6 @@ from planner.fleet.manager.neighbourhood import (
     Neighbourhood,
     build_plan_extent,
 )
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
@@ -28,7 +27,7 @@ from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.safety.motion_prediction import compute_centre_poses
 from planner.fleet.session.fleet_session import FleetSession
-from tests.service.fleets import SPEED, fleet_plan
+from tests.service.fleets import SPEED, fleet_plan, restart_manager
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import SavedPlan
 from vehicle.model.tractor import Implement, load_tractor
@@ -358,9 +357,7 @@ def test_alarms_of_two_fleets_are_over_after_a_restart_once_they_are_apart() -> 
     ground.start()
     ground.run(40)
     one = ground.fleets[0]
-    kept = json.loads(json.dumps(capture_progress(one.manager, ground.now, 1e9)))
-    again = FleetManager(one.manager.plan, RULES)
-    restore_progress(again, kept, ground.now, 1e9)
+    again = restart_manager(one.manager, ground.now, ground.now)
     assert again.dangers.find_alarmed_pairs() == [(0, ("b", 0))]
     ground.hood.remove("b", ground.now)
     ground.hood.add("a", "a", again, lambda: None, ground.now)

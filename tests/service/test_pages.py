@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
@@ -20,7 +20,7 @@ from tests.service.watching import (
     evaluate_in_page,
     find_overflow,
     needs_browser,
-    serve_app,
+    watch_app,
 )
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -174,14 +174,19 @@ def test_a_job_is_cancelled_and_a_failure_is_shown(watched: WatchedPage, pages: 
     page.wait_for_selector("text=use a narrower implement")
 
 
-def test_a_field_is_drawn_by_keys_and_uploaded(watched: WatchedPage, pages: tuple[str, Made]) -> None:
-    page, made = watched.open("/plan"), pages[1]
-    made.requests.clear()
+def draw_field(page: Page) -> None:
+    """Draw a field of 100 m x 50 m by the coordinates of its corners."""
     page.click("summary:has-text('Draw a field')")
     for east, north in ((0, 0), (100, 0), (100, 50), (0, 50)):
         page.fill("[aria-label='Metres east']", str(east))
         page.fill("[aria-label='Metres north']", str(north))
         page.click("text=Add corner")
+
+
+def test_a_field_is_drawn_by_keys_and_uploaded(watched: WatchedPage, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/plan"), pages[1]
+    made.requests.clear()
+    draw_field(page)
     page.wait_for_selector("text=4 corners, 0.50\xa0ha")
     page.click("text=Use this field")
     page.wait_for_function("() => document.querySelector('select[name=fields]').value === 'myfield'")
@@ -230,22 +235,15 @@ def test_modules_by_their_closed_forms(watched: WatchedPage) -> None:
 def test_the_pages_speak_with_the_service_itself(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "planner.service.fleets.fleet_sessions.warm_up", lambda: None
-    )  # no fleet drives here: nothing to compile for
+    # No fleet drives here: nothing to compile for.
+    monkeypatch.setattr("planner.service.fleets.fleet_sessions.warm_up", lambda: None)
     app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
-    token = app.state.store.create_token_text("office", "operator planner")
-    with serve_app(app) as base:
-        watched = WatchedPage(browser, base, token)
+    with watch_app(browser, app, "operator planner") as watched:
         for path, whole in EMPTY.items():
             watched.open(path).wait_for_selector(whole)
         page = watched.open("/plan")
         page.wait_for_selector("text=1.89\xa0ha")
-        page.click("summary:has-text('Draw a field')")
-        for east, north in ((0, 0), (100, 0), (100, 50), (0, 50)):
-            page.fill("[aria-label='Metres east']", str(east))
-            page.fill("[aria-label='Metres north']", str(north))
-            page.click("text=Add corner")
+        draw_field(page)
         page.click("text=Use this field")
         page.wait_for_selector(".under >> text=0.50\xa0ha")
         watched.well()
@@ -260,7 +258,6 @@ def test_the_pages_speak_with_the_service_itself(
         page.click("text=Cancel")
         page.wait_for_selector("text=It was cancelled.")
         _add_files(watched, tmp_path)
-        page.context.close()
 
 
 def _add_files(watched: WatchedPage, folder: Path) -> None:

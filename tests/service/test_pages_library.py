@@ -18,7 +18,7 @@ from planner.service.settings import ServiceSettings
 from tests.service.accessibility import find_faults_at_widths, open_all_details
 from tests.service.conftest import SMALL
 from tests.service.test_library import LARGER
-from tests.service.watching import WIDE, WatchedPage, needs_browser, serve_app, until
+from tests.service.watching import WIDE, WatchedPage, needs_browser, until, watch_app
 
 pytestmark = [needs_browser, pytest.mark.slow]
 Service = tuple[WatchedPage, FastAPI]
@@ -28,11 +28,8 @@ Service = tuple[WatchedPage, FastAPI]
 def service(browser: Browser, tmp_path: Path) -> Iterator[Service]:
     """A page with a planner's token, and the service behind it."""
     app = create_app(ServiceSettings(data=tmp_path / "data", workers=0), reads_inline=True)
-    token = app.state.store.create_token_text("office", "operator planner")
-    with serve_app(app) as base:
-        watched = WatchedPage(browser, base, token)
+    with watch_app(browser, app, "operator planner") as watched:
         yield watched, app
-        watched.page.context.close()
 
 
 def list_cards(page: Page) -> list[str]:
@@ -44,6 +41,13 @@ def open_change(page: Page, name: str) -> None:
     """Unfold what can be done with a thing."""
     page.click(f"summary[aria-label='Change {name}']")
     page.wait_for_selector(f"[aria-label='Copy: {name}']")
+
+
+def rename(page: Page, name: str, new_name: str) -> None:
+    """Give a thing that is unfolded another name."""
+    page.click(f"[aria-label='Rename: {name}']")
+    page.fill("input[name=new-name]", new_name)
+    page.keyboard.press("Enter")
 
 
 def test_a_field_is_added_replaced_renamed_copied_and_deleted(service: Service, tmp_path: Path) -> None:
@@ -69,13 +73,9 @@ def test_a_field_is_added_replaced_renamed_copied_and_deleted(service: Service, 
     watched.said.clear()  # a refusal is a failed request, which a browser tells of
 
     open_change(page, "north")
-    page.click("[aria-label='Rename: north']")
-    page.fill("input[name=new-name]", "a/b")
-    page.keyboard.press("Enter")
+    rename(page, "north", "a/b")
     page.wait_for_selector("text=The name 'a/b' cannot be used")
-    page.click("[aria-label='Rename: north']")
-    page.fill("input[name=new-name]", "Große Breite")
-    page.keyboard.press("Enter")
+    rename(page, "north", "Große Breite")
     page.wait_for_selector("b:has-text('Große Breite')")
     open_change(page, "Große Breite")
     page.click("[aria-label='Copy: Große Breite']")
@@ -112,9 +112,7 @@ def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
     page.click("[aria-label='Copy: their plan']")
     page.wait_for_selector("b:has-text('their plan copy')")
     open_change(page, "their plan copy")
-    page.click("[aria-label='Rename: their plan copy']")
-    page.fill("input[name=new-name]", "mine")
-    page.keyboard.press("Enter")
+    rename(page, "their plan copy", "mine")
     page.wait_for_selector("b:text-is('mine')")
     assert list_cards(page) == ["mine", "their plan"]
     page.click("nav[aria-label='Kinds of things'] >> text=Fields")

@@ -21,7 +21,7 @@ from planner.service.backgrounds.tile_grid import place_metres
 from planner.service.settings import ServiceSettings
 from tests.service.fake_service import Made
 from tests.service.tiles import TileHost, paint_tile, serve_tiles, write_mbtiles
-from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, serve_app, until
+from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, until, watch_app
 
 pytestmark = [needs_browser, pytest.mark.slow]
 PREVIEW, EDITOR = "canvas[aria-label^='Map of the chosen field']", "canvas[aria-label^='Drawing of the field']"
@@ -64,9 +64,8 @@ def service(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Itera
             data=folder / "data", workers=0, background=host.address, background_attribution="© Makers of tiles"
         )
         app = create_app(settings, reads_inline=True)
-        token = app.state.store.create_token_text("office", "planner")
-        with serve_app(app) as base:
-            yield MapService(WatchedPage(browser, base, token), app, host, folder)
+        with watch_app(browser, app, "planner") as watched:
+            yield MapService(watched, app, host, folder)
 
 
 def read_pixel(page: Page, canvas: str, x: int, y: int) -> tuple[int, ...]:
@@ -331,9 +330,7 @@ def test_a_file_of_tiles_is_a_background_without_any_server(browser: Browser, tm
     tiles = {(zoom, column + i, row + j): paint_tile(column + i, row + j) for i in range(-2, 3) for j in range(-2, 3)}
     path = write_mbtiles(tmp_path / "farm.mbtiles", tiles, format="png", attribution="Farm drone")
     app = create_app(ServiceSettings(data=tmp_path / "data", workers=0, background=str(path)), reads_inline=True)
-    token = app.state.store.create_token_text("office", "planner")
-    with serve_app(app) as base:
-        watched = WatchedPage(browser, base, token)
+    with watch_app(browser, app, "planner") as watched:
         page = watched.open("/plan")
         page.select_option("select[name=fields]", "netherlands")
         page.click(".map button:has-text('Background'):visible")
@@ -342,7 +339,6 @@ def test_a_file_of_tiles_is_a_background_without_any_server(browser: Browser, tm
         colours = {read_pixel(page, PREVIEW, x, 150)[:2] for x in (12, 200, 400)}
         assert len(colours) > 1, "tiles of several colours"
         watched.well()
-        page.context.close()
 
 
 MAPS = {"/": 1, "/fleet/f1": 1, "/fleet/f1/tractor/2": 1, "/plan": 1, "/plan/old": 1, "/replay/f1": 1}

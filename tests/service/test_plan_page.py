@@ -13,6 +13,7 @@ from planner.service.settings import ServiceSettings
 from tests.service.fake_service import CONTROL
 from tests.service.watching import WatchedPage, needs_browser
 
+pytestmark = pytest.mark.slow
 COST = "18"  # 3 tractors x 470 s / 80, as it is stated: the expected cost, in whole units from 10 on
 
 
@@ -22,7 +23,6 @@ def open_plan(watched: WatchedPage) -> Page:
     return page
 
 
-@pytest.mark.slow
 @needs_browser
 def test_the_plan_to_take_is_first_with_the_cost_of_the_figures(watched: WatchedPage) -> None:
     page = open_plan(watched)
@@ -37,7 +37,6 @@ def test_the_plan_to_take_is_first_with_the_cost_of_the_figures(watched: Watched
     watched.well()
 
 
-@pytest.mark.slow
 @needs_browser
 def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
     page = open_plan(watched)
@@ -51,7 +50,6 @@ def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
     watched.well()
 
 
-@pytest.mark.slow
 @needs_browser
 def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> None:
     page = open_plan(watched)
@@ -60,7 +58,6 @@ def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> No
     watched.well()
 
 
-@pytest.mark.slow
 @needs_browser
 def test_the_tractor_is_named_first_in_form_and_answer(watched: WatchedPage) -> None:
     page = watched.open("/plan")
@@ -89,7 +86,6 @@ LONGEST_SILENCE = """() => new Promise((done) => {
 """Milliseconds from the click to the first text of progress, the longest without any, and the texts."""
 
 
-@pytest.mark.slow
 @needs_browser
 def test_progress_is_shown_within_a_second_of_the_click_and_never_stops(watched: WatchedPage, pages: Any) -> None:
     page, made = watched.open("/plan"), pages[1]
@@ -102,7 +98,6 @@ def test_progress_is_shown_within_a_second_of_the_click_and_never_stops(watched:
     watched.well()
 
 
-@pytest.mark.slow
 @needs_browser
 def test_a_second_tab_may_plan_until_the_token_is_forgotten(watched: WatchedPage) -> None:
     first = watched.open("/plan")
@@ -117,7 +112,6 @@ def test_a_second_tab_may_plan_until_the_token_is_forgotten(watched: WatchedPage
     second.close()
 
 
-@pytest.mark.slow
 def test_a_worker_without_a_job_loads_what_the_first_one_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     heard = list[str]()
     jobs = iter([None, None, "a job"])

@@ -14,9 +14,6 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
-from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.preparation import prepare_context
-from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
@@ -31,11 +28,9 @@ from planner.fleet.replanning.replan import (
     _is_existing_stop,
     replan_remaining_work,
 )
-from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.request.plan_request import PlanRequest
 from strategies.program.supply import Supply
 from strategies.service_stops.stop_plan import add_stops_for_taken_work
-from tests.service.test_replanning import FIELD, at
+from tests.service.test_replanning import WIDTH_M, at, plan_field
 from vehicle.errors import MissionError
 from vehicle.missions.plan import REFILL, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
@@ -44,28 +39,17 @@ from vehicle.sim.incremental import IncrementalSimulator
 
 pytestmark = pytest.mark.slow
 
-WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
+LOAD_M2, STAND_S = 620.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
 
 
 @pytest.fixture(scope="module", params=["headland", pytest.param("tender", marks=pytest.mark.matrix), "0,30"])
 def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
     """A plan of three tractors each of which stops for a load."""
-    file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
-    file.write_text(json.dumps(FIELD), encoding="utf-8")
-    scenario = PlanRequest(
-        field=str(file),
-        local=True,
-        width_m=WIDTH_M,
-        tractors=(3,),
-        strategies=("split-field",),
-        entrance=(0.0, 0.0),
-        refill=request.param,
-    )
-    site = prepare_context(WorkOrder(scenario, supply=TANK))
-    run = simulate_candidate(site, Candidate("split-field", 3)).run
-    assert run is not None and run.plan.notes["refills"]
-    return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
+    folder: Path = tmp_path_factory.mktemp("field")
+    made = plan_field(folder, "split-field", TANK, entrance=(0.0, 0.0), refill=request.param)
+    assert made.plan.notes["refills"]
+    return made
 
 
 Made = tuple[FleetManager, ReplanProposal, SimulationRun]

@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import shapely
@@ -15,7 +16,6 @@ from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
@@ -27,8 +27,11 @@ from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.request.plan_request import PlanRequest
+from strategies.program.supply import Supply
+from tests.service.fleets import restart_manager
 from vehicle.missions.plan_file import format_plan, parse_plan
 
+WIDTH_M = 3.0
 FIELD = {
     "type": "FeatureCollection",
     "features": [
@@ -90,18 +93,15 @@ def waits_where_it_stands(plan: FleetPlan, case: ForcedWait) -> bool:
 def plan_three(
     tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None, strategy: str = "split-field"
 ) -> FleetPlan:
-    file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
+    return plan_field(tmp_path_factory.mktemp("field"), strategy, entrance=entrance, corners="square")
+
+
+def plan_field(folder: Path, strategy: str, supply: Supply | None = None, **asked: Any) -> FleetPlan:
+    """A plan of three tractors on the field of these tests, whose file is put into a folder."""
+    file = folder / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
-    scenario = PlanRequest(
-        field=str(file),
-        local=True,
-        width_m=3.0,
-        tractors=(3,),
-        strategies=(strategy,),
-        entrance=entrance,
-        corners="square",
-    )
-    site = prepare_context(WorkOrder(scenario))
+    always = {"field": str(file), "local": True, "width_m": WIDTH_M, "tractors": (3,), "strategies": (strategy,)}
+    site = prepare_context(WorkOrder(PlanRequest(**always, **asked), supply=supply))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert run is not None
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
@@ -195,8 +195,7 @@ def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[Fle
     assert not any(
         gate.tractor == 1 for n in (0, 2) for leg in manager.plan.timed_missions[n].legs for gate in leg.gates
     )
-    again = FleetManager(manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(manager, 102.0, 0.0))), 0.0, 0.0)
+    again = restart_manager(manager, 102.0, 0.0)
     assert [state.leg for state in again.states] == [state.leg for state in manager.states]
 
 
@@ -263,8 +262,7 @@ def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
     assert state.holds == {Hold.WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[awaited].holds
     assert manager.find_awaited_legs(waiting) == [(gate.tractor, gate.leg)]
     assert all(0.0 < manager.finish_in_s[number] < math.inf for number in (waiting, awaited))
-    kept = FleetManager(manager.plan, FleetRules())
-    restore_progress(kept, json.loads(json.dumps(capture_progress(manager, 103.2, 0.0))), 0.0, 0.0)
+    kept = restart_manager(manager, 103.2, 0.0)
     kept.update_fleet(0.2)
     assert kept.states[waiting].holds == {Hold.WAITS_FOR_PLAN, Hold.SERVICE_RESTARTED}
     kept.operators.resume_tractors("anna", None, 1.0)

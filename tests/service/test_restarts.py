@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
@@ -30,7 +29,7 @@ from planner.service.fleets import fleet_sessions as hubs
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
+from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, restart_manager, start_fleet
 from vehicle.missions.plan import ENTER, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor_writer import format_tractor_toml
@@ -45,14 +44,31 @@ ORDERS: dict[str, Callable[[FleetSession], object]] = {
 }
 
 
+SCENARIO = {"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"}
+
+
+def save_small(store: Store, text: str, plan: FleetPlan | None = None) -> FleetSession:
+    """A fleet of a store, which has the text as its plan."""
+    fleet = FleetSession("f1", "small", plan or fleet_plan(), FleetRules(), begin_s=time.time())
+    store.save_fleet(fleet.id, "small", text, {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
+    return fleet
+
+
+async def restore_all(store: Store) -> FleetSessions:
+    """The fleets of a store after a restart, in a service that has ended again."""
+    hub = FleetSessions(store)
+    await hub.restore_sessions()
+    await hub.stop()
+    return hub
+
+
 @pytest.mark.parametrize("order", ORDERS)
 def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
     order: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hubs, "SAVE_PERIOD_S", 3600.0)
     store = Store(ServiceSettings(data=tmp_path))
-    fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
-    store.save_fleet("f1", "small", "{}", {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
+    fleet = save_small(store, "{}")
 
     async def ordered() -> None:
         hub = FleetSessions(store)
@@ -93,8 +109,7 @@ def crossing() -> FleetPlan:
 
 def test_a_plan_made_anew_is_taken_up_by_its_times_and_the_guard_keeps_its_distance() -> None:
     made = crossing()
-    scenario = {"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"}
-    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=scenario | dict(made.saved.scenario))
+    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=SCENARIO | dict(made.saved.scenario))
     timing = json.loads(json.dumps(describe_timing(made)))
     try:
         alone = prepare_fleet_plan(text).min_clearance_m
@@ -120,15 +135,11 @@ def test_one_tractor_alone_has_no_distance_to_keep_after_a_restart_either() -> N
 
 @pytest.mark.slow
 def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
-    settings = ServiceSettings(data=tmp_path)
-    store = Store(settings)
+    store = Store(ServiceSettings(data=tmp_path))
     made = crossing()
-    scenario = {"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"}
-    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=scenario)
-    fleet = FleetSession("f1", "small", made, FleetRules(), begin_s=time.time())
+    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=SCENARIO)
+    fleet = save_small(store, "no plan at all", made)
     fleet.plan_text = text
-    kept = {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"}
-    store.save_fleet("f1", "small", "no plan at all", kept)
 
     async def again() -> FleetSession:
         hub = FleetSessions(store)
@@ -155,18 +166,14 @@ def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is
     store = Store(ServiceSettings(data=tmp_path))
     mended = EG105.model_copy(update={"name": "slips", "wheel_slip": 0.1})
     store.add_file("tractor", "mine", format_tractor_toml(mended).encode())
-    text = format_plan(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
-    fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
+    fleet = save_small(store, format_plan(fleet_plan().plan, scenario=SCENARIO))
     fleet.twin_files = {1: "mine", 0: "deleted meanwhile"}
-    store.save_fleet("f1", "small", text, {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
 
     async def again() -> FleetSession:
-        first, second = FleetSessions(store), FleetSessions(store)
+        first = FleetSessions(store)
         first.add(fleet)
         await first.save(fleet)
-        await second.restore_sessions()
-        await second.stop()
-        return second.by_id["f1"]
+        return (await restore_all(store)).by_id["f1"]
 
     live = asyncio.run(again())
     assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.twin_files == {1: "mine"}
@@ -177,9 +184,7 @@ def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is
 def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> None:
     first = start_fleet()
     first.run(5)
-    kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))  # the service is killed
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, kept, 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     report = first.manager.states[0].report
     assert report is not None
     for tenth in range(50):  # the link takes its time
@@ -205,8 +210,7 @@ def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> Non
 def test_what_an_operator_orders_after_a_restart_is_carried_out(order: str) -> None:
     first = start_fleet()
     first.run(5)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     again.connect_tractor(0, 100.0)
     if order == "lease":
         again.operators.take_lease("anna", 0, False, 100.0)
@@ -226,8 +230,7 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
     if began:
         first.manager.operators.start_fleet_work("anna", 0.0)
         first.manager.operators.stop_all("anna", 1.0)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     assert (
         any(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
         == again.alarms.is_alarm_on("restarted", None)
@@ -238,26 +241,19 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
 def test_an_alarm_of_earlier_versions_that_nothing_ends_any_more_is_gone() -> None:
     first = start_fleet()
     first.manager.alarms.raise_alarm("stood", 0, "warning", "Tractor 1 was ordered to stop.", 0.0)
-    again = FleetManager(first.manager.plan, FleetRules())
-    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again = restart_manager(first.manager, first.now, 100.0, 3.0)
     assert [alarm.code for alarm in again.alarms.list_alarms()] == ["restarted"]
 
 
 @pytest.mark.slow
 def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(tmp_path: Path) -> None:
     store = Store(ServiceSettings(data=tmp_path))
-    text = format_plan(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
+    text = format_plan(fleet_plan().plan, scenario=SCENARIO)
     kept = {"begin_s": time.time(), "times": 1.0, "way": "predict"}
     store.save_fleet("f1", "old", text, kept)
     store.save_fleet("f2", "new", text, kept | {"horizon_s": 5.0})
 
-    async def again() -> FleetSessions:
-        hub = FleetSessions(store)
-        await hub.restore_sessions()
-        await hub.stop()
-        return hub
-
-    hub = asyncio.run(again())
+    hub = asyncio.run(restore_all(store))
     assert [hub.by_id[id].manager.rules.horizon_s for id in ("f1", "f2")] == [20.0, 5.0]
     assert [(fleet.name, fleet.created[:2]) for fleet in hub.by_id.values()] == [("old", "20"), ("new", "20")]
     assert [member.name for member in hub.neighbourhood.list_neighbours("f1")] == ["new"], (

@@ -25,11 +25,16 @@ from vehicle.twin.twin import MAX_COMMAND_GAP_S
 PLAN = fleet_plan(1, 3)
 
 
+WELCOME = {"kind": "welcome", "settings": {"times": 1.0}, "last_sequence": 6, "plan": describe_mission(PLAN, 0)}
+
+
+def unlinked() -> RobotDriver:
+    return RobotDriver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
+
+
 def robot() -> RobotDriver:
-    driver = RobotDriver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
-    driver.handle_frame(
-        {"kind": "welcome", "settings": {"times": 1.0}, "last_sequence": 6, "plan": describe_mission(PLAN, 0)}, 0.0
-    )
+    driver = unlinked()
+    driver.handle_frame(WELCOME, 0.0)
     return driver
 
 
@@ -98,14 +103,13 @@ def test_it_stops_on_its_released_legs_once_it_has_not_heard_the_centre_for_its_
 
 
 def test_it_goes_on_with_the_next_word_of_the_same_link_and_not_against_a_stop_or_over_a_new_one() -> None:
-    welcome = {"settings": {"times": 1.0}, "last_sequence": 6, "plan": describe_mission(PLAN, 0), "reason": "test"}
     for said, mode in (("heartbeat", "automatic"), ("stop", "stopped"), ("welcome", "stopped")):
         driver = robot()
         release(driver, 3, 0.0)
         driver._horizon_s = 2.0
         let(driver, 0.0, 4.0)
         assert let(driver, 4.0, 4.0, beats=False)["mode"] == "stopped"
-        driver.handle_frame({"kind": said} | welcome, 8.0)
+        driver.handle_frame(WELCOME | {"kind": said, "reason": "test"}, 8.0)
         assert let(driver, 8.0, 2.0)["mode"] == mode
 
 
@@ -132,16 +136,7 @@ def test_states_echo_the_clock_of_the_last_beat_of_their_link() -> None:
     state = driver.step(0.2)
     assert state["heartbeat_s"] == 77.25
     FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(state))
-    driver.handle_frame(
-        {
-            "kind": "welcome",
-            "settings": {"times": 1.0},
-            "last_sequence": 6,
-            "plan": describe_mission(PLAN, 0),
-            "clock_s": 80.0,
-        },
-        0.3,
-    )
+    driver.handle_frame(WELCOME | {"clock_s": 80.0}, 0.3)
     assert driver.step(0.4)["heartbeat_s"] == 80.0
 
 
@@ -181,21 +176,10 @@ def test_it_drives_as_it_is_commanded_to_the_right() -> None:
 
 
 def test_a_robot_that_forgets_all_stands_where_its_last_state_said() -> None:
-    driver = robot()
-    welcome = {
-        "kind": "welcome",
-        "settings": {"times": 1.0},
-        "last_sequence": 70,
-        "plan": describe_mission(PLAN, 0),
-        "leg": 1,
-        "leg_m": 3.0,
-        "easting_m": 1002.5,
-        "northing_m": 2021.0,
-        "heading_deg": 300.0,
-    }
-    again = RobotDriver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
+    driver, again = robot(), unlinked()
+    place = {"leg": 1, "leg_m": 3.0, "easting_m": 1002.5, "northing_m": 2021.0, "heading_deg": 300.0}
     for each in (driver, again):  # the first of them remembers
-        each.handle_frame(welcome, 0.0)
+        each.handle_frame(WELCOME | {"last_sequence": 70} | place, 0.0)
     state = again.step(0.0)
     assert (state["easting_m"], state["northing_m"], state["heading_deg"]) == pytest.approx((1002.5, 2021.0, 300.0))
     assert (state["leg"], state["leg_m"], state["mode"]) == (1, pytest.approx(3.0), "stopped")
@@ -225,16 +209,7 @@ def test_one_that_follows_goes_on_when_it_hears_the_centre_again_and_never_again
     release(driver, 3, 0.0, 0.8)
     let(driver, 0.0, 4.0)
     assert let(driver, 4.0, 3.0, beats=False)["mode"] == "stopped"
-    driver.handle_frame(
-        {
-            "kind": said,
-            "reason": "test",
-            "settings": {"times": 1.0},
-            "last_sequence": 6,
-            "plan": describe_mission(PLAN, 0),
-        },
-        7.0,
-    )
+    driver.handle_frame(WELCOME | {"kind": said, "reason": "test"}, 7.0)
     state = let(driver, 7.0, 3.0)
     assert (float(str(state["speed_mps"])) > 0.5) == goes_on == (state["mode"] == "automatic")
 
@@ -277,8 +252,8 @@ def counting(monkeypatch: pytest.MonkeyPatch) -> Counter:
     return Counter()
 
 
-def linked(counting: Counter, server: Any) -> RobotClient:
-    return RobotClient(counting, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}", "f", 1, None)  # type: ignore[arg-type]
+def linked(driver: Counter | RobotDriver, server: Any) -> RobotClient:
+    return RobotClient(driver, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}", "f", 1, None)  # type: ignore[arg-type]
 
 
 def welcome(last: int) -> str:
@@ -357,21 +332,14 @@ def test_a_robot_comes_again_when_the_service_goes_in_the_midst_of_a_greeting(co
 
 @pytest.mark.slow
 def test_a_robot_whose_service_is_gone_brakes_at_the_end_of_its_horizon() -> None:
-    driver = RobotDriver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
+    driver = unlinked()
     last: list[float] = []
 
     async def centre(link: ServerConnection) -> None:
         await link.recv()
-        first = {"kind": "welcome", "settings": {"times": 1.0}, "last_sequence": -1, "plan": describe_mission(PLAN, 0)}
-        released = {
-            "kind": "release",
-            "update": 1,
-            "base_end": 3,
-            "horizon_end": 3,
-            "limit_mps": None,
-            "horizon_s": 2.0,
-        }
-        for frame in (first, released, {"kind": "resume"}):
+        ends = {"base_end": 3, "horizon_end": 3, "limit_mps": None, "horizon_s": 2.0}
+        released = {"kind": "release", "update": 1} | ends
+        for frame in (WELCOME | {"last_sequence": -1}, released, {"kind": "resume"}):
             await link.send(json.dumps(frame))
         for _ in range(20):
             last.append(time.monotonic())
@@ -381,8 +349,7 @@ def test_a_robot_whose_service_is_gone_brakes_at_the_end_of_its_horizon() -> Non
 
     async def whole() -> tuple[float, float]:
         async with serve(centre, "127.0.0.1", 0) as server:
-            address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
-            driving = asyncio.create_task(RobotClient(driver, address, "f", 1, None).run())
+            driving = asyncio.create_task(linked(driver, server).run())
             while len(last) < 20:
                 await asyncio.sleep(0.02)
             server.close()
@@ -416,15 +383,8 @@ def test_a_robot_whose_place_was_taken_ends(counting: Counter) -> None:
 
 
 def test_one_that_starts_again_goes_on_where_it_was_and_one_that_is_linked_again_stays() -> None:
-    driver = RobotDriver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
-    welcome = {
-        "kind": "welcome",
-        "settings": {"times": 1.0},
-        "last_sequence": 6,
-        "plan": describe_mission(PLAN, 0),
-        "leg": 1,
-        "leg_m": 5.0,
-    }
+    driver = unlinked()
+    welcome = WELCOME | {"leg": 1, "leg_m": 5.0}
     driver.handle_frame(welcome, 0.0)
     state = driver.step(0.0)
     assert (state["leg"], state["leg_m"], state["done"]) == (1, pytest.approx(5.0), False)

@@ -7,12 +7,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from starlette.testclient import TestClient
 
 from planner.service.api.apps import create_app
 from planner.service.errors import StorageError
@@ -20,7 +19,7 @@ from planner.service.jobs.workers import WAITING_FOR_DISK, WorkerSupervisor, run
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import EventRow, JobRow
-from tests.service.conftest import BOTH, HERE, SMALL, bearer
+from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
 from tests.service.kinds import KINDS, made
 
 SIZE_MB = 8
@@ -103,7 +102,7 @@ def test_a_reserve_stays_free_for_the_database(disk: Disk) -> None:
 
 def test_requests_are_refused_in_a_sentence_and_go_on_once_there_is_room(disk: Disk) -> None:
     app = create_app(of(disk, reserve_mb=1), reads_inline=True)
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         token = bearer(app, BOTH)
         disk.fill(leave=500_000)
         answer = client.post("/api/v1/fields", files={"file": ("x.geojson", SMALL)}, headers=token)
@@ -118,7 +117,7 @@ def test_a_body_that_finds_no_room_while_it_comes_is_refused(disk: Disk, monkeyp
     app = create_app(ServiceSettings(data=disk.folder.parent / "data", workers=0, upload_mb=4), reads_inline=True)
     disk.fill()
     monkeypatch.setattr(tempfile, "tempdir", str(disk.folder))
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+    with client_of(app) as client:
         large = b" " * (3 * MEGABYTE_BYTES)
         answer = client.post("/api/v1/logs", files={"file": ("x.csv", large)}, headers=bearer(app, BOTH))
         assert answer.status_code == 507 and "No room is left" in answer.json()["error"]
@@ -159,14 +158,6 @@ def test_a_server_that_says_its_disk_is_full_is_believed(store: Store) -> None:
         session.execute(sa.text("DO $$ BEGIN RAISE EXCEPTION 'another' USING ERRCODE = '53000'; END $$"))
 
 
-def until(true: Callable[[], bool], patience_s: float = 60.0) -> None:
-    """Wait for something."""
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
 def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     store = Store(of(disk, reserve_mb=2))
     job = store.add_job("tiny", "here", {"number": 7})
@@ -175,7 +166,7 @@ def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     disk.fill(leave=MEGABYTE_BYTES)
     working = threading.Thread(target=run_and_store_job, args=(store, "here", claimed))
     working.start()
-    until(lambda: store.get_job(job.id).words == WAITING_FOR_DISK)
+    wait_until(lambda: store.get_job(job.id).words == WAITING_FOR_DISK)
     time.sleep(2 * store.settings.lease_s)
     store.release_expired()
     waiting = store.get_job(job.id)

@@ -15,7 +15,6 @@ import pytest
 
 import planner.fleet
 from planner.fleet.manager.danger_watch import NEAR_FLEET, UNKNOWN_GROUND
-from planner.fleet.manager.fleet_manager import UNRECORDED
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
 from planner.fleet.manager.operator_orders import NEIGHBOUR_STOPPED, RESTARTED
 from planner.fleet.model.alarms import CRITICAL, WARNING, AlarmRegister
@@ -23,7 +22,7 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorOrder, TractorReport
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
-from planner.fleet.session.fleet_session import FleetSession
+from planner.fleet.session.fleet_session import UNRECORDED, FleetSession
 from planner.fleet.session.inbound_frames import CommandFrame, TakeLeaseFrame
 from planner.fleet.session.outbound_messages import AlarmCode
 from planner.service.fleets.fleet_routes import build_asyncapi_document

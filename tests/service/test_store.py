@@ -22,7 +22,7 @@ from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name
 from planner.service.store.tables import JobRow, ResultRow, TableBase
-from tests.service.conftest import find_token
+from tests.service.conftest import find_token, store_done_job
 
 
 def test_migrations_lead_to_the_tables_of_the_models(store: Store) -> None:
@@ -206,9 +206,7 @@ def test_fleets_recordings_and_events(store: Store) -> None:
 
 def test_a_backup_is_a_folder_for_another_service(store: Store, tmp_path: Path) -> None:
     store.add_file("field", "north", b"bytes of the field")
-    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
-    store.claim_job("w")
-    store.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    job = store_done_job(store, {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
     text = store.create_token_text("office", "admin")
     assert back_up(store, tmp_path / "copy.zip") == 3
     with zipfile.ZipFile(tmp_path / "copy.zip") as packed:
@@ -226,9 +224,7 @@ def test_a_backup_is_a_folder_for_another_service(store: Store, tmp_path: Path) 
 def test_a_backup_is_brought_back_into_either_database(both: ServiceSettings, store: Store, tmp_path: Path) -> None:
     plain = Store(ServiceSettings(data=tmp_path / "plain"))
     plain.add_file("field", "north", b"bytes of the field", options={"crs": "EPSG:25832"})
-    job = plain.add_job("plan", "first", {"width": 3.0})
-    plain.claim_job("w")
-    plain.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    job = store_done_job(plain, {"width": 3.0})
     plain.save_fleet("f1", "north", "{}", {})
     plain.add_recording("f1", 1, [[0.0, 1.5]])
     seen = plain.add_event(None, "office", "plan asked for")

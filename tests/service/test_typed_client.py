@@ -12,13 +12,12 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from starlette.testclient import TestClient
 
 from planner.service.api.apps import create_app
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
-from tests.service.conftest import BOTH, HERE, SMALL, bearer
+from tests.service.conftest import BOTH, SMALL, bearer, client_of
 from tests.service.typed_client import generate_client
 
 USED = """
@@ -39,7 +38,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ModuleTy
     app = create_app(settings, reads_inline=True)
     folder = tmp_path_factory.mktemp("client")
     module = generate_client(app.openapi(), folder)
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as http:
+    with client_of(app) as http:
         yield module, module.Client(http, bearer(app, BOTH)), app.state.store, folder
 
 

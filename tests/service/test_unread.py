@@ -20,8 +20,7 @@ from planner.fleet.session.inbound_frames import LARGEST_FRAME, AcknowledgeFrame
 from planner.fleet.session.state_recorder import MOST_SEQUENCES_AHEAD
 from planner.service.fleets.fleet_socket import _handle_frame
 from tests.benchmarks.links import malformed
-from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet
-from tests.service.test_links import state
+from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet, state
 from tests.service.test_safety import live, waiting
 
 SQUARE = [[1000.0, 2100.0], [1001.0, 2100.0], [1001.0, 2101.0], [1000.0, 2101.0]]

@@ -78,6 +78,16 @@ class WatchedPage:
         assert [url for url in self.asked if not url.startswith(here)] == []
 
 
+@contextlib.contextmanager
+def watch_app(browser: Browser, app: FastAPI, scopes: str) -> Iterator[WatchedPage]:
+    """A page with a token of some scopes, with an app behind it."""
+    token = app.state.store.create_token_text("office", scopes)
+    with serve_app(app) as base:
+        watched = WatchedPage(browser, base, token)
+        yield watched
+        watched.page.context.close()
+
+
 def until(page: Page, holds: Callable[[], bool]) -> None:
     """Wait until something holds, and fail where it does not in good time."""
     end_s = time.monotonic() + LONGEST_WAIT_S

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
 import os
 import random
 import shutil
@@ -12,6 +13,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 GUIDE = Path(__file__).parents[2] / "planner" / "guide"
 NAME, PORT = "farm.example", "127.0.0.1:8765"
@@ -135,10 +137,29 @@ def _running(
                 process.wait()
 
 
-def _wait_for_tls(port: int, name: str, process: subprocess.Popen[bytes], log: Path) -> None:
-    """Wait until a handshake works; what the program said is in the error where none does."""
+def connect_over_tls(port: int, host: str = "localhost") -> http.client.HTTPSConnection:
+    """A connection to a proxy on this machine, whoever signed for it."""
+    return http.client.HTTPSConnection(host, port, timeout=60, context=_trust_anybody())
+
+
+def ask_over_tls(connection: http.client.HTTPSConnection, method: str, path: str, *sent: Any) -> int:
+    """The status of one request, after which the connection is closed."""
+    try:
+        connection.request(method, path, *sent)
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def _trust_anybody() -> ssl.SSLContext:
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    return context
+
+
+def _wait_for_tls(port: int, name: str, process: subprocess.Popen[bytes], log: Path) -> None:
+    """Wait until a handshake works; what the program said is in the error where none does."""
+    context = _trust_anybody()
     until = time.monotonic() + START_S
     while time.monotonic() < until and process.poll() is None:
         with (

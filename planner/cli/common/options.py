@@ -15,10 +15,9 @@ import typer
 from typer.models import ArgumentInfo
 
 from planner.cli.common.terminal import print_remarks
-from planner.errors import HeadlandError, RequestError
+from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
 from planner.request.options import RequestOption, list_options
-from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:

@@ -22,7 +22,6 @@ from planner.fleet.safety.compliance import REPEAT_STOP_S, find_impossible_place
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from vehicle.control.speed import compute_follower_speed
 
-UNRECORDED = "unrecorded"
 WATCH_PERIOD_S, FORECAST_PERIOD_S = 0.2, 1.0
 LONGEST_STEP_S = 2.0  # between two reports that counts as driving
 
@@ -67,10 +66,6 @@ class FleetManager(FleetState):
         if not is_echoed:
             sentence += " Set it before you drive by remote control: its states may be older than they seem."
         self.raise_alarm("clock", number, WARNING, sentence, now)
-
-    def warn_of_database(self, sentence: str, now: float) -> None:
-        """Nothing is saved at present, so a restart would lose it."""
-        self.raise_alarm(UNRECORDED, None, CRITICAL, sentence, now)
 
     def disconnect_tractor(self, number: int, now: float, is_orderly: bool) -> None:
         """The link of a tractor is down: closed by the tractor (`is_orderly`), or broken."""

@@ -173,10 +173,6 @@ class CoverageMap:
         if (last is None or math.dist(last, (x_m, y_m)) >= COVERAGE_STEP_M) and len(line) < MOST_COVERAGE_POINTS:
             line.append((x_m, y_m))
 
-    def get_points_after(self, tractor: int, count: int) -> list[CoveragePoint]:
-        """The points after the first `count`."""
-        return self.lines[tractor][count:]
-
 
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 FLEET_MANAGER = "centre"

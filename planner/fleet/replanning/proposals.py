@@ -7,14 +7,13 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, render_refusal
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import RemainingWork, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import encode_leg
 from planner.fleet.replanning.replan import ReplanProposal, replan_remaining_work
-from planner.request.parameter_names import strip_unit
 
 RunInProcess = Callable[..., Awaitable[Any]]
 BroadcastFrame = Callable[[dict[str, Any]], None]
@@ -63,7 +62,7 @@ class ReplanProposals:
             proposal: ReplanProposal = await run_in_process(replan_remaining_work, replan_run.remaining)
             replan_run = replace(replan_run, state="ready", proposal=proposal, sentence=proposal.sentence)
         except HeadlandError as refusal:
-            replan_run = replace(replan_run, state="failed", sentence=refusal.render_sentence(strip_unit))
+            replan_run = replace(replan_run, state="failed", sentence=render_refusal(refusal))
         except Exception as error:
             replan_run = replace(replan_run, state="failed", sentence=f"Planning failed ({error}); try again.")
         self._store_and_show(replan_run, broadcast)

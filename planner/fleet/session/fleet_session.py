@@ -13,10 +13,11 @@ from datetime import UTC, datetime
 from typing import Any, assert_never
 
 from planner.fleet.manager.finish_forecast import FinishDistribution
-from planner.fleet.manager.fleet_manager import UNRECORDED, FleetManager
+from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import FLEET_MANAGER
 from planner.fleet.manager.progress_snapshot import capture_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits
+from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing
 from planner.fleet.model.rules import FleetRules
@@ -43,6 +44,7 @@ from vehicle.missions.plan_file import format_plan
 
 COVERAGE_PERIOD_S = 1.0
 FULL_TICK_PERIOD_S = 0.5  # pages show data older than a second as old
+UNRECORDED = "unrecorded"  # nothing is saved at present, so a restart would lose it
 UNSAVED_ALARM_S = 10.0  # without saving, after which an alarm is raised
 MOST_EVENTS = 5000  # that wait to be saved
 CLOCK_ALARM_S = 1.0  # for which a clock must be wrong before an alarm
@@ -316,7 +318,7 @@ class FleetSession:
         self.plan_text = format_plan(
             saved.plan, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground
         )
-        self.twins.change_plan(self.manager.plan)
+        self.twins.plan = self.manager.plan
 
     # Frames to clients
 
@@ -390,7 +392,7 @@ class FleetSession:
         sentence = f"The database has been unreachable since {since}; nothing is recorded."
         if self.recorder.lost:
             sentence += f" Only the last {MOST_WAITING_STATES} states per tractor are kept; older ones are lost."
-        self.manager.warn_of_database(sentence, now)
+        self.manager.raise_alarm(UNRECORDED, None, CRITICAL, sentence, now)
 
     def step(self, now: float) -> None:
         """Do everything that depends on time; to be called twenty times a second."""

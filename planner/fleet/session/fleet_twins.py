@@ -174,10 +174,6 @@ class FleetTwins(TwinPredictions):
         moved[:, 1] += aside_m * np.cos(poses[:, 2])
         return moved
 
-    def change_plan(self, plan: FleetPlan) -> None:
-        """Use another plan of the same tractors."""
-        self.plan = plan
-
     def change_tractor(self, number: int, tractor: Tractor) -> None:
         """Restart a twin with this tractor file at its next report."""
         self.tractors[number] = tractor

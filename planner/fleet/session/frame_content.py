@@ -203,7 +203,7 @@ def build_alarms(manager: FleetManager) -> dict[str, Any]:
 
 def build_coverage(manager: FleetManager, number: int, first: int) -> dict[str, Any] | None:
     """The coverage frame of a tractor after the first points; None for nothing new."""
-    points = manager.coverage_map.get_points_after(number, first)
+    points = manager.coverage_map.lines[number][first:]
     if not points:
         return None
     east, north = manager.plan.saved.origin_m

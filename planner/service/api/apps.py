@@ -18,11 +18,10 @@ from importlib import resources
 from multiprocessing.connection import Connection
 
 import uvicorn
-from fastapi import APIRouter, Depends, FastAPI, Response
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Response
 from sqlalchemy.exc import DBAPIError
 from starlette.routing import BaseRoute
 
-from planner.request.parameter_names import strip_unit
 from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
@@ -87,15 +86,13 @@ def show_docs_script() -> Response:
     return Response(DOCS_SCRIPT, media_type="text/javascript; charset=utf-8")
 
 
-def _add_docs_asset(name: str, media: str) -> None:
-    @docs_router.get(f"/docs/{name}")
-    def show_asset() -> Response:
-        content = (resources.files("fastapi_swagger.resources") / name).read_bytes()
-        return Response(content, media_type=media, headers={"cache-control": "max-age=86400"})
-
-
-for _name, _media in DOCS_ASSETS.items():
-    _add_docs_asset(_name, _media)
+@docs_router.get("/docs/{name}")
+def show_docs_asset(name: str) -> Response:
+    """A file of the documentation page."""
+    if name not in DOCS_ASSETS:
+        raise HTTPException(404)
+    content = (resources.files("fastapi_swagger.resources") / name).read_bytes()
+    return Response(content, media_type=DOCS_ASSETS[name], headers={"cache-control": "max-age=86400"})
 
 
 API_PREFIX = "/api/v1"
@@ -187,7 +184,7 @@ def _build_app(
     app.state.settings = settings
     app.state.store = Store(settings)
     app.state.office = None
-    add_error_handlers(app, strip_unit)
+    add_error_handlers(app)
     return app
 
 

@@ -23,6 +23,7 @@ from planner.service.backgrounds.tile_grid import (
     HIGHEST_ZOOM,
     MEDIA_BY_FORMAT,
     TILE_PX,
+    PlacementInfo,
     Tile,
     identify_tile,
     place_degrees,
@@ -103,23 +104,6 @@ class BackgroundInfo(ApiModel):
     bounds_deg: Sequence[float] | None
 
 
-class PlacementInfo(ApiModel):
-    """Where a place lies, in metres of `crs` and of web mercator (EPSG:3857), and polynomials between the two.
-
-    `to_mercator` has the coefficients for x and for y, from metres about `origin_m` to metres about `mercator_m`;
-    `to_metres` is the other way. Terms are 1, u, v, u2, uv, v2, u3, u2v, uv2, v3 with u and v in kilometres. They hold
-    within `reach_m`, with errors of at most `error_m`.
-    """
-
-    crs: str
-    origin_m: list[float]
-    mercator_m: list[float]
-    to_mercator: list[list[float]]
-    to_metres: list[list[float]]
-    reach_m: float
-    error_m: float
-
-
 @background_router.get("", responses=READ_ROUTE_ERRORS, operation_id="read_background")
 def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
     """The background of maps; `kind` is none where the service has none."""
@@ -164,9 +148,7 @@ async def read_background_placement(
     """Where a place lies on the background: in metres of a system, or in degrees and metres of its UTM zone."""
     is_in_metres, is_in_degrees = (longitude, latitude) == (None, None), (crs, easting, northing) == (None, None, None)
     if is_in_metres and crs is not None and easting is not None and northing is not None:
-        placement = await run_in_threadpool(place_metres, crs, easting, northing)
-    elif is_in_degrees and longitude is not None and latitude is not None:
-        placement = await run_in_threadpool(place_degrees, longitude, latitude)
-    else:
-        raise ServiceError("Give crs, easting and northing, or longitude and latitude.")
-    return PlacementInfo.model_validate(placement)
+        return await run_in_threadpool(place_metres, crs, easting, northing)
+    if is_in_degrees and longitude is not None and latitude is not None:
+        return await run_in_threadpool(place_degrees, longitude, latitude)
+    raise ServiceError("Give crs, easting and northing, or longitude and latitude.")

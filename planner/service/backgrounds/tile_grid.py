@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel
 
 from fields.geometry.geodesy import find_utm_crs, project
 from planner.service.errors import ServiceError
@@ -26,7 +27,6 @@ REACH_M = 6_000.0
 DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
 MOST_LATITUDE_DEG = 84.0
 FloatArray = npt.NDArray[np.float64]
-Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -58,51 +58,39 @@ class Tile:
         return west, north - side_m, west + side_m, north
 
 
-@dataclass(frozen=True)
-class Placement:
-    """Where a place of the earth lies in a coordinate system of metres.
+class PlacementInfo(BaseModel):
+    """Where a place lies, in metres of `crs` and of web mercator (EPSG:3857), and polynomials between the two.
 
-    Attributes:
-        crs: the system, such as "EPSG:32632".
-        origin_m: easting and northing of the place.
-        mercator_m: the same place in metres of mercator.
-        to_mercator: coefficients for x and for y: from metres about `origin_m` to metres about `mercator_m`.
-        to_metres: the same the other way.
-        reach_m: distance from the place up to which they hold.
-        error_m: the largest error within it, metres.
-
-    Coefficients are those of u^i v^j with u and v in kilometres, in the order of `list_powers`.
+    `to_mercator` has the coefficients for x and for y, from metres about `origin_m` to metres about `mercator_m`;
+    `to_metres` is the other way. Terms are 1, u, v, u2, uv, v2, u3, u2v, uv2, v3 with u and v in kilometres. They hold
+    within `reach_m`, with errors of at most `error_m`.
     """
 
     crs: str
-    origin_m: tuple[float, float]
-    mercator_m: tuple[float, float]
-    to_mercator: Coefficients
-    to_metres: Coefficients
+    origin_m: list[float]
+    mercator_m: list[float]
+    to_mercator: list[list[float]]
+    to_metres: list[list[float]]
     reach_m: float
     error_m: float
 
 
-def list_powers() -> tuple[tuple[int, int], ...]:
-    """The powers (i, j) of the terms u^i v^j."""
-    return tuple((total - j, j) for total in range(DEGREE + 1) for j in range(total + 1))
-
-
-def place_metres(crs: str, easting_m: float, northing_m: float, reach_m: float = REACH_M) -> Placement:
+def place_metres(crs: str, easting_m: float, northing_m: float) -> PlacementInfo:
     """Where a place in metres of `crs` lies; raises ServiceError for one that has no place in mercator."""
     origin = np.array([easting_m, northing_m])
-    ticks = np.linspace(-reach_m, reach_m, GRID_POINTS)
+    ticks = np.linspace(-REACH_M, REACH_M, GRID_POINTS)
     around = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
     mercator = _project_to_mercator(np.vstack([origin, origin + around]), crs)
     centre, offsets = mercator[0], mercator[1:] - mercator[0]
     forward, forward_error = _fit_polynomial(around, offsets)
     backward, backward_error = _fit_polynomial(offsets, around)
-    origin_m, mercator_m = (easting_m, northing_m), (float(centre[0]), float(centre[1]))
-    error_m = round(max(forward_error, backward_error), 6)
-    return Placement(crs, origin_m, mercator_m, forward, backward, reach_m, error_m)
+    return PlacementInfo(
+        crs=crs, origin_m=[easting_m, northing_m], mercator_m=centre.tolist(), to_mercator=forward, to_metres=backward,
+        reach_m=REACH_M, error_m=round(max(forward_error, backward_error), 6),
+    )  # fmt: skip
 
 
-def place_degrees(longitude_deg: float, latitude_deg: float) -> Placement:
+def place_degrees(longitude_deg: float, latitude_deg: float) -> PlacementInfo:
     """The same for a place in degrees, in metres of its UTM zone; easting and northing are whole metres."""
     if abs(latitude_deg) > MOST_LATITUDE_DEG:
         raise ServiceError(
@@ -112,12 +100,6 @@ def place_degrees(longitude_deg: float, latitude_deg: float) -> Placement:
     crs = find_utm_crs(longitude_deg, latitude_deg)
     easting, northing = project(np.array([[longitude_deg, latitude_deg]]), WGS84, crs)[0].round()
     return place_metres(crs, float(easting), float(northing))
-
-
-def evaluate_polynomial(coefficients: Coefficients, points_m: FloatArray) -> FloatArray:
-    """A polynomial of a Placement at points of shape (n, 2), metres."""
-    values: FloatArray = _build_terms(points_m) @ np.array(coefficients).T
-    return values
 
 
 def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
@@ -130,17 +112,12 @@ def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
     return np.column_stack([radius_m * np.radians(longitudes_deg), northing])
 
 
-def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[Coefficients, float]:
+def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[list[list[float]], float]:
     """Coefficients for both values, by least squares, and the largest residual."""
-    terms = _build_terms(points_m)
-    solution = np.linalg.lstsq(terms, values_m, rcond=None)[0]
-    error_m = float(np.abs(terms @ solution - values_m).max())
-    return (tuple(solution[:, 0].tolist()), tuple(solution[:, 1].tolist())), error_m
-
-
-def _build_terms(points_m: FloatArray) -> FloatArray:
     u, v = (points_m / UNIT_M).T
-    return np.stack([u**i * v**j for i, j in list_powers()], axis=1)
+    terms = np.stack([u ** (total - j) * v**j for total in range(DEGREE + 1) for j in range(total + 1)], axis=1)
+    solution = np.linalg.lstsq(terms, values_m, rcond=None)[0]
+    return solution.T.tolist(), float(np.abs(terms @ solution - values_m).max())
 
 
 MOST_TILE_BYTES = 2 * 2**20

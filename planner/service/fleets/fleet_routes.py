@@ -271,41 +271,45 @@ async def delete_fleet(request: Request, _who: OperateAccess, id: str) -> Respon
     return Response(status_code=204)
 
 
-ORDERS = {
-    "start": "Start all tractors.",
-    "pause": "Pause all tractors until they are resumed.",
-    "resume": "Resume all tractors.",
-    "stop": "Stop all tractors, also those driven by remote control.",
-}
+@fleet_router.post("/fleets/{id}/start", responses=CHANGE_ERRORS)
+async def start_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+    """Start all tractors."""
+    session = _get_sessions(request).get_session(id)
+    session.manager.operators.start_fleet_work(who.name, time.monotonic())
+    return _send_and_answer(request, id)
 
 
-def _add_order_route(order: str) -> None:
-    async def carry_out_order(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
-        """Carry out an order at once; it is saved afterwards."""
-        sessions = _get_sessions(request)
-        session = sessions.get_session(id)
-        now = time.monotonic()
-        if order == "start":
-            session.manager.operators.start_fleet_work(who.name, now)
-        elif order == "stop":
-            session.manager.operators.stop_all(who.name, now)
-        elif order == "pause":
-            session.manager.operators.pause_tractors(who.name, None, now)
-        else:
-            session.manager.operators.resume_tractors(who.name, None, now)
-        session.send_pending_outputs()
-        if order == "stop":
-            request.app.state.metrics.count_stop("http", time.monotonic() - now)
-        return _build_answer(sessions, sessions.get_label(id))
-
-    fleet_router.add_api_route(
-        f"/fleets/{{id}}/{order}", carry_out_order, methods=["POST"], name=f"{order}_fleet",
-        description=ORDERS[order], responses=CHANGE_ERRORS,
-    )  # fmt: skip
+@fleet_router.post("/fleets/{id}/pause", responses=CHANGE_ERRORS)
+async def pause_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+    """Pause all tractors until they are resumed."""
+    session = _get_sessions(request).get_session(id)
+    session.manager.operators.pause_tractors(who.name, None, time.monotonic())
+    return _send_and_answer(request, id)
 
 
-for _order in ORDERS:
-    _add_order_route(_order)
+@fleet_router.post("/fleets/{id}/resume", responses=CHANGE_ERRORS)
+async def resume_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+    """Resume all tractors."""
+    session = _get_sessions(request).get_session(id)
+    session.manager.operators.resume_tractors(who.name, None, time.monotonic())
+    return _send_and_answer(request, id)
+
+
+@fleet_router.post("/fleets/{id}/stop", responses=CHANGE_ERRORS)
+async def stop_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+    """Stop all tractors, also those driven by remote control."""
+    session, ordered_s = _get_sessions(request).get_session(id), time.monotonic()
+    session.manager.operators.stop_all(who.name, ordered_s)
+    session.send_pending_outputs()
+    request.app.state.metrics.count_stop("http", time.monotonic() - ordered_s)
+    return _send_and_answer(request, id)
+
+
+def _send_and_answer(request: Request, id: str) -> FleetAnswer:
+    """Send what was ordered at once, as it is saved afterwards; the answer is the fleet as it is then."""
+    sessions = _get_sessions(request)
+    sessions.get_session(id).send_pending_outputs()
+    return _build_answer(sessions, sessions.get_label(id))
 
 
 @fleet_router.post("/fleets/{id}/replan", status_code=202, responses=CHANGE_ERRORS)
@@ -322,8 +326,7 @@ async def accept_proposal(request: Request, who: OperateAccess, id: str, body: A
     """Accept a proposal that is ready."""
     session = _get_sessions(request).get_session(id)
     session.accept_proposal(who.name, body.proposal, time.monotonic())
-    session.send_pending_outputs()
-    return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
+    return _send_and_answer(request, id)
 
 
 @fleet_router.get("/asyncapi.json", responses=LIST_ERRORS)

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from planner.errors import HeadlandError, WorkerError
+from planner.errors import HeadlandError, WorkerError, render_refusal
 from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.manager.neighbourhood import Neighbourhood
 from planner.fleet.manager.progress_snapshot import restore_progress
@@ -31,7 +31,6 @@ from planner.fleet.session.fleet_twins import warm_up
 from planner.fleet.session.frame_content import find_next_time_s
 from planner.fleet.session.state_recorder import select_rising_rows
 from planner.pipeline.executors import LocalPool
-from planner.request.parameter_names import strip_unit
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
 from planner.service.fleets.video_addresses import VideoAddresses
@@ -236,7 +235,7 @@ class FleetSessions:
                 await self._restore_coverage(session)
                 self.add(session)
             except HeadlandError as refusal:
-                self.faults[row.id] = refusal.render_sentence(strip_unit)
+                self.faults[row.id] = render_refusal(refusal)
                 logging.getLogger(__name__).warning("Fleet %s is not restored: %s", row.id, refusal)
             except Exception:
                 self.faults[row.id] = "The saved state of this fleet cannot be read; create it again from its plan."

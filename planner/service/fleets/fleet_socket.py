@@ -17,11 +17,10 @@ from fastapi import APIRouter
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, render_refusal
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient, encode_frame
 from planner.fleet.session.fleet_session import FleetSession
-from planner.request.parameter_names import strip_unit
 from planner.service.access.permissions import identify_socket
 from planner.service.errors import BusyError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetSessions
@@ -119,16 +118,13 @@ async def _await_connect(websocket: WebSocket, fleet: str) -> FleetClient:
     return FleetClient(connect.role, name, number, token=who.token_sha256)
 
 
-def _describe_refusal(refusal: Exception) -> str:
-    """A refusal as text, with the names of parameters as in requests."""
-    return refusal.render_sentence(strip_unit) if isinstance(refusal, HeadlandError) else str(refusal)
-
-
 async def _refuse_connection(websocket: WebSocket, refusal: Exception) -> None:
     if isinstance(refusal, ValidationError):
         sentence = inbound_frames.describe_frame_fault(refusal)
+    elif isinstance(refusal, HeadlandError):
+        sentence = render_refusal(refusal)
     else:
-        sentence = _describe_refusal(refusal) or f"No connect frame came within {CONNECT_TIMEOUT_S:g} s; send it first."
+        sentence = f"No connect frame came within {CONNECT_TIMEOUT_S:g} s; send it first."
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(encode_frame({"kind": "refused", "sentence": sentence, "sequence": None}))
         await websocket.close(REFUSED_CODE)
@@ -212,7 +208,7 @@ def _handle_frame(session: FleetSession, client: FleetClient, text: str | None) 
             sentence = f"A {client.role} only watches; it may send nothing but disconnect."
             client.refusals += 1
     except HeadlandError as refusal:
-        sentence = _describe_refusal(refusal)
+        sentence = render_refusal(refusal)
     except Exception:  # a fault of the service; the link stays, so that a stop can be sent
         logging.getLogger(__name__).exception("A frame of %s", client.who)
         sentence = FAULT_TEXT

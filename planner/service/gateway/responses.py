@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from fastapi import FastAPI, Request
@@ -15,7 +15,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, render_refusal, strip_unit
 from planner.request.parameter_names import quote_label
 from planner.request.validation_messages import describe_fault, format_location
 from planner.service.errors import ServiceError, StorageError
@@ -221,13 +221,13 @@ def build_refusal_response(error: ServiceError) -> JSONResponse:
     return build_error_response(error.http_status, str(error), None, error.parameter)
 
 
-def add_error_handlers(app: FastAPI, rename_parameter: Callable[[str], str]) -> None:
-    """Let an app answer errors as sentences; `rename_parameter` gives the API's names of parameters."""
+def add_error_handlers(app: FastAPI) -> None:
+    """Let an app answer errors as sentences, with the API's names of parameters."""
 
     async def handle_headland_error(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HeadlandError)
-        parameter = None if error.parameter is None else rename_parameter(error.parameter)
-        sentence, labelled = error.render_sentence(rename_parameter), error.render_sentence(quote_label)
+        parameter = None if error.parameter is None else strip_unit(error.parameter)
+        sentence, labelled = render_refusal(error), error.render_sentence(quote_label)
         more = {"labelled": labelled} if labelled != sentence else {}
         return build_error_response(getattr(error, "http_status", 422), sentence, None, parameter, **more)
 

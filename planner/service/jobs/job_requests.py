@@ -9,10 +9,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from planner.errors import RequestError, mark_parameter
+from planner.errors import RequestError, mark_parameter, strip_unit
 from planner.request.option_checks import check_day_options
 from planner.request.options import RequestOption, list_options
-from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
 from planner.service.store.job_queue import ResultFile
 

@@ -24,8 +24,7 @@ from typing import TypeVar, cast
 
 from sqlalchemy.exc import DBAPIError
 
-from planner.errors import HeadlandError
-from planner.request.parameter_names import strip_unit
+from planner.errors import HeadlandError, render_refusal
 from planner.service.errors import StorageError
 from planner.service.jobs.input_files import write_inputs
 from planner.service.jobs.job_requests import JobContext, JobFunction
@@ -109,7 +108,7 @@ def _compute_job_results(store: Store, job: JobRow, claim: ClaimedJob) -> tuple[
     except StorageError:
         raise
     except HeadlandError as refusal:
-        return (), refusal.render_sentence(strip_unit)
+        return (), render_refusal(refusal)
     except MemoryError:
         return (), "This needs more memory than there is; try fewer tractors or a smaller field."
     except Exception as error:

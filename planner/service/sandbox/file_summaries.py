@@ -25,8 +25,7 @@ def summarize_field(file_path: str, key: str | None = None, **options: Any) -> d
     Where no `key` says which of several is meant, `field` is None and `error` says how to choose.
     """
     from fields.documents.reader import list_fields, read_field
-    from planner.errors import FieldError
-    from planner.request.parameter_names import strip_unit
+    from planner.errors import FieldError, render_refusal
 
     parcels = list_fields(file_path, **options)
     summary: dict[str, Any] = {"fields": [asdict(one) for one in parcels[:MOST_FIELDS]], "field": None, "error": None}
@@ -35,7 +34,7 @@ def summarize_field(file_path: str, key: str | None = None, **options: Any) -> d
     except FieldError as refusal:
         if key is not None or len(parcels) == 1:
             raise
-        summary["error"] = refusal.render_sentence(strip_unit)
+        summary["error"] = render_refusal(refusal)
     return summary
 
 
@@ -116,8 +115,7 @@ def summarize_log(file_path: str) -> dict[str, Any]:
 
     Columns under other names are no reason to refuse it, as a diagnosis may map them.
     """
-    from planner.errors import HeadlandError
-    from planner.request.parameter_names import strip_unit
+    from planner.errors import HeadlandError, render_refusal
     from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
     from vehicle.identification.logs.table import extract_columns, read_table
@@ -133,7 +131,7 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     try:
         log = build_log(frame, Path(file_path).stem)
     except HeadlandError as refusal:
-        return summary | {"error": refusal.render_sentence(strip_unit)}
+        return summary | {"error": render_refusal(refusal)}
     return summary | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": list_remarks(log)}
 
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error
-from planner.errors import HeadlandError, RequestError
+from planner.errors import HeadlandError, RequestError, render_refusal
 from planner.request.option_texts import convert_time_to_text
 
 ValuePath = list[str | int]
@@ -123,9 +123,7 @@ def _list_contradictions(read: Any, values: Mapping[str, Any]) -> list[FormFault
     try:
         read()
     except HeadlandError as refusal:
-        from planner.request.parameter_names import strip_unit
-
-        sentence = refusal.render_sentence(strip_unit).partition(" cannot be used: ")
+        sentence = render_refusal(refusal).partition(" cannot be used: ")
         words = sentence[2] or sentence[0]
         quoted = [text for pair in re.findall(r"'([^']+)'|\"([^\"]+)\"", words) for text in pair if text]
         places = (place for text in quoted for place in _find_text(values, text))

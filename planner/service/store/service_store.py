@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 
 from planner.service.settings import ServiceSettings
 from planner.service.store.database import migrate_database
@@ -33,11 +32,6 @@ class Store(TokenStore, FileStore, JobStore, FleetStore):
         self.database.close()
 
 
-@contextmanager
-def open_store(settings: ServiceSettings) -> Iterator[Store]:
-    """A store that is open while the body runs."""
-    store = Store(settings)
-    try:
-        yield store
-    finally:
-        store.close()
+def open_store(settings: ServiceSettings) -> closing[Store]:
+    """A store that is closed at the end of a `with` statement."""
+    return closing(Store(settings))
