@@ -9,9 +9,9 @@ from datetime import datetime, timedelta
 
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import PlanRanking
+from reports.common.units import NO_VALUE as NO_VALUE
 from reports.common.units import format_area as format_area
 
-NO_VALUE = "-"
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400

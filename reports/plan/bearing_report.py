@@ -12,7 +12,7 @@ from reports.common.language import translate
 from reports.common.plan_results import PlanResult
 from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.units import format_volume
+from reports.common.units import VOLUME
 from reports.common.wording import NO_VALUE, format_duration, format_number
 from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
 from reports.plan.ranking_export import EXPORT_DECIMALS
@@ -91,7 +91,7 @@ def describe_bearings(comparison: BearingComparison) -> list[str]:
     sentences = [translate("Quickest is {bearing}: {time}.", bearing=name_row(quickest), time=time)]
     thriftiest = comparison.find_least(lambda row: row.fuel_l)
     if thriftiest is not None and thriftiest.fuel_l is not None:
-        fuel = format_volume(thriftiest.fuel_l, 1)
+        fuel = VOLUME.format(thriftiest.fuel_l, 1)
         sentences.append(translate("Least fuel takes {bearing}: {fuel}.", bearing=name_row(thriftiest), fuel=fuel))
     thriftiest = comparison.find_least(lambda row: row.energy_kwh)
     if thriftiest is not None and thriftiest.plan is not None:

@@ -11,17 +11,7 @@ from rich.text import Text
 from reports.common.language import translate, translate_count
 from reports.common.rendering import format_json, make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import (
-    convert_hectares,
-    convert_litres,
-    convert_rate_per_hectare,
-    convert_square_metres,
-    format_hectares,
-    format_square_metres,
-    get_area_unit,
-    get_small_area_unit,
-    get_volume_unit,
-)
+from reports.common.units import FIELD_AREA, SMALL_AREA, VOLUME
 from reports.common.wording import NO_VALUE, format_money, format_number, format_price
 from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
@@ -143,11 +133,11 @@ def _describe_year(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
 def _get_energy_per_year(totals: HeadlandTotals) -> float | None:
     """Electricity in kWh, or fuel in the unit of the reader; None where it is not known."""
     kwh, litres = totals.year["energy_kwh_per_year"], totals.year["fuel_l_per_year"]
-    return kwh if kwh is not None or litres is None else convert_litres(litres)
+    return kwh if kwh is not None or litres is None else VOLUME.convert(litres)
 
 
 def _get_energy_unit(comparison: HeadlandComparison) -> str:
-    return get_volume_unit() if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
+    return VOLUME.unit if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
 
 
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
@@ -155,7 +145,7 @@ def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> 
     subject = names[0] if len(names) == 1 else _count_fields(len(names))
     times = totals.operations_per_year
     yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
-    return f"{subject} ({', '.join([format_hectares(totals.area_ha), *yearly])})"
+    return f"{subject} ({', '.join([FIELD_AREA.format(totals.area_ha, 2), *yearly])})"
 
 
 def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
@@ -165,8 +155,8 @@ def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: He
 
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
     """The cost of a worked hectare with its currency."""
-    rate = format_number(convert_rate_per_hectare(totals.cost_per_ha), 1)
-    return f"{rate} {comparison.currency or ''}/{get_area_unit()}"
+    rate = format_number(FIELD_AREA.convert_rate(totals.cost_per_ha), 1)
+    return f"{rate} {comparison.currency or ''}/{FIELD_AREA.unit}"
 
 
 def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -228,18 +218,18 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     texts = [
         translate(
             "It misses {missed} and drives over {driven} of finished ground",
-            missed=format_square_metres(best.missed_m2),
-            driven=format_square_metres(best.over_finished_m2),
+            missed=SMALL_AREA.format(best.missed_m2),
+            driven=SMALL_AREA.format(best.over_finished_m2),
         )
     ]
     cut_off_m2 = sum(each.cut_off_m2 for each in best.plans)
     if cut_off_m2:
-        texts.append(translate("{area} are cut off for it (see below)", area=format_square_metres(cut_off_m2)))
+        texts.append(translate("{area} are cut off for it (see below)", area=SMALL_AREA.format(cut_off_m2)))
     if round(least_missed.missed_m2) < round(best.missed_m2):
-        area = format_square_metres(least_missed.missed_m2)
+        area = SMALL_AREA.format(least_missed.missed_m2)
         texts.append(translate("{way} misses least ({area})", way=name_choice(least_missed), area=area))
     if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
-        area = format_square_metres(least_driven.over_finished_m2)
+        area = SMALL_AREA.format(least_driven.over_finished_m2)
         texts.append(translate("{way} drives over least ({area})", way=name_choice(least_driven), area=area))
     yield f"{'; '.join(texts)}."
 
@@ -250,14 +240,14 @@ def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     energy = (_build_year_column(_get_energy_unit(comparison)),) if has_fuel(comparison) else ()
     return (
         TableColumn(translate("Headland"), is_text=True, is_unbroken=True),
-        TableColumn(f"{unit}/{get_area_unit()}"),
+        TableColumn(f"{unit}/{FIELD_AREA.unit}"),
         TableColumn(translate("More")),
         _build_year_column("h"),
         *energy,
         _build_year_column(unit),
-        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
-        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=2),
-        _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
+        _build_figure_column(translate("Missed {unit}", unit=SMALL_AREA.unit)),
+        _build_figure_column(translate("Overlap {unit}", unit=SMALL_AREA.unit), drop_order=2),
+        _build_figure_column(translate("Driven over {unit}", unit=SMALL_AREA.unit)),
     )
 
 
@@ -292,14 +282,14 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
     return (
         name_choice(totals),
-        format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
+        format_number(FIELD_AREA.convert_rate(totals.cost_per_ha), 1),
         NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
         format_hours(totals.year["hours_per_year"]),
         *([format_number(_get_energy_per_year(totals), 0)] if with_fuel else []),
         format_price(totals.year["cost_per_year"]),
-        format_number(convert_square_metres(totals.missed_m2), 0),
-        format_number(convert_square_metres(totals.overlap_m2), 0),
-        format_number(convert_square_metres(totals.over_finished_m2), 0),
+        format_number(SMALL_AREA.convert(totals.missed_m2), 0),
+        format_number(SMALL_AREA.convert(totals.overlap_m2), 0),
+        format_number(SMALL_AREA.convert(totals.over_finished_m2), 0),
     )
 
 
@@ -339,10 +329,10 @@ def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...
         TableColumn(translate("Field"), is_text=True),
         TableColumn(translate("Best headland"), is_text=True, is_unbroken=True),
         TableColumn(translate("Saves")),
-        TableColumn(f"{unit}/{get_area_unit()}"),
+        TableColumn(f"{unit}/{FIELD_AREA.unit}"),
         _build_year_column("h"),
-        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit()), drop_order=1),
-        TableColumn(get_area_unit()),
+        _build_figure_column(translate("Missed {unit}", unit=SMALL_AREA.unit), drop_order=1),
+        TableColumn(FIELD_AREA.unit),
     )
 
 
@@ -357,10 +347,10 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
         label,
         name_choice(best),
         format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
-        format_number(convert_rate_per_hectare(best.cost_per_ha), 1),
+        format_number(FIELD_AREA.convert_rate(best.cost_per_ha), 1),
         format_hours(best.year["hours_per_year"]),
-        format_number(convert_square_metres(best.missed_m2), 0),
-        format_number(convert_hectares(best.area_ha), 2),
+        format_number(SMALL_AREA.convert(best.missed_m2), 0),
+        format_number(FIELD_AREA.convert(best.area_ha), 2),
     )
 
 

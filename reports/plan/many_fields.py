@@ -16,15 +16,7 @@ from reports.common.language import translate, translate_count, translate_senten
 from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_end_s
 from reports.common.rendering import format_json
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import (
-    convert_hectares,
-    convert_rate_per_hectare,
-    format_hectares,
-    format_width,
-    get_area_unit,
-    get_length_unit,
-    is_us,
-)
+from reports.common.units import FIELD_AREA, LENGTH, format_width, is_us
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
 from reports.plan.figures import FIGURES
 from reports.plan.ranking_export import (
@@ -313,10 +305,10 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
         width=format_width(total.width_m),
         count=total.fields,
         fields=fields,
-        area=format_hectares(total.area_ha),
+        area=FIELD_AREA.format(total.area_ha, 2),
         time=format_duration(total.time_s),
         cost=cost,
-        rate=f"{format_money(convert_rate_per_hectare(total.cost_per_ha), currency)}/{get_area_unit()}",
+        rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
         worked=format_number(total.worked_pct, 1),
     )
 
@@ -330,10 +322,10 @@ def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
     """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
     has_widths = len({record.width_m for record in records}) > 1
     last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
-    width = translate("Width {unit}", unit=get_length_unit()) if is_us() else translate("Width")
+    width = translate("Width {unit}", unit=LENGTH.unit) if is_us() else translate("Width")
     columns = (
         TableColumn(translate("Field"), is_text=True, is_unbroken=True),
-        TableColumn(width) if has_widths else TableColumn(get_area_unit(), drop_order=4),
+        TableColumn(width) if has_widths else TableColumn(FIELD_AREA.unit, drop_order=4),
         FIGURES["tractors"].build_column(),
         FIGURES["strategy"].build_column(3),
         FIGURES["stated_end_s"].build_column(),
@@ -344,7 +336,7 @@ def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
     rows = []
     for record in records:
         area_ha = None if record.ranking is None else record.ranking.area_ha
-        size = format_number(convert_hectares(area_ha), 2)
+        size = format_number(FIELD_AREA.convert(area_ha), 2)
         size = format_width(record.width_m).partition(" ")[0] if has_widths else size
         cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
         if record.best is not None:
