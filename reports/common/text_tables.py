@@ -13,6 +13,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
+from reports.common.notebook import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
@@ -86,6 +87,12 @@ class FittedTable:
             missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
             hint = translate(self.more_hint)
             yield format_sentence(translate("No room for: {columns}; {hint}.", columns=missing, hint=hint), style="dim")
+
+    def convert_for_notebook(self, bold_row: int | None = None, note: str = "") -> ShownTable:
+        """The table as a fragment for notebooks has it, headings in one line."""
+        headings = [" ".join(column.heading.split()) for column in self.columns]
+        text_columns = frozenset(place for place, column in enumerate(self.columns) if column.is_text)
+        return ShownTable(headings, self.rows, text_columns, bold_row, note)
 
     def fits_full_headings(self, width: int) -> bool:
         """Whether every column has room under its full heading."""

@@ -11,9 +11,8 @@ from reports.day.page import draw_gantt, draw_machine_day, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import (
     DAY_DECIMALS,
-    FIELD_COLUMNS,
-    build_field_row,
     build_job_entry,
+    build_job_table,
     describe_optimality_gap,
     format_day_csv,
     format_day_json,
@@ -50,10 +49,8 @@ def build_day_view(day: DayResult) -> ResultView:
 def render_day_fragment(day: DayResult) -> str:
     """The answer, work over time, the jobs in the order of the fields, and what is not done."""
     jobs = sort_by_field(day)
-    headings = [column.heading.replace("\n", " ") for column in FIELD_COLUMNS]
-    text_columns = frozenset(place for place, column in enumerate(FIELD_COLUMNS) if column.is_text)
     left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
-    tables = [ShownTable(headings, [build_field_row(job) for job in jobs[:MOST_JOBS]], text_columns, note=left_out)]
+    tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
     if day.unworked_fields:
         rows = [(one.field, one.reason) for one in day.unworked_fields]
         tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))

@@ -17,8 +17,7 @@ from reports.day.schedule_results import (
     get_stated_start_s,
 )
 from reports.day.tables import (
-    FIELD_COLUMNS,
-    build_field_row,
+    build_job_table,
     describe_day_columns,
     describe_optimality_gap,
     list_machine_rows,
@@ -256,6 +255,7 @@ def _shorten_name(name: str) -> str:
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
     descriptions = {fleet.name: fleet.words for fleet in result.fleets}
+    jobs = build_job_table(sort_by_field(result))
     road_map = draw_road_map(result, has_title=False)
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
@@ -268,8 +268,8 @@ def render_day_page(result: DayResult) -> str:
         "machines": [
             (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
         ],
-        "field_header": [column.heading for column in FIELD_COLUMNS],
-        "fields": [build_field_row(job) for job in sort_by_field(result)],
+        "field_header": [column.heading for column in jobs.columns],
+        "fields": jobs.rows,
         "left": [
             (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
             for one in result.unworked_fields

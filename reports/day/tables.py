@@ -147,9 +147,8 @@ def build_day_table(result: DayResult) -> RenderableType:
     """What a day says beyond its first screen: the jobs of every machine, every field, what is not done, the costs."""
     parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
-        rows = tuple(build_field_row(job) for job in sort_by_field(result))
         parts += [Text(""), format_title("By machine"), _build_machine_table(result)]
-        parts += [Text(""), format_title("By field"), FittedTable(FIELD_COLUMNS, rows)]
+        parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result))]
         parts.append(format_sentence(describe_day_columns(result), style="dim"))
     if result.unworked_fields:
         columns = (
@@ -237,12 +236,12 @@ _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
     (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
     (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
 )
-FIELD_COLUMNS = tuple(column for column, _ in _JOB_FIGURES)
 
 
-def build_field_row(job: DayJob) -> tuple[str, ...]:
-    """A field that is done, in the order of `FIELD_COLUMNS`."""
-    return tuple(text(job) for _, text in _JOB_FIGURES)
+def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:
+    """A row for every field that is done."""
+    rows = tuple(tuple(text(job) for _, text in _JOB_FIGURES) for job in jobs)
+    return FittedTable(tuple(column for column, _ in _JOB_FIGURES), rows)
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

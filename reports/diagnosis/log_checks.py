@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from reports.common.effect_names import replace_effect_ids
 from reports.common.text_tables import FittedTable, TableColumn
@@ -18,6 +19,29 @@ from vehicle.identification.diagnosis.results import (
     RunCheck,
 )
 
+
+@dataclass(frozen=True)
+class ErrorKind:
+    """A kind of error: its attribute, heading and unit, where it lies in words, the unit that says so, decimals."""
+
+    key: str
+    heading: str
+    unit: str
+    place: str
+    full_unit: str
+    decimals: int
+
+    def format(self, value: float) -> str:
+        """A figure of this kind, without its unit."""
+        return format_number(value, self.decimals)
+
+
+ALONG = ErrorKind("along_cm", "Along", "cm", "along", "cm along", 1)
+ERROR_KINDS = (
+    ErrorKind("cross_cm", "Across", "cm", "across", "cm across", 1),
+    ALONG,
+    ErrorKind("heading_deg", "Heading", "deg", "in heading", "degrees", 2),
+)
 MOST_RUNS = 8
 SHOWN_HORIZON_S = 5.0
 MORE = "..."
@@ -27,6 +51,11 @@ _TIMING_WORDS = (
     ("filter_s", "low-passed by {:.2g} s"),
     ("clock_offset_s", "stamped {:+.2g} s by another clock"),
 )
+
+
+def format_errors(errors: ErrorsByHorizon, horizon_s: float) -> list[str]:
+    """The errors over a horizon in the order of `ERROR_KINDS`."""
+    return [kind.format(getattr(errors[horizon_s], kind.key)) for kind in ERROR_KINDS]
 
 
 def end_sentence(text: str) -> str:

@@ -11,7 +11,8 @@ from reports.common import palette
 from reports.common.effect_names import format_effect_with_id
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE, format_number, join_list
+from reports.common.wording import NO_VALUE, join_list
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 
-SHOWN_REPLAY_HORIZON_S = 5.0
 _INK_COLOUR, _MEASURED_COLOUR, _SIMULATED_COLOUR = "#2B2B2B", palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 
 
@@ -70,17 +70,9 @@ def _list_effect_names(replayed: ReplayResult) -> str:
     return join_list(map(format_effect_with_id, replayed.effects))
 
 
-def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, str, str, str]]:
+def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, ...]]:
     """Length of the pieces and the errors across, along and of the heading, as texts."""
-    return [
-        (
-            f"{horizon:g} s",
-            format_number(error.cross_cm, 1),
-            format_number(error.along_cm, 1),
-            format_number(error.heading_deg, 2),
-        )
-        for horizon, error in replayed.errors.items()
-    ]
+    return [(f"{horizon:g} s", *format_errors(replayed.errors, horizon)) for horizon in replayed.errors]
 
 
 def draw_replay(replayed: ReplayResult) -> Figure:
@@ -128,8 +120,16 @@ def draw_replayed_path(axes: Axes, replayed: ReplayResult) -> None:
 
 
 def describe_replay(replayed: ReplayResult) -> str:
-    """How far off the simulation is, in a sentence."""
-    return _describe_replay_error(replayed, list_error_rows_by_horizon(replayed))
+    """How far off the simulation is over pieces of 5 s, or of the longest length there is, in a sentence."""
+    if not replayed.errors:
+        return "The run is too short to compare measured and simulated pieces."
+    horizon_s = SHOWN_HORIZON_S if SHOWN_HORIZON_S in replayed.errors else list(replayed.errors)[-1]
+    across, along, heading = format_errors(replayed.errors, horizon_s)
+    turned = "" if heading == NO_VALUE else f", and its heading by {heading} degrees"
+    return (
+        f"Over pieces of {horizon_s:g} s the simulation is off by {across} cm across and {along} cm along the "
+        f"way{turned}."
+    )
 
 
 def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
@@ -182,26 +182,13 @@ def _draw_legend_above(axes: Axes) -> None:
 
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
     """The picture, the errors and the remarks on the log as one self-contained page."""
-    rows = list_error_rows_by_horizon(replayed)
     content = {
         "name": replayed.name,
         "tractor": replayed.tractor,
-        "verdict": _describe_replay_error(replayed, rows),
+        "verdict": describe_replay(replayed),
         "effects": _list_effect_names(replayed),
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
         "picture": encode_svg_base64(draw_replay(replayed)),
-        "rows": rows,
+        "rows": list_error_rows_by_horizon(replayed),
     }
     return render_template("replay.html.j2", content)
-
-
-def _describe_replay_error(replayed: ReplayResult, rows: Sequence[tuple[str, str, str, str]]) -> str:
-    """Describe the errors over pieces of 5 s, or of the longest length there is."""
-    if not rows:
-        return "The run is too short to compare measured and simulated pieces."
-    horizons = list(replayed.errors)
-    piece, across, along, heading = rows[
-        horizons.index(SHOWN_REPLAY_HORIZON_S) if SHOWN_REPLAY_HORIZON_S in horizons else -1
-    ]
-    turned = "" if heading == NO_VALUE else f", and its heading by {heading} degrees"
-    return f"Over pieces of {piece} the simulation is off by {across} cm across and {along} cm along the way{turned}."

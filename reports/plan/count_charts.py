@@ -61,6 +61,9 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     band, places = _ChartBand(_ABOVE, _TIME_HEIGHT - _BELOW, top), _place_counts(plans)
     names = list(dict.fromkeys(plan.strategy for plan in plans))
     front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
+    deadline = None
+    if limit is not None:
+        deadline = {"y": band.scale_y(limit), "text": f"deadline {format_deadline(ranking)}"}
     step_s = next((step for step in _TIME_STEPS_S if top / step <= 6), 86400 * math.ceil(top / 86400 / 6))
     return {
         "box": band.box,
@@ -70,7 +73,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
             plans, names, [(places[plan.tractors], band.scale_y(get_ranked_s(plan))) for plan in plans]
         ),
         "line": " ".join(f"{places[count]},{band.scale_y(time)}" for count, time in front),
-        "deadline": None if limit is None else {"y": band.scale_y(limit), "text": f"deadline {format_deadline(ranking)}"},
+        "deadline": deadline,
         "counts": [{"x": x, "text": str(count)} for count, x in places.items()],
         "times": [
             {"y": band.scale_y(time_s), "text": format_duration(time_s).removesuffix(":00")}

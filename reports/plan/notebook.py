@@ -189,10 +189,8 @@ def _build_plans_table(ranking: PlanRanking) -> ShownTable:
     """The table of the first screen, with its legend; the best plan is the first row."""
     plans = choose_first_plans(ranking, MOST_ROWS)
     table = build_answer_table(ranking, plans)
-    headings = [" ".join(column.heading.split()) for column in table.columns]
-    text_columns = frozenset(place for place, column in enumerate(table.columns) if column.is_text)
     note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
-    return ShownTable(headings, table.rows, text_columns, 0 if ranking.best else None, note)
+    return table.convert_for_notebook(0 if ranking.best else None, note)
 
 
 def _build_figures_table(plan: PlanResult) -> ShownTable:
