@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_figure, render_fragment
+from reports.common.notebook import (
+    NOT_DRAWN,
+    ResultView,
+    ShownTable,
+    build_view,
+    encode_figure,
+    encode_picture,
+    render_fragment,
+)
 from reports.common.palette import STATE_COLOURS, TRACTOR_COLOURS
 from reports.common.rendering import make_json_safe
 from reports.diagnosis.log_checks import (
@@ -73,11 +81,7 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     tables = [build_effect_table(shown, ("Id in files",)).convert_for_notebook(note=note)]
     picture = None
     if diagnosis.before:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.0, 3.0), layout="constrained", facecolor="white")
-        draw_errors(figure.add_subplot(), diagnosis)
-        picture = encode_figure(figure)
+        picture = encode_picture(lambda axes: draw_errors(axes, diagnosis), (6.0, 3.0))
     sentences = [
         *describe_columns(diagnosis),
         *describe_hints(diagnosis),

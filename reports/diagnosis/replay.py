@@ -9,6 +9,7 @@ import numpy as np
 
 from reports.common import palette
 from reports.common.effect_names import format_effect_with_id
+from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, join_list
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 
-_INK_COLOUR, _MEASURED_COLOUR, _SIMULATED_COLOUR = "#2B2B2B", palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
+_MEASURED_COLOUR, _SIMULATED_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 
 
 def format_replay_json(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
@@ -77,9 +78,7 @@ def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, ...]]:
 
 def draw_replay(replayed: ReplayResult) -> Figure:
     """Path, wheel angle, speed and the error across over 5 s, measured and simulated."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    figure = create_figure(11.0, 7.0, layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
     path = figure.add_subplot(grid[:, 0])
     wheel = figure.add_subplot(grid[0, 1])
@@ -90,7 +89,7 @@ def draw_replay(replayed: ReplayResult) -> Figure:
         _draw_speed(speed, segment)
         time = segment.measured.start_s + segment.measured.time
         for piece, errors in segment.pieces:
-            error.plot(time[piece], 100.0 * errors[:, 0], color=_INK_COLOUR, linewidth=0.8)
+            error.plot(time[piece], 100.0 * errors[:, 0], color=palette.INK_COLOUR, linewidth=0.8)
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="east, m", ylabel="north, m")
     wheel.set_ylabel("wheel angle, deg")
@@ -101,10 +100,13 @@ def draw_replay(replayed: ReplayResult) -> Figure:
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#E4E4E4", linewidth=0.6)
     for axes in (path, wheel, speed):
-        _draw_legend_above(axes)
+        draw_legend(
+            axes, axes, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0,
+            handlelength=1.6, columnspacing=1.2,
+        )  # fmt: skip
     figure.align_ylabels([wheel, speed, error])
     title = f"{replayed.name} against {replayed.tractor}".replace("$", r"\$")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK_COLOUR)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=palette.INK_COLOUR)
     return figure
 
 
@@ -114,9 +116,7 @@ def draw_replayed_path(axes: Axes, replayed: ReplayResult) -> None:
         _draw_path(axes, segment)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
-    handles, labels = axes.get_legend_handles_labels()
-    entries = dict(zip(labels, handles, strict=True))
-    axes.legend(entries.values(), entries.keys(), frameon=False, fontsize=8)
+    draw_legend(axes, axes, fontsize=8)
 
 
 def describe_replay(replayed: ReplayResult) -> str:
@@ -136,7 +136,7 @@ def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
     axes.plot(segment.measured.east, segment.measured.north, color=_MEASURED_COLOUR, linewidth=2.2, label="measured")
     axes.plot(*segment.antenna.T, color=_SIMULATED_COLOUR, linewidth=1.1, label="simulated, aligned with the first 5 s")
     start = segment.measured.east[0], segment.measured.north[0]
-    axes.plot(*start, color=_INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
+    axes.plot(*start, color=palette.INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
 
 
 def _draw_wheel(axes: Axes, segment: ReplayedSegment) -> None:
@@ -160,24 +160,6 @@ def _draw_speed(axes: Axes, segment: ReplayedSegment) -> None:
             time, segment.measured.target, color=_MEASURED_COLOUR, linestyle="dotted", linewidth=1.2, label="commanded"
         )
         axes.plot(time, segment.speed, color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
-
-
-def _draw_legend_above(axes: Axes) -> None:
-    """Draw a legend with one entry per label above the axes, where no curve is."""
-    handles, labels = axes.get_legend_handles_labels()
-    entries = dict(zip(labels, handles, strict=True))
-    axes.legend(
-        entries.values(),
-        entries.keys(),
-        frameon=False,
-        fontsize=8,
-        ncols=3,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.0,
-        handlelength=1.6,
-        columnspacing=1.2,
-    )
 
 
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:

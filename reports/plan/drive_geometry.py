@@ -56,6 +56,11 @@ class MapExtent:
         """The larger of the two, metres."""
         return max(self.width, self.height)
 
+    @property
+    def corners(self) -> Points:
+        """The lower left and the upper right corner (2, 2), metres."""
+        return np.array([(self.west, self.south), (self.east, self.north)])
+
 
 @dataclass(frozen=True)
 class Viewport:
@@ -130,12 +135,13 @@ def _check_state_seconds(drive: PlanDrive, count: int) -> None:
 
 def compute_extent(drive: PlanDrive) -> MapExtent:
     """The box around the field, the entrance and every path."""
-    clouds = [drive.boundary, *drive.xy]
-    if drive.entrance is not None:
-        clouds.append(np.array([drive.entrance]))
-    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
-    return MapExtent(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    return bound_points([drive.boundary, *drive.xy, *([] if drive.entrance is None else [np.array([drive.entrance])])])
+
+
+def bound_points(clouds: Sequence[Points]) -> MapExtent:
+    """The box around some points (n, 2) each; one of no size at the origin where there are none."""
+    points = np.concatenate(clouds) if clouds else np.zeros((1, 2))
+    return MapExtent(*map(float, (*points.min(axis=0), *points.max(axis=0))))
 
 
 def split_by_status(
@@ -148,16 +154,19 @@ def split_by_status(
     """
     if len(xy) < 2:
         return []
-    step_status = status[1:]
-    cuts = np.flatnonzero(np.diff(step_status)) + 1
-    starts, ends = [0, *cuts.tolist()], [*cuts.tolist(), len(step_status)]
     path_pieces = []
-    for start, end in zip(starts, ends, strict=True):
+    for step_status, start, end in list_status_runs(status[1:]):
         line = shapely.LineString(xy[start : end + 1])
         if line.length > 0:
             points = np.asarray(line.simplify(tolerance_m, preserve_topology=False).coords, dtype=np.float64)
-            path_pieces.append(PathPiece(int(step_status[start]), points, start, end))
+            path_pieces.append(PathPiece(step_status, points, start, end))
     return path_pieces
+
+
+def list_status_runs(status: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
+    """Runs of one status of steps (k,): status, first sample, last sample."""
+    cuts = [0, *(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
+    return [(int(status[start]), start, end) for start, end in pairwise(cuts) if end > start]
 
 
 def find_stops(

@@ -18,6 +18,7 @@ from reports.common.notebook import (
 )
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
+    FleetStudy,
     PlanRanking,
     PlanResult,
     get_ranked_s,
@@ -26,7 +27,6 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
-from reports.common.study_results import FleetStudy
 from reports.common.wording import (
     format_duration,
     format_minutes,

@@ -8,9 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
+from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
 from reports.common.rendering import format_json, make_json_safe
-from reports.common.study_results import FleetStudy, ThesisTableRow
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, FIRST_CSV_KEYS, PIECE_KEYS, PLAN_KEYS
 from reports.plan.shortfall_wording import describe_shortfall, question_pull

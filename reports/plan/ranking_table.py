@@ -10,8 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.study_results import FleetStudy
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_minutes, format_number, join_list
 from reports.plan.count_charts import choose_plan_per_count
