@@ -197,11 +197,6 @@ def get_field_work_end_s(plan: PlanResult) -> float:
     return float((plan.time_s or 0.0) if plan.done_s is None else plan.done_s)
 
 
-def get_finished_field_end_s(plan: PlanResult) -> float:
-    """When the finished field is done, seconds after the start by the clock."""
-    return get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
-
-
 def get_stated_s(plan: PlanResult) -> float:
     """The time that every report states, until all tractors are done: the median of samples, else as simulated."""
     return float((plan.time_s or 0.0) if plan.p50_s is None else plan.p50_s)
@@ -226,12 +221,18 @@ def get_stated_late_end_s(plan: PlanResult) -> float | None:
 
 def get_stated_finished_end_s(plan: PlanResult) -> float:
     """When the finished field is done: the stated end, and the time to finish the unworked ground."""
-    return get_stated_end_s(plan) + get_finished_field_end_s(plan) - get_field_work_end_s(plan)
+    finished_s = get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
+    return get_stated_end_s(plan) + finished_s - get_field_work_end_s(plan)
 
 
 def get_stated_cost(plan: PlanResult) -> float | None:
     """The cost that every report states: the expected one, and where there are no samples as simulated."""
     return plan.cost if plan.expected_cost is None else plan.expected_cost
+
+
+def get_paid_cost(plan: PlanResult) -> float | None:
+    """What is paid of the stated cost: all of it without samples."""
+    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
 
 
 def get_ranked_s(plan: PlanResult) -> float:

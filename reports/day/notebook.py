@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reports.common.notebook import ResultView, ShownTable, build_view, encode_figure, render_fragment
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import EXPORT_DECIMALS, make_json_safe
 from reports.day.answer import list_day_sentences
 from reports.day.page import draw_gantt, draw_machine_day, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import (
-    DAY_DECIMALS,
     build_job_entry,
     build_job_table,
     describe_optimality_gap,
@@ -63,5 +62,5 @@ def build_jobs_frame(day: DayResult) -> DataFrame:
     """A row per job with the values of the JSON; an interval has a column for each end."""
     import pandas as pd
 
-    entries = [flatten_entry(make_json_safe(build_job_entry(job), DAY_DECIMALS)) for job in day.jobs]
+    entries = [flatten_entry(make_json_safe(build_job_entry(job), EXPORT_DECIMALS)) for job in day.jobs]
     return pd.DataFrame(entries)

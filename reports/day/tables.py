@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import format_json, make_json_safe
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     LEAST_COST,
@@ -33,7 +33,6 @@ from reports.day.answer import (
     sort_by_machine,
 )
 from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
-from reports.plan.ranking_export import format_csv, format_csv_cell
 
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
@@ -51,7 +50,6 @@ DAY_CSV_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability", "p50_end_s", "p95_end_s",
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
 )  # fmt: skip
-DAY_DECIMALS = 6
 MOST_ROWS = 8  # of the first screen
 
 
@@ -76,13 +74,13 @@ def format_day_json(result: DayResult) -> str:
         "summary": list_day_sentences(result),
     }
     content = {key: made[key] if key in made else getattr(result, key) for key in DAY_KEYS}
-    return format_json(content, DAY_DECIMALS, is_ascii=False)
+    return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
     unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], DAY_DECIMALS)
+    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], EXPORT_DECIMALS)
     return format_csv([DAY_CSV_KEYS, *([format_csv_cell(row.get(key)) for key in DAY_CSV_KEYS] for row in entries)])
 
 

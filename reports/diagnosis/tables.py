@@ -172,9 +172,9 @@ def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
 _ERROR_COLUMNS = (
     TableColumn("Pieces"),
     *(
-        TableColumn(f"{kind.heading} {who}", f"{kind.heading}\n{who}", drop_order=drop)
+        TableColumn(f"{name} {who}", f"{name}\n{who}", drop_order=drop)
         for drop, who in enumerate(("before", "after", "noise"))
-        for kind in ERROR_KINDS
+        for name in [kind.heading for kind in ERROR_KINDS]
     ),
 )
 _EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import PurePath
@@ -13,18 +13,16 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_end_s
-from reports.common.rendering import format_json
+from reports.common.plan_results import PlanRanking, PlanResult, get_paid_cost, get_stated_cost, get_stated_end_s
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.units import FIELD_AREA, LENGTH, format_width, is_us
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
 from reports.plan.figures import FIGURES
 from reports.plan.ranking_export import (
-    EXPORT_DECIMALS,
     build_csv_row,
     build_plan_entry,
     build_ranking_entry,
-    format_csv,
     list_csv_columns,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences
@@ -129,22 +127,13 @@ def sum_over_fields(records: Sequence[FieldRecord]) -> list[FieldsTotal]:
         some = [record for record in records if record.width_m == width_m]
         plans = [record.best for record in some if record.best is not None]
         areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
-
-        def add(get_value: Callable[[PlanResult], float | None], plans: Sequence[PlanResult] = plans) -> float:
-            return math.fsum(get_value(plan) or 0.0 for plan in plans)
-
-        if plans:
-            total = FieldsTotal(
-                width_m, len(plans), math.fsum(areas_ha), add(get_stated_end_s), add(get_stated_cost),
-                add(lambda plan: plan.missed_m2), add(lambda plan: plan.over_finished_m2), add(_get_paid_cost),
-            )  # fmt: skip
-            totals.append(total)
+        figures = [
+            (get_stated_end_s(plan), get_stated_cost(plan), plan.missed_m2, plan.over_finished_m2, get_paid_cost(plan))
+            for plan in plans
+        ]
+        sums = (math.fsum(value or 0.0 for value in values) for values in zip(*figures, strict=True))
+        totals += [FieldsTotal(width_m, len(plans), math.fsum(areas_ha), *sums)] if plans else []
     return totals
-
-
-def _get_paid_cost(plan: PlanResult) -> float | None:
-    """What is paid of the stated cost: all of it without samples."""
-    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
 
 
 @dataclass(frozen=True)
@@ -230,7 +219,15 @@ def list_records_without_plan(records: Sequence[FieldRecord], *, names_file: boo
     for record in records:
         if record.best is None:
             name = record.requested_field if names_file else PurePath(record.requested_field).name
-            sentences.append(_describe_field(name, record, _explain_missing_plan(record)))
+            reason = translate_sentence(record.refusal or "")
+            if record.ranking is not None:
+                reasons = [translate_sentence(plan.reason) for plan in record.ranking.plans if plan.reason]
+                reason = translate(
+                    "no plan is feasible; the first of {count} reasons: {reason}.",
+                    count=len(reasons),
+                    reason=reasons[0],
+                )
+            sentences.append(_describe_field(name, record, reason))
     return sentences
 
 
@@ -246,18 +243,6 @@ def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
 
 def _describe_field(name: str, record: FieldRecord, reason: str) -> str:
     return translate("{field} at {width}: {reason}", field=name, width=format_width(record.width_m), reason=reason)
-
-
-def _explain_missing_plan(record: FieldRecord) -> str:
-    """Why a field has no plan, in a sentence."""
-    if record.ranking is None:
-        return translate_sentence(record.refusal or "")
-    reasons = [plan.reason for plan in record.ranking.plans if plan.reason]
-    return translate(
-        "no plan is feasible; the first of {count} reasons: {reason}.",
-        count=len(reasons),
-        reason=translate_sentence(reasons[0]),
-    )
 
 
 def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:

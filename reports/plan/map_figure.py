@@ -130,12 +130,7 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
         collection = LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4)
         axes.add_collection(collection, autolim=False)
     for marker, size, stop_status in (("s", 4, STATUS_BY_STATE["waiting"]), ("D", 5, SERVICE_STATUS)):
-        look: dict[str, Any] = {
-            "marker": marker,
-            "markersize": size,
-            "markerfacecolor": "white",
-            "markeredgecolor": colour,
-        }
+        look: dict[str, Any] = {"marker": marker, "markersize": size, "markerfacecolor": "white"}
         for x, y, _ in find_stops(xy, status, drive.step_s, stop_status):
             axes.plot(x, y, markeredgecolor=colour, zorder=5, **look)
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
