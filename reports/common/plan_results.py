@@ -11,14 +11,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from reports.common.notebook import ShownResult
 from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
 
-Points = npt.NDArray[np.float64]
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns

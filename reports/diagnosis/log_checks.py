@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from reports.common.effect_names import replace_effect_ids
-from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import NO_VALUE, capitalize_first, format_number
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
@@ -44,7 +43,6 @@ ERROR_KINDS = (
 )
 MOST_RUNS = 8
 SHOWN_HORIZON_S = 5.0
-MORE = "..."
 _TIMING_WORDS = (
     ("delay_s", "{:.2g} s late"),
     ("hold_s", "new every {:.2g} s"),
@@ -124,31 +122,6 @@ def describe_unlike_runs(diagnosis: Diagnosis) -> list[str]:
             words = run.words or "unlike the other runs"
             sentences.append(end_sentence(words) if run.name in words else f"{run.name}: {words.rstrip('.')}.")
     return sentences
-
-
-def build_run_table(diagnosis: Diagnosis, most: int = MOST_RUNS) -> FittedTable:
-    """The error of each run before and after, worst first, at most so many."""
-    runs = sort_runs(diagnosis)
-    rows = [
-        (
-            run.name,
-            format_number(run.error_before_cm, 1),
-            format_number(run.error_after_cm, 1),
-            "unlike the others" if run.unlike else "",
-        )
-        for run in runs[:most]
-    ]
-    if len(runs) > most:
-        rows.append((MORE, "", "", f"{len(runs) - most} more"))
-    return FittedTable(_RUN_COLUMNS, tuple(rows))
-
-
-_RUN_COLUMNS = (
-    TableColumn("Run", is_text=True, break_marks=" +-_/"),
-    TableColumn("Before, cm", "Before"),
-    TableColumn("After, cm", "After"),
-    TableColumn("Remark", is_text=True, drop_order=1),
-)
 
 
 def compute_distance_cm(errors: ErrorsByHorizon, horizon_s: float, along_judged: bool) -> float:

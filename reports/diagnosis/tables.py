@@ -15,8 +15,8 @@ from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
     ERROR_KINDS,
+    MOST_RUNS,
     SHOWN_HORIZON_S,
-    build_run_table,
     describe_columns,
     describe_hints,
     describe_holdout,
@@ -186,11 +186,12 @@ _EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (
     (TableColumn("Smallest visible", drop_order=3), format_smallest_visible),
 )
 _HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
-_HELD_OUT_RUN_COLUMNS = (
-    TableColumn("Run held out", is_text=True, break_marks=" +-_/"),
-    TableColumn("Before, cm", "Before"),
-    TableColumn("After, cm", "After"),
-)
+_CHANGE_COLUMNS = (TableColumn("Before, cm", "Before"), TableColumn("After, cm", "After"))
+_HELD_OUT_RUN_COLUMNS = (TableColumn("Run held out", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS)
+_RUN_COLUMNS = (
+    TableColumn("Run", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS,
+    TableColumn("Remark", is_text=True, drop_order=1),
+)  # fmt: skip
 _TIMING_COLUMNS = (
     TableColumn("Column", is_text=True),
     TableColumn("Late, s", "Late"),
@@ -214,7 +215,14 @@ def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
     parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
     if len(diagnosis.runs) > 1:
         title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
-        parts += [Text(""), format_sentence(title, style="italic"), build_run_table(diagnosis)]
+        runs = sort_runs(diagnosis)
+        rows = [
+            (run.name, format_number(run.error_before_cm, 1), format_number(run.error_after_cm, 1),
+             "unlike the others" if run.unlike else "")
+            for run in runs[:MOST_RUNS]
+        ]  # fmt: skip
+        rows += [("...", "", "", f"{len(runs) - MOST_RUNS} more")] if len(runs) > MOST_RUNS else []
+        parts += [Text(""), format_sentence(title, style="italic"), FittedTable(_RUN_COLUMNS, tuple(rows))]
     parts += build_holdout_parts(diagnosis, by_run=True)
     if diagnosis.columns:
         parts += [Text(""), format_sentence("Columns of the logs", style="italic")]

@@ -17,8 +17,8 @@ import numpy.typing as npt
 import shapely
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_drives import PlanDrive, Relief
-from reports.common.plan_results import PlanRanking, Points
+from reports.common.plan_drives import PlanDrive, Points, Relief
+from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
     REVERSING,

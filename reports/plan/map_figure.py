@@ -16,8 +16,7 @@ import shapely
 
 from reports.common import palette
 from reports.common.notebook import create_figure
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import PlanDrive, Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
     REVERSING,

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from reports.common.plan_drives import HeadlandPassLine, PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import HeadlandPassLine, PlanDrive, Points
 from reports.common.wording import format_area
 from reports.plan.drive_geometry import (
     WORKING,

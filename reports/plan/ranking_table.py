@@ -19,6 +19,7 @@ from reports.plan.figures import COUNT_DROPS, FIGURES, TABLE_DROPS, Figure, buil
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     UNWORKED_HELP,
+    describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
     group_refusals,
@@ -29,7 +30,6 @@ from reports.plan.plan_wording import (
 )
 
 _MORE_HINT = "a wider window or --json shows all"
-LEAST_GAP_PCT = 0.05  # less reads as nothing
 
 
 def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> RenderableType:
@@ -153,27 +153,3 @@ def _build_bullet(text: str) -> RenderableType:
     grid.add_column(overflow="fold")
     grid.add_row(Text("-"), Padding(format_sentence(text), 0))
     return grid
-
-
-def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
-    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
-    groups: dict[str, dict[str, list[int]]] = {}
-    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
-        if plan.order_gap_pct is not None:
-            gaps = groups.setdefault(plan.strategy, {})
-            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
-    parts = [
-        translate("{strategy} {gap} with {counts}", strategy=name, gap=gap, counts=join_list(sorted(set(counts))))
-        for name, gaps in groups.items()
-        for gap, counts in gaps.items()
-    ]
-    if not parts:
-        return None
-    return translate("Order of tracks, by the driving between them: {orders}.", orders="; ".join(parts))
-
-
-def format_order_optimality(pct: float) -> str:
-    """``optimal`` or ``within 1.2 % of optimal``."""
-    if pct < LEAST_GAP_PCT:
-        return translate("optimal")
-    return translate("within {share} % of optimal", share=format_number(pct, 1))

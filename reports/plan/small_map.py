@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import PlanDrive, Points
 from reports.plan.drive_geometry import (
     WORKING,
     Viewport,
