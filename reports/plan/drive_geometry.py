@@ -112,24 +112,17 @@ def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
             )
         if not np.isfinite(xy).all():
             raise ReportError(f"Tractor {number} has a position that is not a finite number; give metres.")
-    _check_state_seconds(drive, count)
-
-
-def list_states(drives: Iterable[PlanDrive]) -> list[str]:
-    """The states of drives; refilling only if one of them has it."""
-    return (
-        [*STATUS_BY_STATE, SERVICE_STATE]
-        if any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
-        else [*STATUS_BY_STATE]
-    )
-
-
-def _check_state_seconds(drive: PlanDrive, count: int) -> None:
     for name in [*STATUS_BY_STATE, SERVICE_STATE] if SERVICE_STATE in drive.seconds else STATUS_BY_STATE:
         if len(drive.seconds.get(name, ())) != count:
             raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
         if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
             raise ReportError(f"The {name!r} seconds {drive.seconds[name]} are not all 0 or more; correct them.")
+
+
+def list_states(drives: Iterable[PlanDrive]) -> list[str]:
+    """The states of drives; refilling only if one of them has it."""
+    has_stops = any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
+    return [*STATUS_BY_STATE, *([SERVICE_STATE] if has_stops else [])]
 
 
 def compute_extent(drive: PlanDrive) -> MapExtent:

@@ -73,7 +73,7 @@ def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]
                 "name": name_choice(one),
                 "best": one is best,
                 "map": one.plans[0].map,
-                "text": _describe_card(one, comparison),
+                "text": insert_non_breaking_spaces(", ".join(_list_card_figures(one, comparison))),
             }
             for one in driven
             if one.plans[0].map is not None
@@ -81,16 +81,14 @@ def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]
     }
 
 
-def _describe_card(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
+def _list_card_figures(totals: HeadlandTotals, comparison: HeadlandComparison) -> list[str]:
     """The figures below a map."""
-    parts = [format_duration(totals.time_s), format_cost_per_ha(totals, comparison)]
-    if totals.fuel_l is not None:
-        parts.append(f"{totals.fuel_l:.0f} l")
-    if totals.energy_kwh is not None:
-        parts.append(f"{totals.energy_kwh:.0f} kWh")
-    parts += [
+    return [
+        format_duration(totals.time_s),
+        format_cost_per_ha(totals, comparison),
+        *([] if totals.fuel_l is None else [f"{totals.fuel_l:.0f} l"]),
+        *([] if totals.energy_kwh is None else [f"{totals.energy_kwh:.0f} kWh"]),
         f"missed {totals.missed_m2:.0f} m2",
         f"overlap {totals.overlap_m2:.0f} m2",
         f"driven over {totals.over_finished_m2:.0f} m2",
     ]
-    return insert_non_breaking_spaces(", ".join(parts))
