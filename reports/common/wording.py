@@ -65,6 +65,12 @@ def format_number(value: float | None, decimals: int) -> str:
     return text.lstrip("-") if float(text) == 0 else text
 
 
+def format_signed_number(value: float | None, decimals: int) -> str:
+    """A figure as `format_number` has it, with a plus where it is above 0 as printed."""
+    text = format_number(value, decimals)
+    return text if text == NO_VALUE or text.startswith("-") or not float(text) else f"+{text}"
+
+
 def format_price(value: float | None) -> str:
     """A cost with two decimals, or none from 10 on."""
     return format_number(value, 2 if value is None or abs(value) < LEAST_WHOLE_PRICE else 0)

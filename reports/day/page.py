@@ -12,12 +12,7 @@ from reports.common.notebook import create_figure
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
-from reports.day.schedule_results import (
-    DayResult,
-    MapPlace,
-    get_stated_leaves_s,
-    get_stated_start_s,
-)
+from reports.day.schedule_results import DayResult, MapPlace, get_stated_leaves_s, get_stated_start_s
 from reports.day.tables import (
     build_job_table,
     describe_day_columns,
@@ -228,7 +223,6 @@ def _draw_roads(axes: Axes, result: DayResult) -> None:
 
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
-    descriptions = {fleet.name: fleet.words for fleet in result.fleets}
     jobs = build_job_table(sort_by_field(result))
     road_map = draw_road_map(result, has_title=False)
     content: dict[str, Any] = {
@@ -239,9 +233,7 @@ def render_day_page(result: DayResult) -> str:
         "gantt": encode_svg_base64(draw_gantt(result)),
         "map": None if road_map is None else encode_svg_base64(road_map),
         "machine_header": ("Machine", "Field", "From", "To", "Road km", "In time %"),
-        "machines": [
-            (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
-        ],
+        "machines": list_machine_rows(result),
         "field_header": [column.heading for column in jobs.columns],
         "fields": jobs.rows,
         "left": [

@@ -14,14 +14,7 @@ from rich.text import Text
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import (
-    LEAST_COST,
-    NO_VALUE,
-    format_duration,
-    format_number,
-    format_percent,
-    format_price,
-)
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.answer import (
     describe_day_certainty,
     describe_day_end,
@@ -100,27 +93,16 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     )
     jobs = sort_by_machine(result)
     parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
-    parts.append(format_sentence(_write_legend(result), style="dim"))
-    if len(jobs) > MOST_ROWS:
-        hidden = len(jobs) - MOST_ROWS
-        parts.append(
-            format_sentence(
-                translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden),
-                style="dim",
-            )
-        )
+    roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
+    notes = [translate("Times are medians of the samples, costs means.")]
+    if roads >= LEAST_COST:
+        money = f"{format_price(roads)} {result.currency}"
+        notes = [translate("Times are medians, costs means of the samples; roads add {money}.", money=money)]
+    if hidden > 0:
+        notes.append(translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden))
     if with_next:
-        text = translate("Add --explain (roads, costs, how), --html day.html (chart and map).")
-        parts.append(format_sentence(text, style="dim"))
-    return Group(*parts)
-
-
-def _write_legend(result: DayResult) -> str:
-    roads = result.paid_cost - sum(job.cost for job in result.jobs)
-    if roads < LEAST_COST:
-        return translate("Times are medians of the samples, costs means.")
-    money = f"{format_price(roads)} {result.currency}"
-    return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
+        notes.append(translate("Add --explain (roads, costs, how), --html day.html (chart and map)."))
+    return Group(*parts, *(format_sentence(text, style="dim") for text in notes))
 
 
 def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTable:
@@ -194,13 +176,14 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     """What every machine does, a row per field and one for the road back: machine, what, from, to, km, in time."""
     rows: list[tuple[str, ...]] = []
     for fleet in result.fleets:
-        jobs = [job for job in result.jobs if job.machine == fleet.name]
+        jobs, name = [job for job in result.jobs if job.machine == fleet.name], f"{fleet.name} ({fleet.words})"
         if not jobs:
-            rows.append((fleet.name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
-        for place, job in enumerate(jobs):
-            name, what = "" if place else fleet.name, f"{job.field}: {job.strategy}"
+            rows.append((name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
+        for job in jobs:
+            what = f"{job.field}: {job.strategy}"
             start, end = format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s)
-            rows.append((name, what, start, end, format_number(job.km, 1), format_percent(job.finish_probability)))
+            km, share = format_number(job.km, 1), format_percent(job.finish_probability)
+            rows.append((name if job is jobs[0] else "", what, start, end, km, share))
         if jobs and fleet.home_s is not None:
             back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
             start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
@@ -209,16 +192,12 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
 
 
 def _build_machine_table(result: DayResult) -> FittedTable:
-    descriptions = {fleet.name: fleet.words for fleet in result.fleets}
-    rows = [
-        (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
-    ]  # fmt: skip
     columns = (
         TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
         TableColumn("From"), TableColumn("To"),
         TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
     )  # fmt: skip
-    return FittedTable(columns, tuple(rows))
+    return FittedTable(columns, tuple(list_machine_rows(result)))
 
 
 _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (

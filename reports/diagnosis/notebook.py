@@ -33,10 +33,7 @@ from reports.diagnosis.replay import (
     list_error_rows_by_horizon,
     render_replay_page,
 )
-from reports.diagnosis.sentences import (
-    describe_log_size,
-    sort_findings,
-)
+from reports.diagnosis.sentences import describe_log_size, sort_findings
 from reports.diagnosis.tables import build_diagnosis_dict, build_effect_table, format_diagnosis_json, list_found
 from reports.plan.map_figure import render_png
 from vehicle.identification.diagnosis.results import Diagnosis, ReplayResult

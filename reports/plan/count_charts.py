@@ -11,11 +11,7 @@ from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
-from reports.plan.plan_wording import (
-    format_in_time_probability,
-    format_unworked,
-    list_feasible,
-)
+from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
 
 _TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
 _VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)

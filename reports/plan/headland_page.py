@@ -7,13 +7,7 @@ from typing import Any
 
 from reports.common.rendering import render_template
 from reports.common.wording import format_duration, format_number, insert_non_breaking_spaces
-from reports.plan.headland_comparison import (
-    HeadlandComparison,
-    HeadlandTotals,
-    list_cut_off,
-    list_missing,
-    name_choice,
-)
+from reports.plan.headland_comparison import HeadlandComparison, HeadlandTotals, list_cut_off, list_missing, name_choice
 from reports.plan.headland_report import (
     describe_comparison,
     describe_figures,

@@ -19,12 +19,7 @@ from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, fo
 from reports.common.units import FIELD_AREA, LENGTH, format_width, is_us
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
 from reports.plan.figures import FIGURES
-from reports.plan.ranking_export import (
-    build_csv_row,
-    build_plan_entry,
-    build_ranking_entry,
-    list_csv_columns,
-)
+from reports.plan.ranking_export import build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from reports.plan.small_map import SmallMap
 

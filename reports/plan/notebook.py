@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
-from reports.common.notebook import (
-    NOT_DRAWN,
-    ResultView,
-    ShownTable,
-    build_view,
-    encode_picture,
-    render_fragment,
-)
+from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
     FleetStudy,
@@ -27,13 +20,7 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
-from reports.common.wording import (
-    format_duration,
-    format_minutes,
-    format_number,
-    format_price,
-    format_tractor_count,
-)
+from reports.common.wording import format_duration, format_minutes, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
 from reports.plan.first_screen import build_answer_table, choose_first_plans, count_other_plans, write_legend

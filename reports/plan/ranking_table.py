@@ -12,7 +12,7 @@ from rich.text import Text
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import NO_VALUE, format_minutes, format_number, join_list
+from reports.common.wording import format_minutes, format_signed_number, join_list
 from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
 from reports.plan.figures import COUNT_DROPS, FIGURES, TABLE_DROPS, Figure, build_figure_table, choose_figures
@@ -126,7 +126,7 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
         columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
         cells = (
             (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-             _format_signed(row.difference_pct), row.note)
+             format_signed_number(row.difference_pct, 1), row.note)
             for row in rows
         )  # fmt: skip
         table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
@@ -140,11 +140,6 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
         parts.append(format_title("Assumptions behind every row"))
         parts += [_build_bullet(text) for text in study.assumptions]
     return Group(*parts)
-
-
-def _format_signed(value: float | None) -> str:
-    text = format_number(value, 1)
-    return text if text == NO_VALUE or text.startswith("-") or float(text) == 0 else f"+{text}"
 
 
 def _build_bullet(text: str) -> RenderableType:

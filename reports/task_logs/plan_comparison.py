@@ -14,17 +14,10 @@ from reports.common import palette
 from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import format_area, format_duration, format_number
+from reports.common.wording import format_area, format_duration, format_number, format_signed_number
 from reports.plan.drive_geometry import bound_points
 from reports.plan.map_figure import build_patch, draw_scale_and_north, encode_svg_base64, escape_figure_formula
-from reports.task_logs.run_results import (
-    ACTIVITY_KINDS,
-    STANDING,
-    UNLOGGED,
-    ComparisonSide,
-    PlanComparison,
-    Points,
-)
+from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, UNLOGGED, ComparisonSide, PlanComparison, Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,9 +104,7 @@ _FIGURE_LINES = (
 
 def _build_number_line(label: str, planned: float | None, driven: float | None, decimals: int) -> ComparisonRow:
     difference = None if planned is None or driven is None else driven - planned
-    signed = format_number(difference, decimals)
-    if difference is not None and round(difference, decimals) > 0.0:
-        signed = f"+{signed}"
+    signed = format_signed_number(difference, decimals)
     return label, format_number(planned, decimals), format_number(driven, decimals), signed
 
 
