@@ -111,18 +111,16 @@ def translate_sentence(sentence: str) -> str:
     language = get_language()
     if language == ENGLISH or not sentence:
         return sentence
-    exact = get_messages(language).get(sentence)
+    if exact := get_messages(language).get(sentence):
+        return exact
     may_have_values = " " in sentence and len(sentence) <= MOST_SENTENCE_CHARS
-    return exact or (_translate_by_pattern(sentence, language) if may_have_values else sentence)
-
-
-def _translate_by_pattern(sentence: str, language: str) -> str:
-    for pattern, translated in _list_patterns(language):
-        match = pattern.fullmatch(sentence)
-        if match:
-            values = match.groupdict().items()
-            return _fill_in(translated, {name: _translate_value(name, value) for name, value in values})
-    return sentence
+    patterns = _list_patterns(language) if may_have_values else []
+    matches = ((pattern.fullmatch(sentence), translated) for pattern, translated in patterns)
+    match, translated = next((pair for pair in matches if pair[0]), (None, sentence))
+    if match is None:
+        return sentence
+    values = {name: _translate_value(name, value) for name, value in match.groupdict().items()}
+    return _PLACEHOLDER.sub(lambda found: values.get(f"v_{found[1]}", found[0]), translated)
 
 
 def _translate_value(name: str, value: str) -> str:
@@ -149,10 +147,6 @@ def _translate_item(item: str) -> str:
     """An item of a list in the language in use; figures in brackets after it stay."""
     text, bracket, figures = item.partition(" (")
     return f"{translate_sentence(text)}{bracket}{figures}"
-
-
-def _fill_in(text: str, values: Mapping[str, str]) -> str:
-    return _PLACEHOLDER.sub(lambda found: values.get(f"v_{found[1]}", found[0]), text)
 
 
 @cache

@@ -135,6 +135,13 @@ def create_figure(width_inches: float, height_inches: float, **look: Any) -> Fig
     return figure
 
 
+def draw_legend(place: Axes | Figure, axes: Axes, **look: Any) -> None:
+    """A legend on a figure or axes with one entry for every label of `axes`, without a frame."""
+    handles, labels = axes.get_legend_handles_labels()
+    entries = dict(zip(labels, handles, strict=True))
+    place.legend(entries.values(), entries.keys(), frameon=False, **look)
+
+
 def encode_picture(draw: Draw, figure_inches: tuple[float, float] = FIGURE_INCHES) -> str:
     """A drawing on axes of a figure as PNG in base64."""
     figure = create_figure(*figure_inches, layout="constrained", facecolor="white")

@@ -13,6 +13,7 @@ OBSTACLE_COLOUR = "#9A9A8E"
 EDGE_COLOUR = "#4F5B39"
 UNWORKED_COLOUR = "#B00020"
 CONTOUR_COLOUR = "#8A7A5C"
+INK_COLOUR = "#2B2B2B"
 
 
 def get_tractor_colour(number: int) -> str:

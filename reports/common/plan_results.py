@@ -1,4 +1,7 @@
-"""Results of plans, as the planner hands them to the reports: plain frozen data, and which plan of them to take."""
+"""Results of plans and of the fleet study, as the planner hands them to the reports, and which plan to take.
+
+Types are plain frozen data.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from reports.common.notebook import ShownResult
 from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
 
-Points = npt.NDArray[np.float64]
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
@@ -199,11 +198,6 @@ def get_field_work_end_s(plan: PlanResult) -> float:
     return float((plan.time_s or 0.0) if plan.done_s is None else plan.done_s)
 
 
-def get_finished_field_end_s(plan: PlanResult) -> float:
-    """When the finished field is done, seconds after the start by the clock."""
-    return get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
-
-
 def get_stated_s(plan: PlanResult) -> float:
     """The time that every report states, until all tractors are done: the median of samples, else as simulated."""
     return float((plan.time_s or 0.0) if plan.p50_s is None else plan.p50_s)
@@ -228,12 +222,18 @@ def get_stated_late_end_s(plan: PlanResult) -> float | None:
 
 def get_stated_finished_end_s(plan: PlanResult) -> float:
     """When the finished field is done: the stated end, and the time to finish the unworked ground."""
-    return get_stated_end_s(plan) + get_finished_field_end_s(plan) - get_field_work_end_s(plan)
+    finished_s = get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
+    return get_stated_end_s(plan) + finished_s - get_field_work_end_s(plan)
 
 
 def get_stated_cost(plan: PlanResult) -> float | None:
     """The cost that every report states: the expected one, and where there are no samples as simulated."""
     return plan.cost if plan.expected_cost is None else plan.expected_cost
+
+
+def get_paid_cost(plan: PlanResult) -> float | None:
+    """What is paid of the stated cost: all of it without samples."""
+    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
 
 
 def get_ranked_s(plan: PlanResult) -> float:
@@ -450,3 +450,33 @@ class PlanRanking(ShownResult):
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
         return get_stated_end_s(best) - self.allowed_s
+
+
+@dataclass(frozen=True)
+class ThesisTableRow:
+    """One row of a table of the thesis beside the simulated time."""
+
+    label: str
+    tractors: int
+    thesis_s: float
+    time_s: float | None
+    difference_pct: float | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ThesisClaim:
+    """A claim of the thesis, and whether the simulation confirms it."""
+
+    claim: str
+    holds: bool
+    why: str
+
+
+@dataclass(frozen=True, repr=False)
+class FleetStudy(ShownResult):
+    """Tables 6.1 to 6.3 beside the thesis, its claims, and the one set of assumptions behind every row."""
+
+    tables: dict[str, tuple[ThesisTableRow, ...]]
+    claims: tuple[ThesisClaim, ...]
+    assumptions: tuple[str, ...]

@@ -1,15 +1,19 @@
-"""Pages from templates, plain values for JSON, and the error of all reports."""
+"""Pages from templates, plain values for JSON and CSV, and the error of all reports."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
 from fields.errors import HeadlandError
 from reports.common import palette
+
+EXPORT_DECIMALS = 6
 
 
 class ReportError(HeadlandError):
@@ -40,6 +44,18 @@ def make_json_safe(value: Any, decimals: int | None = None) -> Any:
 def format_json(data: Any, decimals: int | None = None, *, is_ascii: bool = True) -> str:
     """Values as JSON text with a trailing newline, made safe by `make_json_safe`."""
     return json.dumps(make_json_safe(data, decimals), indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
+
+
+def format_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as CSV text."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    return buffer.getvalue()
+
+
+def format_csv_cell(value: Any) -> Any:
+    """Nothing for None, and truth values as ``true`` and ``false``."""
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else value
 
 
 def render_template(name: str, content: Mapping[str, Any]) -> str:

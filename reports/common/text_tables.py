@@ -13,6 +13,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
+from reports.common.notebook import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
@@ -79,7 +80,11 @@ class FittedTable:
         places, short = self._choose_columns(options.max_width)
         widths = self._compute_column_widths(places, short, options.max_width)
         if widths is None:
-            yield from self._print_as_list()
+            for row in self.rows:
+                for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
+                    head = f"{column.full_title}: " if column.heading and self.has_header else ""
+                    text = (head + cell).replace("\n", " ").strip()
+                    yield format_sentence(text, indent=2 if number else 0)
             return
         yield self._build_rich_table(places, widths, short)
         if len(places) < len(self.columns):
@@ -87,14 +92,16 @@ class FittedTable:
             hint = translate(self.more_hint)
             yield format_sentence(translate("No room for: {columns}; {hint}.", columns=missing, hint=hint), style="dim")
 
-    def fits_full_headings(self, width: int) -> bool:
-        """Whether every column has room under its full heading."""
-        return self._compute_least_table_width(range(len(self.columns)), short=False) <= width
+    def convert_for_notebook(self, bold_row: int | None = None, note: str = "") -> ShownTable:
+        """The table as a fragment for notebooks has it, headings in one line."""
+        headings = [" ".join(column.heading.split()) for column in self.columns]
+        text_columns = frozenset(place for place, column in enumerate(self.columns) if column.is_text)
+        return ShownTable(headings, self.rows, text_columns, bold_row, note)
 
     def _choose_columns(self, width: int) -> tuple[list[int], bool]:
         """The columns that fit, and whether their headings are the short ones."""
         places = list(range(len(self.columns)))
-        if self.fits_full_headings(width):
+        if self._compute_least_table_width(places, short=False) <= width:
             return places, False
         for number in sorted(places, key=lambda n: self.columns[n].drop_order, reverse=True):
             if self._compute_least_table_width(places, short=True) <= width or not self.columns[number].drop_order:
@@ -160,13 +167,6 @@ class FittedTable:
             ]
             table.add_row(*map(Text, cells), style=self.styles[index] if self.styles else "")
         return table
-
-    def _print_as_list(self) -> Iterable[RenderableType]:
-        for row in self.rows:
-            for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
-                head = f"{column.full_title}: " if column.heading and self.has_header else ""
-                text = (head + cell).replace("\n", " ").strip()
-                yield format_sentence(text, indent=0 if not number else 2)
 
 
 @dataclass(frozen=True)

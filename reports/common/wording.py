@@ -9,9 +9,9 @@ from datetime import datetime, timedelta
 
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import PlanRanking
+from reports.common.units import NO_VALUE as NO_VALUE
 from reports.common.units import format_area as format_area
 
-NO_VALUE = "-"
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
@@ -63,6 +63,12 @@ def format_number(value: float | None, decimals: int) -> str:
         return NO_VALUE
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0 else text
+
+
+def format_signed_number(value: float | None, decimals: int) -> str:
+    """A figure as `format_number` has it, with a plus where it is above 0 as printed."""
+    text = format_number(value, decimals)
+    return text if text == NO_VALUE or text.startswith("-") or not float(text) else f"+{text}"
 
 
 def format_price(value: float | None) -> str:

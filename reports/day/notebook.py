@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reports.common.notebook import ResultView, ShownTable, build_view, encode_figure, render_fragment
-from reports.common.rendering import make_json_safe
+from reports.common.rendering import EXPORT_DECIMALS, make_json_safe
 from reports.day.answer import list_day_sentences
 from reports.day.page import draw_gantt, draw_machine_day, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import (
-    DAY_DECIMALS,
-    FIELD_COLUMNS,
-    build_field_row,
     build_job_entry,
+    build_job_table,
     describe_optimality_gap,
     format_day_csv,
     format_day_json,
@@ -50,10 +48,8 @@ def build_day_view(day: DayResult) -> ResultView:
 def render_day_fragment(day: DayResult) -> str:
     """The answer, work over time, the jobs in the order of the fields, and what is not done."""
     jobs = sort_by_field(day)
-    headings = [column.heading.replace("\n", " ") for column in FIELD_COLUMNS]
-    text_columns = frozenset(place for place, column in enumerate(FIELD_COLUMNS) if column.is_text)
     left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
-    tables = [ShownTable(headings, [build_field_row(job) for job in jobs[:MOST_JOBS]], text_columns, note=left_out)]
+    tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
     if day.unworked_fields:
         rows = [(one.field, one.reason) for one in day.unworked_fields]
         tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
@@ -66,5 +62,5 @@ def build_jobs_frame(day: DayResult) -> DataFrame:
     """A row per job with the values of the JSON; an interval has a column for each end."""
     import pandas as pd
 
-    entries = [flatten_entry(make_json_safe(build_job_entry(job), DAY_DECIMALS)) for job in day.jobs]
+    entries = [flatten_entry(make_json_safe(build_job_entry(job), EXPORT_DECIMALS)) for job in day.jobs]
     return pd.DataFrame(entries)

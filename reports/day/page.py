@@ -5,28 +5,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from reports.common import palette
 from reports.common.notebook import create_figure
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
-from reports.day.schedule_results import (
-    DayResult,
-    MapPlace,
-    get_stated_leaves_s,
-    get_stated_start_s,
-)
+from reports.day.schedule_results import DayResult, MapPlace, get_stated_leaves_s, get_stated_start_s
 from reports.day.tables import (
-    FIELD_COLUMNS,
-    build_field_row,
+    build_job_table,
     describe_day_columns,
     describe_optimality_gap,
     list_machine_rows,
     list_money_rows,
     sort_by_field,
 )
-from reports.plan.drive_geometry import choose_round_length_m
-from reports.plan.map_figure import INK_COLOUR, encode_svg_base64, escape_figure_formula
+from reports.plan.drive_geometry import bound_points, choose_round_length_m
+from reports.plan.map_figure import encode_svg_base64, escape_figure_formula
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +62,7 @@ def draw_gantt(result: DayResult) -> Figure:
     _draw_fields(fields, result, span_end_s - span_start_s)
     bottom = (0.5 + FOOT_INCHES) / height
     figure.subplots_adjust(left=0.17, right=0.98, top=1.0 - 0.42 / height, bottom=bottom, hspace=1.1 / height * 2)
-    figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=INK_COLOUR, va="center")
+    figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=palette.INK_COLOUR, va="center")
     return figure
 
 
@@ -89,16 +85,22 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.92))
     axes.set_aspect("equal")
     axes.set_axis_off()
-    west, east, south, north = _compute_map_extent(result.places)
-    size = max(east - west, north - south, LEAST_MAP_M)
-    axes.set_xlim(west - 0.12 * size, east + 0.12 * size)
-    axes.set_ylim(south - 0.16 * size, north + 0.1 * size)
+    outlines = [place.outline for place in result.places if place.outline is not None]
+    box = bound_points([np.array([(place.x_m, place.y_m) for place in result.places]), *outlines])
+    size = max(box.size, LEAST_MAP_M)
+    axes.set_xlim(box.west - 0.12 * size, box.east + 0.12 * size)
+    axes.set_ylim(box.south - 0.16 * size, box.north + 0.1 * size)
     for place in result.places:
         _draw_place(axes, place, result)
     _draw_roads(axes, result)
-    _draw_map_scale_bar(axes, west, south - 0.12 * size, choose_round_length_m(size / 4))
+    x, y, bar_m = box.west, box.south - 0.12 * size, choose_round_length_m(size / 4)
+    axes.plot([x, x + bar_m], [y, y], color=palette.INK_COLOUR, linewidth=2)
+    axes.annotate(
+        f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m", (x + 0.5 * bar_m, y), (0, 4),
+        textcoords="offset points", ha="center", fontsize=8, color=palette.INK_COLOUR,
+    )  # fmt: skip
     if has_title:
-        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=INK_COLOUR, va="center")
+        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=palette.INK_COLOUR, va="center")
     return figure
 
 
@@ -115,19 +117,20 @@ def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult,
     """Rows with their names, hours, breaks and rain."""
     axes.set_xlim(*span)
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_yticks(
-        range(len(names)), [escape_figure_formula(_shorten_name(name)) for name in names], fontsize=9, color=INK_COLOUR
-    )
+    most = LONGEST_NAME_CHARS
+    shown = [name if len(name) <= most else f"{name[: most - 1]}…" for name in names]
+    labels = [escape_figure_formula(name) for name in shown]
+    axes.set_yticks(range(len(names)), labels, fontsize=9, color=palette.INK_COLOUR)
     step = next((step for step in STEPS_H if (span[1] - span[0]) / HOUR_S / step <= 12), 24)
     first = math.ceil(span[0] / HOUR_S / step)
     ticks = [number * step * HOUR_S for number in range(first, math.floor(span[1] / HOUR_S / step) + 1)]
-    axes.set_xticks(ticks, [format_time_of_day(tick) for tick in ticks], fontsize=8, color=INK_COLOUR)
+    axes.set_xticks(ticks, [format_time_of_day(tick) for tick in ticks], fontsize=8, color=palette.INK_COLOUR)
     axes.tick_params(length=0, labelbottom=True)
     axes.grid(axis="x", color="#DCDCCF", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in axes.spines.values():
         side.set_visible(False)
-    axes.set_title(title, loc="left", fontsize=10, color=INK_COLOUR)
+    axes.set_title(title, loc="left", fontsize=10, color=palette.INK_COLOUR)
     for start, end in result.breaks:
         axes.axvspan(max(start, span[0]), min(end, span[1]), color=BREAK_COLOUR, zorder=0)
     for onset, share in result.rain if len(result.rain) <= 12 else ():
@@ -158,18 +161,13 @@ def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
         start_s, end_s = get_stated_start_s(job), job.p50_end_s
-        _draw_bar(axes, row, (start_s, end_s, job.p95_end_s), colour)
+        axes.plot([end_s, max(job.p95_end_s, end_s)], [row, row], color=colour, linewidth=1.2, zorder=2)
+        axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
         probability = f"{format_percent(job.finish_probability)} %"
         _write_bar_name(axes, row, (start_s, end_s), probability, span)
     for unworked in result.unworked_fields:
         row = result.fields.index(unworked.field)
         axes.text(result.start_s, row, " not done", fontsize=8, color=palette.UNWORKED_COLOUR, va="center")
-
-
-def _draw_bar(axes: Axes, row: int, times: tuple[float, float, float], colour: str) -> None:
-    start, end, late = times
-    axes.plot([end, max(late, end)], [row, row], color=colour, linewidth=1.2, zorder=2)
-    axes.barh(row, end - start, left=start, height=0.5, color=colour, zorder=4)
 
 
 def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str, span: float) -> None:
@@ -178,26 +176,8 @@ def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str,
     room = (end - start) / span / NARROWEST_LABELLED_BAR * 6
     if room >= 4:
         shown = text if len(text) <= room else text[: max(int(room) - 1, 1)] + "…"
-        axes.annotate(
-            escape_figure_formula(shown),
-            (0.5 * (start + end), row),
-            ha="center",
-            va="center",
-            fontsize=8,
-            color="white",
-            zorder=5,
-        )
-
-
-def _compute_map_extent(places: tuple[MapPlace, ...]) -> tuple[float, float, float, float]:
-    """West, east, south and north of everything drawn, metres."""
-    east = [place.x_m for place in places]
-    north = [place.y_m for place in places]
-    for place in places:
-        if place.outline is not None:
-            east += [float(place.outline[:, 0].min()), float(place.outline[:, 0].max())]
-            north += [float(place.outline[:, 1].min()), float(place.outline[:, 1].max())]
-    return min(east), max(east), min(north), max(north)
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "color": "white", "zorder": 5}
+        axes.annotate(escape_figure_formula(shown), (0.5 * (start + end), row), **look)
 
 
 def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
@@ -205,7 +185,7 @@ def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
     done = {job.field: job.machine for job in result.jobs}
     names = [fleet.name for fleet in result.fleets]
     if place.outline is None:
-        axes.plot(place.x_m, place.y_m, marker="s", markersize=8, color=INK_COLOUR, zorder=6)
+        axes.plot(place.x_m, place.y_m, marker="s", markersize=8, color=palette.INK_COLOUR, zorder=6)
     else:
         colour = (
             palette.get_tractor_colour(names.index(done[place.name])) if place.name in done else palette.UNWORKED_COLOUR
@@ -216,7 +196,7 @@ def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
     top = place.y_m if place.outline is None else float(place.outline[:, 1].max())
     axes.annotate(
         escape_figure_formula(place.name + suffix), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
-        fontsize=9, color=INK_COLOUR, zorder=7,
+        fontsize=9, color=palette.INK_COLOUR, zorder=7,
     )  # fmt: skip
 
 
@@ -241,21 +221,9 @@ def _draw_roads(axes: Axes, result: DayResult) -> None:
                 axes.text(x, y, f"{km:.1f} km", fontsize=7.5, color=colour, ha="center", bbox=paper, zorder=5)
 
 
-def _draw_map_scale_bar(axes: Axes, x: float, y: float, length_m: float) -> None:
-    axes.plot([x, x + length_m], [y, y], color=INK_COLOUR, linewidth=2)
-    shown = f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
-    axes.annotate(
-        shown, (x + 0.5 * length_m, y), (0, 4), textcoords="offset points", ha="center", fontsize=8, color=INK_COLOUR
-    )
-
-
-def _shorten_name(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME_CHARS else name[: LONGEST_NAME_CHARS - 1] + "…"
-
-
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
-    descriptions = {fleet.name: fleet.words for fleet in result.fleets}
+    jobs = build_job_table(sort_by_field(result))
     road_map = draw_road_map(result, has_title=False)
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
@@ -265,11 +233,9 @@ def render_day_page(result: DayResult) -> str:
         "gantt": encode_svg_base64(draw_gantt(result)),
         "map": None if road_map is None else encode_svg_base64(road_map),
         "machine_header": ("Machine", "Field", "From", "To", "Road km", "In time %"),
-        "machines": [
-            (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
-        ],
-        "field_header": [column.heading for column in FIELD_COLUMNS],
-        "fields": [build_field_row(job) for job in sort_by_field(result)],
+        "machines": list_machine_rows(result),
+        "field_header": [column.heading for column in jobs.columns],
+        "fields": jobs.rows,
         "left": [
             (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
             for one in result.unworked_fields

@@ -12,16 +12,9 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import format_json, make_json_safe
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import (
-    LEAST_COST,
-    NO_VALUE,
-    format_duration,
-    format_number,
-    format_percent,
-    format_price,
-)
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.answer import (
     describe_day_certainty,
     describe_day_end,
@@ -33,7 +26,6 @@ from reports.day.answer import (
     sort_by_machine,
 )
 from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
-from reports.plan.ranking_export import format_csv, format_csv_cell
 
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
@@ -51,7 +43,6 @@ DAY_CSV_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability", "p50_end_s", "p95_end_s",
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
 )  # fmt: skip
-DAY_DECIMALS = 6
 MOST_ROWS = 8  # of the first screen
 
 
@@ -76,13 +67,13 @@ def format_day_json(result: DayResult) -> str:
         "summary": list_day_sentences(result),
     }
     content = {key: made[key] if key in made else getattr(result, key) for key in DAY_KEYS}
-    return format_json(content, DAY_DECIMALS, is_ascii=False)
+    return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
     unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], DAY_DECIMALS)
+    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], EXPORT_DECIMALS)
     return format_csv([DAY_CSV_KEYS, *([format_csv_cell(row.get(key)) for key in DAY_CSV_KEYS] for row in entries)])
 
 
@@ -102,27 +93,16 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     )
     jobs = sort_by_machine(result)
     parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
-    parts.append(format_sentence(_write_legend(result), style="dim"))
-    if len(jobs) > MOST_ROWS:
-        hidden = len(jobs) - MOST_ROWS
-        parts.append(
-            format_sentence(
-                translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden),
-                style="dim",
-            )
-        )
+    roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
+    notes = [translate("Times are medians of the samples, costs means.")]
+    if roads >= LEAST_COST:
+        money = f"{format_price(roads)} {result.currency}"
+        notes = [translate("Times are medians, costs means of the samples; roads add {money}.", money=money)]
+    if hidden > 0:
+        notes.append(translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden))
     if with_next:
-        text = translate("Add --explain (roads, costs, how), --html day.html (chart and map).")
-        parts.append(format_sentence(text, style="dim"))
-    return Group(*parts)
-
-
-def _write_legend(result: DayResult) -> str:
-    roads = result.paid_cost - sum(job.cost for job in result.jobs)
-    if roads < LEAST_COST:
-        return translate("Times are medians of the samples, costs means.")
-    money = f"{format_price(roads)} {result.currency}"
-    return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
+        notes.append(translate("Add --explain (roads, costs, how), --html day.html (chart and map)."))
+    return Group(*parts, *(format_sentence(text, style="dim") for text in notes))
 
 
 def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTable:
@@ -147,9 +127,8 @@ def build_day_table(result: DayResult) -> RenderableType:
     """What a day says beyond its first screen: the jobs of every machine, every field, what is not done, the costs."""
     parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
-        rows = tuple(build_field_row(job) for job in sort_by_field(result))
         parts += [Text(""), format_title("By machine"), _build_machine_table(result)]
-        parts += [Text(""), format_title("By field"), FittedTable(FIELD_COLUMNS, rows)]
+        parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result))]
         parts.append(format_sentence(describe_day_columns(result), style="dim"))
     if result.unworked_fields:
         columns = (
@@ -197,13 +176,14 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     """What every machine does, a row per field and one for the road back: machine, what, from, to, km, in time."""
     rows: list[tuple[str, ...]] = []
     for fleet in result.fleets:
-        jobs = [job for job in result.jobs if job.machine == fleet.name]
+        jobs, name = [job for job in result.jobs if job.machine == fleet.name], f"{fleet.name} ({fleet.words})"
         if not jobs:
-            rows.append((fleet.name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
-        for place, job in enumerate(jobs):
-            name, what = "" if place else fleet.name, f"{job.field}: {job.strategy}"
+            rows.append((name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
+        for job in jobs:
+            what = f"{job.field}: {job.strategy}"
             start, end = format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s)
-            rows.append((name, what, start, end, format_number(job.km, 1), format_percent(job.finish_probability)))
+            km, share = format_number(job.km, 1), format_percent(job.finish_probability)
+            rows.append((name if job is jobs[0] else "", what, start, end, km, share))
         if jobs and fleet.home_s is not None:
             back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
             start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
@@ -212,16 +192,12 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
 
 
 def _build_machine_table(result: DayResult) -> FittedTable:
-    descriptions = {fleet.name: fleet.words for fleet in result.fleets}
-    rows = [
-        (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
-    ]  # fmt: skip
     columns = (
         TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
         TableColumn("From"), TableColumn("To"),
         TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
     )  # fmt: skip
-    return FittedTable(columns, tuple(rows))
+    return FittedTable(columns, tuple(list_machine_rows(result)))
 
 
 _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
@@ -237,12 +213,12 @@ _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
     (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
     (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
 )
-FIELD_COLUMNS = tuple(column for column, _ in _JOB_FIGURES)
 
 
-def build_field_row(job: DayJob) -> tuple[str, ...]:
-    """A field that is done, in the order of `FIELD_COLUMNS`."""
-    return tuple(text(job) for _, text in _JOB_FIGURES)
+def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:
+    """A row for every field that is done."""
+    rows = tuple(tuple(text(job) for _, text in _JOB_FIGURES) for job in jobs)
+    return FittedTable(tuple(column for column, _ in _JOB_FIGURES), rows)
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

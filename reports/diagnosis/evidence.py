@@ -4,11 +4,12 @@ against what it depends on; correlations."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from reports.common.effect_names import get_effect_label
 from reports.common.rendering import make_json_safe
@@ -30,7 +31,6 @@ SHADE_QUANTILE = 0.95  # of the errors before, and of slopes: a single bad squar
 MIN_SPLIT_SQUARES = 4  # fewer say nothing of steep ground and of the rest
 STRONG_CORRELATION = 0.9  # above it one value can nearly take the place of another
 PATH_MARGIN_SHARE = 0.06
-Scale = Callable[[float], float]
 
 
 def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -176,48 +176,38 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
 
 
 def _draw_places(places: PlaceErrors) -> dict[str, Any]:
-    """Squares of a map, shaded by their error, before and after on one scale."""
+    """Squares of a map, shaded by their error, before and after on one scale, and by slope where heights are known."""
     largest = max(float(np.quantile(places.before_cm, SHADE_QUANTILE)), 1e-6)
     width, height = (float(np.ptp(edge)) + places.side_m for edge in (places.west_m, places.south_m))
-    left, top = float(places.west_m.min()), float(places.south_m.max())
-    squares = {
-        name: [
-            {
-                "x": f"{west - left:g}",
-                "y": f"{top - south:g}",
-                "shade": f"{min(error / largest, 1.0):.2f}",
-                "words": f"{format_number(float(error), 1)} cm {name}",
-            }
-            for west, south, error in zip(places.west_m, places.south_m, values, strict=True)
-        ]
-        for name, values in (("before", places.before_cm), ("after", places.after_cm))
-    }
+    slopes = None
+    if places.slopes is not None:
+        steepest = max(float(np.quantile(places.slopes, SHADE_QUANTILE)), 1e-6)
+        words = [f"slope {format_number(100.0 * float(slope), 1)} %" for slope in places.slopes]
+        squares = _shade_squares(places, places.slopes / steepest, words)
+        slopes = {"squares": squares, "largest": format_number(100.0 * steepest, 1)}
     return {
         "width": f"{width:g}",
         "height": f"{height:g}",
         "side": f"{places.side_m:g}",
-        "squares": squares,
+        "squares": {
+            name: _shade_squares(
+                places, values / largest, [f"{format_number(float(error), 1)} cm {name}" for error in values]
+            )
+            for name, values in (("before", places.before_cm), ("after", places.after_cm))
+        },
         "largest": format_number(largest, 1),
-        "slopes": _draw_slopes(places, left, top),
+        "slopes": slopes,
         "slope_share": describe_error_on_slopes(places),
     }
 
 
-def _draw_slopes(places: PlaceErrors, left_m: float, top_m: float) -> dict[str, Any] | None:
-    """The same squares shaded by the slope of their ground; None where heights are unknown."""
-    if places.slopes is None:
-        return None
-    largest = max(float(np.quantile(places.slopes, SHADE_QUANTILE)), 1e-6)
-    squares = [
-        {
-            "x": f"{west - left_m:g}",
-            "y": f"{top_m - south:g}",
-            "shade": f"{min(slope / largest, 1.0):.2f}",
-            "words": f"slope {format_number(100.0 * float(slope), 1)} %",
-        }
-        for west, south, slope in zip(places.west_m, places.south_m, places.slopes, strict=True)
+def _shade_squares(places: PlaceErrors, shades: npt.NDArray[np.float64], words: Sequence[str]) -> list[dict[str, str]]:
+    """The squares of a map with their words; a shade of 1 or more is the darkest."""
+    left, top = float(places.west_m.min()), float(places.south_m.max())
+    return [
+        {"x": f"{west - left:g}", "y": f"{top - south:g}", "shade": f"{min(shade, 1.0):.2f}", "words": text}
+        for west, south, shade, text in zip(places.west_m, places.south_m, shades, words, strict=True)
     ]
-    return {"squares": squares, "largest": format_number(100.0 * largest, 1)}
 
 
 def describe_error_on_slopes(places: PlaceErrors) -> str:
@@ -241,7 +231,11 @@ def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:
     """Paths as numbers for the page's script, and which of them gains most."""
     if not evidence.paths:
         return None
-    shown = max(range(len(evidence.paths)), key=lambda number: _measure_gain_m(evidence.paths[number]))
+    off_m = [
+        [float(np.mean(np.linalg.norm(line - path.measured_m, axis=1))) for line in (path.before_m, path.after_m)]
+        for path in evidence.paths
+    ]
+    shown = int(np.argmax([before - after for before, after in off_m]))
     paths = [_convert_path(path) for path in evidence.paths]
     lines = {name: " ".join(f"{x},{y}" for x, y in paths[shown][name]) for name in ("measured", "before", "after")}
     return {"shown": shown, "paths": paths, "box": paths[shown]["box"], "lines": lines}
@@ -261,13 +255,6 @@ def _convert_path(path: PathPair) -> dict[str, Any]:
     }
 
 
-def _measure_gain_m(path: PathPair) -> float:
-    before, after = (
-        float(np.mean(np.linalg.norm(line - path.measured_m, axis=1))) for line in (path.before_m, path.after_m)
-    )
-    return before - after
-
-
 def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
     """Points, error bars and axes of the curve in drawing coordinates."""
     lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
@@ -276,7 +263,8 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
     pad = 0.06 * max(high - low, 1e-6)
     low, high = low - pad, high + pad
     lowest_at, highest_at = float(curve.regressor_values.min()), float(curve.regressor_values.max())
-    limits = _list_limits(curve, lowest_at)
+    limits = [] if curve.limit is None else [-curve.limit, curve.limit]
+    limits = limits if lowest_at < 0.0 else limits[1:]  # of the sides that were driven to
     lowest_at, highest_at = min(lowest_at, *limits, highest_at), max(highest_at, *limits, lowest_at)
     if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
         lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
@@ -316,13 +304,6 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
         "xticks": [(scale_x(value), text) for value, text in choose_ticks(lowest_at, highest_at)],
         "yticks": [(scale_y(value), text) for value, text in choose_ticks(low, high)],
     }
-
-
-def _list_limits(curve: ResidualPlot, lowest: float) -> list[float]:
-    """The limit at the sides of the axis that were driven to."""
-    if curve.limit is None:
-        return []
-    return [-curve.limit, curve.limit] if lowest < 0.0 else [curve.limit]
 
 
 def choose_ticks(low: float, high: float) -> list[tuple[float, str]]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from reports.common.effect_names import replace_effect_ids
-from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import NO_VALUE, capitalize_first, format_number
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
@@ -18,15 +18,42 @@ from vehicle.identification.diagnosis.results import (
     RunCheck,
 )
 
+
+@dataclass(frozen=True)
+class ErrorKind:
+    """A kind of error: its attribute, heading and unit, where it lies in words, the unit that says so, decimals."""
+
+    key: str
+    heading: str
+    unit: str
+    place: str
+    full_unit: str
+    decimals: int
+
+    def format(self, value: float) -> str:
+        """A figure of this kind, without its unit."""
+        return format_number(value, self.decimals)
+
+
+ALONG = ErrorKind("along_cm", "Along", "cm", "along", "cm along", 1)
+ERROR_KINDS = (
+    ErrorKind("cross_cm", "Across", "cm", "across", "cm across", 1),
+    ALONG,
+    ErrorKind("heading_deg", "Heading", "deg", "in heading", "degrees", 2),
+)
 MOST_RUNS = 8
 SHOWN_HORIZON_S = 5.0
-MORE = "..."
 _TIMING_WORDS = (
     ("delay_s", "{:.2g} s late"),
     ("hold_s", "new every {:.2g} s"),
     ("filter_s", "low-passed by {:.2g} s"),
     ("clock_offset_s", "stamped {:+.2g} s by another clock"),
 )
+
+
+def format_errors(errors: ErrorsByHorizon, horizon_s: float) -> list[str]:
+    """The errors over a horizon in the order of `ERROR_KINDS`."""
+    return [kind.format(getattr(errors[horizon_s], kind.key)) for kind in ERROR_KINDS]
 
 
 def end_sentence(text: str) -> str:
@@ -95,31 +122,6 @@ def describe_unlike_runs(diagnosis: Diagnosis) -> list[str]:
             words = run.words or "unlike the other runs"
             sentences.append(end_sentence(words) if run.name in words else f"{run.name}: {words.rstrip('.')}.")
     return sentences
-
-
-def build_run_table(diagnosis: Diagnosis, most: int = MOST_RUNS) -> FittedTable:
-    """The error of each run before and after, worst first, at most so many."""
-    runs = sort_runs(diagnosis)
-    rows = [
-        (
-            run.name,
-            format_number(run.error_before_cm, 1),
-            format_number(run.error_after_cm, 1),
-            "unlike the others" if run.unlike else "",
-        )
-        for run in runs[:most]
-    ]
-    if len(runs) > most:
-        rows.append((MORE, "", "", f"{len(runs) - most} more"))
-    return FittedTable(_RUN_COLUMNS, tuple(rows))
-
-
-_RUN_COLUMNS = (
-    TableColumn("Run", is_text=True, break_marks=" +-_/"),
-    TableColumn("Before, cm", "Before"),
-    TableColumn("After, cm", "After"),
-    TableColumn("Remark", is_text=True, drop_order=1),
-)
 
 
 def compute_distance_cm(errors: ErrorsByHorizon, horizon_s: float, along_judged: bool) -> float:

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_figure, render_fragment
+from reports.common.notebook import (
+    NOT_DRAWN,
+    ResultView,
+    ShownTable,
+    build_view,
+    encode_figure,
+    encode_picture,
+    render_fragment,
+)
 from reports.common.palette import STATE_COLOURS, TRACTOR_COLOURS
 from reports.common.rendering import make_json_safe
 from reports.diagnosis.log_checks import (
@@ -25,16 +33,10 @@ from reports.diagnosis.replay import (
     list_error_rows_by_horizon,
     render_replay_page,
 )
-from reports.diagnosis.sentences import (
-    describe_log_size,
-    format_effect_estimate,
-    format_gain_pct,
-    format_smallest_visible,
-    sort_findings,
-)
-from reports.diagnosis.tables import build_diagnosis_dict, format_diagnosis_json
+from reports.diagnosis.sentences import describe_log_size, sort_findings
+from reports.diagnosis.tables import build_diagnosis_dict, build_effect_table, format_diagnosis_json, list_found
 from reports.plan.map_figure import render_png
-from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Diagnosis, ReplayResult
+from vehicle.identification.diagnosis.results import Diagnosis, ReplayResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,28 +72,13 @@ def _summarize(diagnosis: Diagnosis) -> str:
 def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     """Verdict, how much was read, and the effects that were found, or all of them where none was."""
     findings = sort_findings(diagnosis.findings)
-    shown = [one for one in findings if one.value is not None or one.status in (NAMED, EQUIVALENT)] or findings
-    rows = [
-        (
-            get_effect_label(one.id),
-            one.status,
-            format_effect_estimate(one),
-            format_gain_pct(one),
-            format_smallest_visible(one),
-        )
-        for one in shown
-    ]
+    shown = list_found(findings) or findings
     left_out = len(findings) - len(shown)
     note = f"{left_out} more effects were examined; to_pandas() has all." if left_out else ""
-    headings = ("Effect", "Status", "Value (95 %)", "Gain %", "Smallest visible")
-    tables = [ShownTable(headings, rows, frozenset({0, 1, 2}), note=note)]
+    tables = [build_effect_table(shown, ("Id in files",)).convert_for_notebook(note=note)]
     picture = None
     if diagnosis.before:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.0, 3.0), layout="constrained", facecolor="white")
-        draw_errors(figure.add_subplot(), diagnosis)
-        picture = encode_figure(figure)
+        picture = encode_picture(lambda axes: draw_errors(axes, diagnosis), (6.0, 3.0))
     sentences = [
         *describe_columns(diagnosis),
         *describe_hints(diagnosis),

@@ -12,7 +12,9 @@ from reports.common.rendering import render_template
 from reports.common.wording import format_number, join_list
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
 from reports.diagnosis.log_checks import (
+    ERROR_KINDS,
     SHOWN_HORIZON_S,
+    ErrorKind,
     compute_distance_cm,
     describe_columns,
     describe_hints,
@@ -21,6 +23,7 @@ from reports.diagnosis.log_checks import (
     describe_unsaved_finds,
     end_sentence,
     find_shown_horizon_s,
+    format_errors,
     list_column_rows,
     list_holdout_rows,
     sort_runs,
@@ -43,10 +46,15 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import (
+    CONSTANT_LAW,
+    EQUIVALENT,
+    NOT_VISIBLE,
+    Diagnosis,
+    ErrorsByHorizon,
+    Finding,
+)
 from vehicle.model.effects import get_effect
-
-ERROR_KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
 
 
 def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
@@ -74,10 +82,8 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "hidden": hidden,
         "facts": _list_diagnosis_facts(diagnosis),
         "held_out": name_held_out_data(diagnosis),
-        "errors": _list_error_rows(diagnosis),
-        "bars": [
-            _build_bars_by_horizon(diagnosis, *kind) for kind in ERROR_KINDS if _is_error_known(diagnosis, kind[2])
-        ],
+        "errors": _list_error_rows(diagnosis.before, diagnosis.after, diagnosis.noise_floor),
+        "bars": [_build_bars_by_horizon(diagnosis, kind) for kind in _list_known_kinds(diagnosis)],
         "guilty": diagnosis.guilty_block,
         "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
         "curve": None if diagnosis.curve is None else build_curve_drawing(diagnosis.curve),
@@ -126,39 +132,26 @@ def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
     holdout = diagnosis.holdout
     if holdout is None:
         return None
-    rows = [
-        (
-            f"{horizon:g} s",
-            [
-                format_number(getattr(errors[horizon], key), digits)
-                for _, _, key, digits in ERROR_KINDS
-                for errors in (holdout.before, holdout.after)
-            ],
-        )
-        for horizon in holdout.before
-    ]
     horizon = find_shown_horizon_s(holdout)
     return {
         "sentences": describe_holdout(diagnosis),
-        "rows": rows,
+        "rows": _list_error_rows(holdout.before, holdout.after),
         "runs": list_holdout_rows(diagnosis),
         "horizon": None if horizon is None else f"{horizon:g}",
         "unsaved": describe_unsaved_finds(diagnosis),
     }
 
 
-def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, key: str) -> tuple[float, float, float]:
+def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, kind: ErrorKind) -> list[float]:
     """Error before, after and of noise alone."""
-    before, after, noise = (
-        float(getattr(errors[horizon], key)) for errors in (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
-    )
-    return before, after, noise
+    errors = (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
+    return [float(getattr(each[horizon], kind.key)) for each in errors]
 
 
-def _is_error_known(diagnosis: Diagnosis, key: str) -> bool:
-    return any(
-        math.isfinite(_get_errors_before_after_noise(diagnosis, horizon, key)[0]) for horizon in diagnosis.before
-    )
+def _list_known_kinds(diagnosis: Diagnosis) -> list[ErrorKind]:
+    """The kinds of error that are known over some horizon."""
+    before = diagnosis.before.values()
+    return [kind for kind in ERROR_KINDS if any(math.isfinite(getattr(error, kind.key)) for error in before)]
 
 
 def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
@@ -166,12 +159,11 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if SHOWN_HORIZON_S not in diagnosis.before:
         return []
     facts = []
-    for name, unit, key, _ in ERROR_KINDS:
-        if _is_error_known(diagnosis, key):
-            before, after, noise = (
-                format_number(value, 2) for value in _get_errors_before_after_noise(diagnosis, SHOWN_HORIZON_S, key)
-            )
-            facts.append((f"{name}, {unit}, pieces of {SHOWN_HORIZON_S:g} s", f"{before} → {after} (noise {noise})"))
+    for kind in _list_known_kinds(diagnosis):
+        errors = _get_errors_before_after_noise(diagnosis, SHOWN_HORIZON_S, kind)
+        before, after, noise = (format_number(value, 2) for value in errors)
+        label = f"{kind.heading}, {kind.unit}, pieces of {SHOWN_HORIZON_S:g} s"
+        facts.append((label, f"{before} → {after} (noise {noise})"))
     horizon = None if diagnosis.holdout is None else find_shown_horizon_s(diagnosis.holdout)
     if diagnosis.holdout is not None and horizon is not None:
         old, new = (
@@ -182,30 +174,25 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return facts
 
 
-def _list_error_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def _list_error_rows(*errors: ErrorsByHorizon) -> list[tuple[str, list[str]]]:
+    """A row per length of the pieces: for every kind its error in each of `errors`."""
     return [
-        {
-            "horizon": f"{horizon:g} s",
-            "cells": [
-                format_number(e, digits)
-                for _, _, key, digits in ERROR_KINDS
-                for e in _get_errors_before_after_noise(diagnosis, horizon, key)
-            ],
-        }
-        for horizon in diagnosis.before
-    ]
+        (f"{horizon:g} s", [cell for cells in zip(*(format_errors(each, horizon) for each in errors), strict=True)
+                            for cell in cells])
+        for horizon in errors[0]
+    ]  # fmt: skip
 
 
-def _build_bars_by_horizon(diagnosis: Diagnosis, name: str, unit: str, key: str, digits: int) -> dict[str, Any]:
+def _build_bars_by_horizon(diagnosis: Diagnosis, kind: ErrorKind) -> dict[str, Any]:
     """One kind of error by horizon as shares of the largest."""
     rows = {
-        h: dict(zip(("before", "after", "noise"), _get_errors_before_after_noise(diagnosis, h, key), strict=True))
+        h: dict(zip(("before", "after", "noise"), _get_errors_before_after_noise(diagnosis, h, kind), strict=True))
         for h in diagnosis.before
     }
     values = [value for row in rows.values() for value in row.values() if math.isfinite(value)]
     largest = max(values, default=0.0) or 1.0
     return {
-        "name": f"{name}, {unit}",
+        "name": f"{kind.heading}, {kind.unit}",
         "rows": [
             {
                 "horizon": f"{h:g} s",
@@ -213,7 +200,7 @@ def _build_bars_by_horizon(diagnosis: Diagnosis, name: str, unit: str, key: str,
                     {
                         "name": who,
                         "share": 100.0 * value / largest if math.isfinite(value) else 0.0,
-                        "text": format_number(value, digits),
+                        "text": kind.format(value),
                     }
                     for who, value in row.items()
                 ],

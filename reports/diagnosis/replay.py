@@ -9,9 +9,11 @@ import numpy as np
 
 from reports.common import palette
 from reports.common.effect_names import format_effect_with_id
+from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE, format_number, join_list
+from reports.common.wording import NO_VALUE, join_list
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 
@@ -21,8 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 
-SHOWN_REPLAY_HORIZON_S = 5.0
-_INK_COLOUR, _MEASURED_COLOUR, _SIMULATED_COLOUR = "#2B2B2B", palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
+_MEASURED_COLOUR, _SIMULATED_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 
 
 def format_replay_json(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
@@ -70,24 +71,14 @@ def _list_effect_names(replayed: ReplayResult) -> str:
     return join_list(map(format_effect_with_id, replayed.effects))
 
 
-def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, str, str, str]]:
+def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, ...]]:
     """Length of the pieces and the errors across, along and of the heading, as texts."""
-    return [
-        (
-            f"{horizon:g} s",
-            format_number(error.cross_cm, 1),
-            format_number(error.along_cm, 1),
-            format_number(error.heading_deg, 2),
-        )
-        for horizon, error in replayed.errors.items()
-    ]
+    return [(f"{horizon:g} s", *format_errors(replayed.errors, horizon)) for horizon in replayed.errors]
 
 
 def draw_replay(replayed: ReplayResult) -> Figure:
     """Path, wheel angle, speed and the error across over 5 s, measured and simulated."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    figure = create_figure(11.0, 7.0, layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
     path = figure.add_subplot(grid[:, 0])
     wheel = figure.add_subplot(grid[0, 1])
@@ -98,7 +89,7 @@ def draw_replay(replayed: ReplayResult) -> Figure:
         _draw_speed(speed, segment)
         time = segment.measured.start_s + segment.measured.time
         for piece, errors in segment.pieces:
-            error.plot(time[piece], 100.0 * errors[:, 0], color=_INK_COLOUR, linewidth=0.8)
+            error.plot(time[piece], 100.0 * errors[:, 0], color=palette.INK_COLOUR, linewidth=0.8)
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="east, m", ylabel="north, m")
     wheel.set_ylabel("wheel angle, deg")
@@ -109,10 +100,13 @@ def draw_replay(replayed: ReplayResult) -> Figure:
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#E4E4E4", linewidth=0.6)
     for axes in (path, wheel, speed):
-        _draw_legend_above(axes)
+        draw_legend(
+            axes, axes, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0,
+            handlelength=1.6, columnspacing=1.2,
+        )  # fmt: skip
     figure.align_ylabels([wheel, speed, error])
     title = f"{replayed.name} against {replayed.tractor}".replace("$", r"\$")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK_COLOUR)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=palette.INK_COLOUR)
     return figure
 
 
@@ -122,21 +116,27 @@ def draw_replayed_path(axes: Axes, replayed: ReplayResult) -> None:
         _draw_path(axes, segment)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
-    handles, labels = axes.get_legend_handles_labels()
-    entries = dict(zip(labels, handles, strict=True))
-    axes.legend(entries.values(), entries.keys(), frameon=False, fontsize=8)
+    draw_legend(axes, axes, fontsize=8)
 
 
 def describe_replay(replayed: ReplayResult) -> str:
-    """How far off the simulation is, in a sentence."""
-    return _describe_replay_error(replayed, list_error_rows_by_horizon(replayed))
+    """How far off the simulation is over pieces of 5 s, or of the longest length there is, in a sentence."""
+    if not replayed.errors:
+        return "The run is too short to compare measured and simulated pieces."
+    horizon_s = SHOWN_HORIZON_S if SHOWN_HORIZON_S in replayed.errors else list(replayed.errors)[-1]
+    across, along, heading = format_errors(replayed.errors, horizon_s)
+    turned = "" if heading == NO_VALUE else f", and its heading by {heading} degrees"
+    return (
+        f"Over pieces of {horizon_s:g} s the simulation is off by {across} cm across and {along} cm along the "
+        f"way{turned}."
+    )
 
 
 def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
     axes.plot(segment.measured.east, segment.measured.north, color=_MEASURED_COLOUR, linewidth=2.2, label="measured")
     axes.plot(*segment.antenna.T, color=_SIMULATED_COLOUR, linewidth=1.1, label="simulated, aligned with the first 5 s")
     start = segment.measured.east[0], segment.measured.north[0]
-    axes.plot(*start, color=_INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
+    axes.plot(*start, color=palette.INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
 
 
 def _draw_wheel(axes: Axes, segment: ReplayedSegment) -> None:
@@ -162,46 +162,15 @@ def _draw_speed(axes: Axes, segment: ReplayedSegment) -> None:
         axes.plot(time, segment.speed, color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
 
 
-def _draw_legend_above(axes: Axes) -> None:
-    """Draw a legend with one entry per label above the axes, where no curve is."""
-    handles, labels = axes.get_legend_handles_labels()
-    entries = dict(zip(labels, handles, strict=True))
-    axes.legend(
-        entries.values(),
-        entries.keys(),
-        frameon=False,
-        fontsize=8,
-        ncols=3,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.0,
-        handlelength=1.6,
-        columnspacing=1.2,
-    )
-
-
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
     """The picture, the errors and the remarks on the log as one self-contained page."""
-    rows = list_error_rows_by_horizon(replayed)
     content = {
         "name": replayed.name,
         "tractor": replayed.tractor,
-        "verdict": _describe_replay_error(replayed, rows),
+        "verdict": describe_replay(replayed),
         "effects": _list_effect_names(replayed),
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
         "picture": encode_svg_base64(draw_replay(replayed)),
-        "rows": rows,
+        "rows": list_error_rows_by_horizon(replayed),
     }
     return render_template("replay.html.j2", content)
-
-
-def _describe_replay_error(replayed: ReplayResult, rows: Sequence[tuple[str, str, str, str]]) -> str:
-    """Describe the errors over pieces of 5 s, or of the longest length there is."""
-    if not rows:
-        return "The run is too short to compare measured and simulated pieces."
-    horizons = list(replayed.errors)
-    piece, across, along, heading = rows[
-        horizons.index(SHOWN_REPLAY_HORIZON_S) if SHOWN_REPLAY_HORIZON_S in horizons else -1
-    ]
-    turned = "" if heading == NO_VALUE else f", and its heading by {heading} degrees"
-    return f"Over pieces of {piece} the simulation is off by {across} cm across and {along} cm along the way{turned}."

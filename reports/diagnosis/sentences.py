@@ -7,7 +7,14 @@ from collections.abc import Iterable
 
 from reports.common.effect_names import format_effect_with_id, get_effect_label, replace_effect_ids
 from reports.common.wording import capitalize_first, format_number, join_list
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_rows_left_out, describe_unsaved_finds
+from reports.diagnosis.log_checks import (
+    ALONG,
+    ERROR_KINDS,
+    SHOWN_HORIZON_S,
+    ErrorKind,
+    describe_rows_left_out,
+    describe_unsaved_finds,
+)
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
@@ -28,8 +35,6 @@ LIKELY_MEANS = (
     "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
 )
 LEVEL_NAMES = ("first", "second")
-ALONG_KEY = "along_cm"
-REMAINING_KINDS = (("cross_cm", "cm across", 1), (ALONG_KEY, "cm along", 1), ("heading_deg", "degrees", 2))
 CLEARLY_MORE = 1.3  # chosen, times the noise: less is the scatter of few pieces
 STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
@@ -193,18 +198,26 @@ def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
     return [*lines, *_describe_remaining_in_plan(diagnosis), f"It depends on: {depends}."]
 
 
+def _list_remaining_errors(diagnosis: Diagnosis) -> tuple[float, list[tuple[ErrorKind, float, float]]]:
+    """The length of pieces that errors are told of (5 s, or the shortest there is), and per kind that is judged what
+    remains and noise alone; there must be errors."""
+    over_s = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
+    kinds = [kind for kind in ERROR_KINDS if diagnosis.along_judged or kind is not ALONG]
+    both = diagnosis.after[over_s], diagnosis.noise_floor[over_s]
+    return over_s, [(kind, *(getattr(error, kind.key) for error in both)) for kind in kinds]
+
+
 def _compare_with_noise(diagnosis: Diagnosis) -> str:
-    """Compare the remaining error over pieces of 5 s (or of the shortest length there is) with noise alone."""
+    """Compare the remaining error with noise alone."""
     if not diagnosis.after:
         return "The remaining error"
-    over = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
-    after, noise = diagnosis.after[over], diagnosis.noise_floor[over]
+    over_s, errors = _list_remaining_errors(diagnosis)
     parts = [
-        f"{format_number(getattr(after, key), digits)} {unit} (noise {format_number(getattr(noise, key), digits)})"
-        for key, unit, digits in REMAINING_KINDS
-        if math.isfinite(getattr(after, key)) and (diagnosis.along_judged or key != ALONG_KEY)
+        f"{kind.format(after)} {kind.full_unit} (noise {kind.format(noise)})"
+        for kind, after, noise in errors
+        if math.isfinite(after)
     ]
-    return f"The remaining error over pieces of {over:g} s, {', '.join(parts)},"
+    return f"The remaining error over pieces of {over_s:g} s, {', '.join(parts)},"
 
 
 def _describe_unexplained_share(diagnosis: Diagnosis) -> str:
@@ -234,11 +247,8 @@ def _list_exceeding_kinds(diagnosis: Diagnosis) -> str:
     """List the kinds of error that are told as clearly larger than their noise, "" where none is."""
     if not diagnosis.after:
         return ""
-    over = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
-    after, noise = diagnosis.after[over], diagnosis.noise_floor[over]
-    words = {"cross_cm": "across", ALONG_KEY: "along", "heading_deg": "in heading"}
-    kinds = [key for key, _, _ in REMAINING_KINDS if diagnosis.along_judged or key != ALONG_KEY]
-    exceeding = [words[key] for key in kinds if getattr(after, key) > CLEARLY_MORE * getattr(noise, key)]
+    errors = _list_remaining_errors(diagnosis)[1]
+    exceeding = [kind.place for kind, after, noise in errors if after > CLEARLY_MORE * noise]
     return join_list(exceeding) if exceeding else ""
 
 

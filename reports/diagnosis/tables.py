@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group
@@ -14,8 +14,9 @@ from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence
 from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
+    ERROR_KINDS,
+    MOST_RUNS,
     SHOWN_HORIZON_S,
-    build_run_table,
     describe_columns,
     describe_hints,
     describe_holdout,
@@ -23,6 +24,7 @@ from reports.diagnosis.log_checks import (
     describe_unsaved,
     describe_unsaved_finds,
     end_sentence,
+    format_errors,
     list_column_rows,
     list_holdout_rows,
     sort_runs,
@@ -172,29 +174,24 @@ _ERROR_COLUMNS = (
     *(
         TableColumn(f"{name} {who}", f"{name}\n{who}", drop_order=drop)
         for drop, who in enumerate(("before", "after", "noise"))
-        for name in ("Across", "Along", "Heading")
+        for name in [kind.heading for kind in ERROR_KINDS]
     ),
 )
-_EFFECT_COLUMNS = (
-    TableColumn("Effect", is_text=True),
-    TableColumn("Id in files", is_text=True, drop_order=4, is_unbroken=True),
-    TableColumn("Status", is_text=True, is_unbroken=True),
-    TableColumn("Value (95 %)", is_text=True),
-    TableColumn("Gain %", drop_order=2),
-    TableColumn("Smallest visible", drop_order=3),
-)
-_SCREEN_EFFECT_COLUMNS = (
-    TableColumn("Effect", is_text=True),
-    TableColumn("Status", is_text=True, is_unbroken=True),
-    TableColumn("Value (95 %)", is_text=True),
-    TableColumn("Gain %", drop_order=1),
+_EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (
+    (TableColumn("Effect", is_text=True), lambda one: get_effect_label(one.id)),
+    (TableColumn("Id in files", is_text=True, drop_order=4, is_unbroken=True), lambda one: one.id),
+    (TableColumn("Status", is_text=True, is_unbroken=True), lambda one: one.status),
+    (TableColumn("Value (95 %)", is_text=True), format_effect_estimate),
+    (TableColumn("Gain %", drop_order=2), format_gain_pct),
+    (TableColumn("Smallest visible", drop_order=3), format_smallest_visible),
 )
 _HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
-_HELD_OUT_RUN_COLUMNS = (
-    TableColumn("Run held out", is_text=True, break_marks=" +-_/"),
-    TableColumn("Before, cm", "Before"),
-    TableColumn("After, cm", "After"),
-)
+_CHANGE_COLUMNS = (TableColumn("Before, cm", "Before"), TableColumn("After, cm", "After"))
+_HELD_OUT_RUN_COLUMNS = (TableColumn("Run held out", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS)
+_RUN_COLUMNS = (
+    TableColumn("Run", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS,
+    TableColumn("Remark", is_text=True, drop_order=1),
+)  # fmt: skip
 _TIMING_COLUMNS = (
     TableColumn("Column", is_text=True),
     TableColumn("Late, s", "Late"),
@@ -216,12 +213,26 @@ def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
         "of that length, each aligned with the measurement; across and along in cm, heading in degrees"
     )
     parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
-    parts += _list_run_parts(diagnosis)
+    if len(diagnosis.runs) > 1:
+        title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
+        runs = sort_runs(diagnosis)
+        rows = [
+            (run.name, format_number(run.error_before_cm, 1), format_number(run.error_after_cm, 1),
+             "unlike the others" if run.unlike else "")
+            for run in runs[:MOST_RUNS]
+        ]  # fmt: skip
+        rows += [("...", "", "", f"{len(runs) - MOST_RUNS} more")] if len(runs) > MOST_RUNS else []
+        parts += [Text(""), format_sentence(title, style="italic"), FittedTable(_RUN_COLUMNS, tuple(rows))]
     parts += build_holdout_parts(diagnosis, by_run=True)
     if diagnosis.columns:
         parts += [Text(""), format_sentence("Columns of the logs", style="italic")]
         parts.append(FittedTable(_TIMING_COLUMNS, tuple(list_column_rows(diagnosis))))
-    parts += [Text(""), format_sentence("Effects", style="italic"), _build_effect_table(diagnosis), Text("")]
+    parts += [
+        Text(""),
+        format_sentence("Effects", style="italic"),
+        build_effect_table(sort_findings(diagnosis.findings)),
+        Text(""),
+    ]
     parts += [format_sentence(line) for line in list_diagnosis_remarks(diagnosis)]
     return Group(*parts)  # type: ignore[arg-type]
 
@@ -242,14 +253,6 @@ def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
         yield format_sentence(line)
     if diagnosis.guilty_block:
         yield format_sentence(f"Guilty block: {diagnosis.guilty_block}.")
-
-
-def _list_run_parts(diagnosis: Diagnosis) -> list[object]:
-    """The error of each run over 5 s, where there are several."""
-    if len(diagnosis.runs) < 2:
-        return []
-    title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
-    return [Text(""), format_sentence(title, style="italic"), build_run_table(diagnosis)]
 
 
 def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
@@ -290,28 +293,20 @@ def build_error_table(diagnosis: Diagnosis) -> FittedTable:
 def _list_error_cells(errors: Sequence[ErrorsByHorizon]) -> Iterator[tuple[str, ...]]:
     """The cells of a row per length of the pieces."""
     for horizon in errors[0]:
-        cells = (
-            (format_number(one.cross_cm, 1), format_number(one.along_cm, 1), format_number(one.heading_deg, 2))
-            for one in (each[horizon] for each in errors)
-        )
-        yield f"{horizon:g} s", *(cell for three in cells for cell in three)
+        yield f"{horizon:g} s", *(cell for each in errors for cell in format_errors(each, horizon))
 
 
-def _build_effect_table(diagnosis: Diagnosis) -> FittedTable:
-    findings = sort_findings(diagnosis.findings)
-    rows = tuple(
-        (
-            get_effect_label(one.id),
-            one.id,
-            one.status,
-            format_effect_estimate(one),
-            format_gain_pct(one),
-            format_smallest_visible(one),
-        )
-        for one in findings
-    )
+def build_effect_table(findings: Sequence[Finding], without: Sequence[str] = ()) -> FittedTable:
+    """A row per effect, those of the verdict in bold; `without` names headings that are left out."""
+    figures = [(column, write) for column, write in _EFFECT_FIGURES if column.heading not in without]
+    rows = tuple(tuple(write(one) for _, write in figures) for one in findings)
     styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in findings)
-    return FittedTable(_EFFECT_COLUMNS, rows, styles)
+    return FittedTable(tuple(column for column, _ in figures), rows, styles)
+
+
+def list_found(findings: Sequence[Finding]) -> list[Finding]:
+    """The effects that have a value or are of the verdict."""
+    return [one for one in findings if one.value is not None or one.status in (NAMED, EQUIVALENT)]
 
 
 def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
@@ -334,11 +329,7 @@ def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
 def _list_effect_parts(diagnosis: Diagnosis) -> list[object]:
     """The effects with a value, and how many others there are."""
     findings = sort_findings(diagnosis.findings)
-    found = [one for one in findings if one.value is not None or one.status in (NAMED, EQUIVALENT)]
-    rows = [
-        (get_effect_label(one.id), one.status, format_effect_estimate(one), format_gain_pct(one))
-        for one in found[:MOST_EFFECTS]
-    ]
+    found = list_found(findings)
     counts = [
         f"{count} {status}"
         for status in (REFUTED, NOT_VISIBLE)
@@ -346,10 +337,10 @@ def _list_effect_parts(diagnosis: Diagnosis) -> list[object]:
     ]
     if len(found) > MOST_EFFECTS:
         counts.insert(0, f"{len(found) - MOST_EFFECTS} more found")
-    styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in found[:MOST_EFFECTS])
-    parts: list[object] = [FittedTable(_SCREEN_EFFECT_COLUMNS, tuple(rows), styles)] if rows else []
+    table = build_effect_table(found[:MOST_EFFECTS], ("Id in files", "Smallest visible"))
+    parts: list[object] = [table] if found else []
     if counts:
-        others = "Other effects" if rows else "Effects"
+        others = "Other effects" if found else "Effects"
         parts.append(format_sentence(f"{others}: {', '.join(counts)}."))
     return parts
 

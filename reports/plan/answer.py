@@ -42,7 +42,7 @@ from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     explain_no_plan,
     format_unworked,
-    is_interval_wide,
+    format_wide_interval,
     list_feasible,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
@@ -133,10 +133,17 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``98.4 % worked, 95 % sure by 15:02, 2 refills.``"""
+    """``98.4 % worked (the rest: 12 min, 9 EUR), 95 % sure by 15:02, 2 refills.``
+
+    The rest of the ground is left out where it takes no more than the error of the model.
+    """
     parts = []
     if plan.worked_pct is not None:
-        parts.append(_describe_share(plan) + _describe_rest(ranking, plan))
+        rest = ""
+        if format_unworked(plan) is not None and get_finishing_s(plan) >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
+            time, money = format_time_span(get_finishing_s(plan)), get_finishing_cost(plan)
+            rest = translate(" (the rest: {time}, {money})", time=time, money=format_money(money, ranking.currency))
+        parts.append(_describe_share(plan) + rest)
     if (late_s := get_stated_late_end_s(plan)) is not None:
         late = format_stated_end(ranking, late_s)
         has_start = parse_start_time(ranking.start) is not None
@@ -154,21 +161,22 @@ def _describe_share(plan: PlanResult) -> str:
     return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
 
 
-def _describe_rest(ranking: PlanRanking, plan: PlanResult) -> str:
-    """What the rest of the ground takes: `` (the rest: 12 min, 9 EUR)``; "" where that is within the model's error."""
-    if format_unworked(plan) is None or get_finishing_s(plan) < MODEL_ERROR_SHARE * (plan.time_s or 0.0):
-        return ""
-    money = format_money(get_finishing_cost(plan), ranking.currency)
-    return translate(" (the rest: {time}, {money})", time=format_time_span(get_finishing_s(plan)), money=money)
-
-
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.p50_s is None:
         return translate("As simulated, without late starts, stops and breakdowns.")
     if plan.finish_probability is None:
         samples = f"{ranking.samples or 0:,}"
         return translate("Median and 95 % of {samples} samples with late starts, stops, breakdowns.", samples=samples)
-    limit, share = _format_limit(ranking), format_share(plan)
+    limit = translate("before the rain")
+    if ranking.allowed_s is not None:
+        limit = translate("before {deadline}", deadline=format_deadline(ranking))
+        if ranking.scenario.get("rain") is not None:
+            limit = translate("before {deadline} and the rain", deadline=format_deadline(ranking))
+    probability, interval = format_percent(plan.finish_probability), format_wide_interval(plan)
+    share = translate("{share} %", share=probability)
+    if interval is not None:
+        low, high = interval
+        share = translate("{share} % ({low} to {high} %)", share=probability, low=low, high=high)
     loss = max((plan.expected_cost or 0.0) - (plan.paid_cost or plan.expected_cost or 0.0), 0.0)  # on late ground
     if loss < LEAST_COST:
         return translate("Done {limit}: {share} sure; no ground is late.", limit=limit, share=share)
@@ -178,43 +186,16 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     return translate("Done {limit}: {share} sure; {loss} for late ground included.", **values)
 
 
-def format_share(plan: PlanResult) -> str:
-    """How sure a plan is to be done in time: ``97 %``, ``>99 %``; with its interval where samples are few."""
-    share = format_percent(plan.finish_probability)
-    interval = plan.finish_probability_interval
-    if interval is None or not is_interval_wide(interval):
-        return translate("{share} %", share=share)
-    low, high = (f"{100.0 * end:.0f}" for end in interval)
-    return translate("{share} % ({low} to {high} %)", share=share, low=low, high=high)
-
-
-def _format_limit(ranking: PlanRanking) -> str:
-    has_rain = ranking.scenario.get("rain") is not None
-    if ranking.allowed_s is None:
-        return translate("before the rain")
-    deadline = format_deadline(ranking)
-    if has_rain:
-        return translate("before {deadline} and the rain", deadline=deadline)
-    return translate("before {deadline}", deadline=deadline)
-
-
-def choose_alternatives(ranking: PlanRanking) -> list[PlanResult]:
+def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
     """The plans to take with the next smaller and the next larger number of tractors.
 
     They are the cheapest where samples decide, else the quickest; those that work too little only where the best does.
     """
-    best = ranking.best
-    if best is None:
-        return []
     plans = [plan for plan in list_feasible(ranking) if plan.works_enough or not best.works_enough]
     by_count = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
     fewer = max((count for count in by_count if count < best.tractors), default=None)
     more = min((count for count in by_count if count > best.tractors), default=None)
-    return [by_count[count] for count in (fewer, more) if count is not None]
-
-
-def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
-    others = choose_alternatives(ranking)
+    others = [by_count[count] for count in (fewer, more) if count is not None]
     sentences = []
     if others and ranking.has_knee and others[-1].tractors > best.tractors:
         sentences.append(_describe_next(ranking, others.pop(), best))

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate
 from reports.common.plan_results import PlanResult
-from reports.common.rendering import format_json
+from reports.common.rendering import EXPORT_DECIMALS, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.units import format_volume
+from reports.common.units import VOLUME
 from reports.common.wording import NO_VALUE, format_duration, format_number
 from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
-from reports.plan.ranking_export import EXPORT_DECIMALS
 
 CONTOUR = "contour"
 
@@ -43,20 +42,14 @@ class BearingRow:
         """Seconds until the field is worked, missed ground included."""
         return None if self.plan is None else self.plan.finished_s
 
-    @property
-    def fuel_l(self) -> float | None:
-        """Litres; None where they are not known."""
-        return None if self.plan is None else self.plan.fuel_l
-
-    @property
-    def energy_kwh(self) -> float | None:
-        """Kilowatt-hours of electric tractors; None for others."""
-        return None if self.plan is None else self.plan.energy_kwh
+    def get_figure(self, key: str) -> Any:
+        """A figure of the plan; None without a plan."""
+        return None if self.plan is None else getattr(self.plan, key)
 
     @property
     def rollover_deg(self) -> float | None:
         """The least margin to rolling over, degrees; None where the tractor file does not tell."""
-        place = None if self.plan is None else self.plan.rollover
+        place = self.get_figure("rollover")
         return None if place is None else place.amount
 
 
@@ -67,9 +60,10 @@ class BearingComparison:
     field: str
     rows: tuple[BearingRow, ...]
 
-    def find_least(self, measure: Callable[[BearingRow], float | None]) -> BearingRow | None:
-        """The row with the least of a figure; None where no row has it."""
-        known = [(value, number) for number, row in enumerate(self.rows) if (value := measure(row)) is not None]
+    def find_least(self, key: str) -> BearingRow | None:
+        """The row whose plan has the least of a figure; None where no row has it."""
+        values = [row.get_figure(key) for row in self.rows]
+        known = [(value, number) for number, value in enumerate(values) if value is not None]
         return self.rows[min(known)[1]] if known else None
 
 
@@ -84,16 +78,16 @@ def name_row(row: BearingRow) -> str:
 
 def describe_bearings(comparison: BearingComparison) -> list[str]:
     """Which bearing is quickest, and which takes least fuel."""
-    quickest = comparison.find_least(lambda row: row.time_s)
+    quickest = comparison.find_least("finished_s")
     if quickest is None:
         return [translate("No bearing works; the reasons are below.")]
     time = format_duration(quickest.time_s)
     sentences = [translate("Quickest is {bearing}: {time}.", bearing=name_row(quickest), time=time)]
-    thriftiest = comparison.find_least(lambda row: row.fuel_l)
-    if thriftiest is not None and thriftiest.fuel_l is not None:
-        fuel = format_volume(thriftiest.fuel_l, 1)
+    thriftiest = comparison.find_least("fuel_l")
+    if thriftiest is not None:
+        fuel = VOLUME.format(thriftiest.get_figure("fuel_l"), 1)
         sentences.append(translate("Least fuel takes {bearing}: {fuel}.", bearing=name_row(thriftiest), fuel=fuel))
-    thriftiest = comparison.find_least(lambda row: row.energy_kwh)
+    thriftiest = comparison.find_least("energy_kwh")
     if thriftiest is not None and thriftiest.plan is not None:
         energy = format_energy(thriftiest.plan)
         sentences.append(
@@ -105,7 +99,7 @@ def describe_bearings(comparison: BearingComparison) -> list[str]:
 def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     """The answer, one line per bearing, and why some have no plan."""
     first, *others = describe_bearings(comparison)
-    quickest = comparison.find_least(lambda row: row.time_s)
+    quickest = comparison.find_least("finished_s")
     columns = (
         TableColumn(translate("Bearing"), is_text=True, is_unbroken=True),
         TableColumn(translate("Time")),
@@ -148,14 +142,13 @@ def format_bearing_json(comparison: BearingComparison) -> str:
     ``fuel_l``, ``energy_kwh``, ``cross_slope_pct``, ``rollover_deg``, ``erosion_share``, ``missed_m2``, ``strategy``
     and ``reason``.
     """
-    keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s", "fuel_l", "energy_kwh", "cross_slope_pct",
-            "rollover_deg", "erosion_share", "reason")  # fmt: skip
+    first_keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s")
+    last_keys = ("cross_slope_pct", "rollover_deg", "erosion_share", "reason")
     rows = [
-        {key: getattr(row, key) for key in keys}
-        | {
-            "missed_m2": None if row.plan is None else row.plan.missed_m2,
-            "strategy": None if row.plan is None else row.plan.strategy,
-        }
+        {key: getattr(row, key) for key in first_keys}
+        | {key: row.get_figure(key) for key in ("fuel_l", "energy_kwh")}
+        | {key: getattr(row, key) for key in last_keys}
+        | {key: row.get_figure(key) for key in ("missed_m2", "strategy")}
         for row in comparison.rows
     ]
     return format_json({"field": comparison.field, "bearings": rows}, EXPORT_DECIMALS, is_ascii=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -10,18 +11,40 @@ from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
-from reports.plan.plan_wording import (
-    format_in_time_probability,
-    format_unworked,
-    list_feasible,
-)
+from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
 
 _TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
 _VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
+_SHARE_TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
-_RISK_WIDTH, _RISK_HEIGHT, _RISK_BETWEEN = 720.0, 420.0, 30.0  # of two curves, and between them
-_RISK_LEFT, _RISK_RIGHT, _RISK_ABOVE, _RISK_BELOW = 86.0, 16.0, 18.0, 56.0  # room around them
-_FRONT_BOX = (720.0, 340.0, 86.0, 16.0, 18.0, 56.0)  # width, height, then room left, right, above and below
+_WIDTH, _TIME_HEIGHT, _RISK_HEIGHT, _RISK_BETWEEN = 720.0, 340.0, 420.0, 30.0  # of pictures, and between two curves
+_LEFT, _RIGHT, _ABOVE, _BELOW, _INSET = 86.0, 16.0, 18.0, 56.0, 20.0  # room around curves, and at their ends
+
+
+@dataclass(frozen=True)
+class _ChartBand:
+    """A band of the picture from y `south` (its upper edge, as y is down) to `north`, for values from 0 to `top`."""
+
+    south: float
+    north: float
+    top: float
+
+    @property
+    def box(self) -> MapExtent:
+        return MapExtent(_LEFT, self.south, _WIDTH - _RIGHT, self.north)
+
+    def scale_y(self, value: float) -> float:
+        return round(self.north - (self.north - self.south) * value / self.top, 1)
+
+
+def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
+    """The x of every number of tractors, fewest first."""
+    counts = sorted({plan.tractors for plan in plans})
+    span, inner = counts[-1] - counts[0], _WIDTH - _LEFT - _RIGHT - 2.0 * _INSET
+    return {
+        count: round(_LEFT + _INSET + (inner * (count - counts[0]) / span if span else inner / 2), 1)
+        for count in counts
+    }
 
 
 def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
@@ -29,32 +52,29 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     plans = [plan for plan in list_feasible(ranking) if plan.time_s is not None]
     if not plans:
         return None
-    width, height, room_left, room_right, above, below = _FRONT_BOX
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
     top = max([get_ranked_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
-    counts = sorted({plan.tractors for plan in plans})
-    span = counts[-1] - counts[0]
-
-    def scale_x(count: int) -> float:
-        inner = width - room_left - room_right - 40
-        return round(room_left + 20 + (inner * (count - counts[0]) / span if span else inner / 2), 1)
-
-    def scale_y(time_s: float) -> float:
-        return round(height - below - (height - above - below) * time_s / top, 1)
-
+    band, places = _ChartBand(_ABOVE, _TIME_HEIGHT - _BELOW, top), _place_counts(plans)
     names = list(dict.fromkeys(plan.strategy for plan in plans))
     front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
+    deadline = None
+    if limit is not None:
+        deadline = {"y": band.scale_y(limit), "text": f"deadline {format_deadline(ranking)}"}
+    step_s = next((step for step in _TIME_STEPS_S if top / step <= 6), 86400 * math.ceil(top / 86400 / 6))
     return {
-        "box": MapExtent(room_left, above, width - room_right, height - below),
-        "width": width,
-        "height": height,
+        "box": band.box,
+        "width": _WIDTH,
+        "height": _TIME_HEIGHT,
         "points": _place_points(
-            plans, names, [(scale_x(plan.tractors), scale_y(get_ranked_s(plan))) for plan in plans]
+            plans, names, [(places[plan.tractors], band.scale_y(get_ranked_s(plan))) for plan in plans]
         ),
-        "line": " ".join(f"{scale_x(count)},{scale_y(time)}" for count, time in front),
-        "deadline": None if limit is None else {"y": scale_y(limit), "text": f"deadline {format_deadline(ranking)}"},
-        "counts": [{"x": scale_x(count), "text": str(count)} for count in counts],
-        "times": [{"y": scale_y(time), "text": _format_tick_time(time)} for time in _choose_time_ticks(top)],
+        "line": " ".join(f"{places[count]},{band.scale_y(time)}" for count, time in front),
+        "deadline": deadline,
+        "counts": [{"x": x, "text": str(count)} for count, x in places.items()],
+        "times": [
+            {"y": band.scale_y(time_s), "text": format_duration(time_s).removesuffix(":00")}
+            for time_s in range(0, math.floor(top) + 1, step_s)
+        ],
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
 
@@ -62,39 +82,17 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
     """Points to draw, the best last; a point that would hide another is moved right, not as far as the next count."""
     columns = sorted({x for x, _ in places})
-    room = min((right - left for left, right in pairwise(columns)), default=_FRONT_BOX[0] / 4)
+    room = min((right - left for left, right in pairwise(columns)), default=_WIDTH / 4)
     step = min(_POINT_DISTANCE, 0.6 * room / max(sum(x == column for x, _ in places) for column in columns))
     points: list[dict[str, Any]] = []
     for plan, (x, y) in zip(plans, places, strict=True):
         while any(abs(other["x"] - x) < 0.99 * step and abs(other["y"] - y) < _POINT_DISTANCE for other in points):
             x = round(x + step, 3)
-        points.append(
-            {
-                "x": x,
-                "y": y,
-                "colour": names.index(plan.strategy) % len(TRACTOR_COLOURS),
-                "front": plan.on_pareto_front,
-                "text": f"{plan.tractors} x {plan.strategy}, {plan.turn}: {_describe_plan_times(plan)}",
-            }
-        )
+        finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
+        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_s(plan))}{finish}"
+        colour = names.index(plan.strategy) % len(TRACTOR_COLOURS)
+        points.append({"x": x, "y": y, "colour": colour, "front": plan.on_pareto_front, "text": text})
     return points[::-1]
-
-
-def _describe_plan_times(plan: PlanResult) -> str:
-    """The time of a plan, and that to finish the field where it leaves ground."""
-    finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
-    return f"{format_duration(get_stated_s(plan))}{finish}"
-
-
-def _choose_time_ticks(top_s: float) -> list[int]:
-    """Times from 0 to `top_s` at the smallest round step that gives six or fewer."""
-    step = next((step for step in _TIME_STEPS_S if top_s / step <= 6), 86400 * math.ceil(top_s / 86400 / 6))
-    return list(range(0, math.floor(top_s) + 1, step))
-
-
-def _format_tick_time(seconds: int) -> str:
-    hours, rest = divmod(seconds, 3600)
-    return f"{hours}:{rest // 60:02d}" + (f":{rest % 60:02d}" if rest % 60 else "")
 
 
 def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
@@ -105,71 +103,35 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     plans = choose_plan_per_count(ranking)
     if not plans:
         return None
-    judged = [plan for plan in plans if plan.finish_probability is not None]
-    height = (
-        0.5 * (_RISK_HEIGHT - _RISK_ABOVE - _RISK_BELOW - _RISK_BETWEEN)
-        if judged
-        else _RISK_HEIGHT - _RISK_ABOVE - _RISK_BELOW
-    )
-    counts = [plan.tractors for plan in plans]
-    span = counts[-1] - counts[0]
-    inner = _RISK_WIDTH - _RISK_LEFT - _RISK_RIGHT - 40.0
-
-    def scale_x(plan: PlanResult) -> float:
-        return round(_RISK_LEFT + 20.0 + (inner * (plan.tractors - counts[0]) / span if span else inner / 2), 1)
-
-    north = _RISK_HEIGHT - _RISK_BELOW
     top = max(plan.expected_cost or 0.0 for plan in plans) * 1.06 or 1.0
-    costs = _ChartBand(north - height, north, top)
-    probabilities = _ChartBand(_RISK_ABOVE, _RISK_ABOVE + height, 1.0)
-    bands = [
-        {
-            "name": f"Cost, {ranking.currency}",
-            "ticks": [
-                {"y": costs.scale_y(value), "text": _format_axis_value(value)} for value in _choose_value_ticks(top)
-            ],
-            "points": [
-                _build_risk_point(ranking, plan, scale_x(plan), costs.scale_y(plan.expected_cost or 0.0))
-                for plan in plans
-            ],
-            "box": MapExtent(_RISK_LEFT, costs.south, _RISK_WIDTH - _RISK_RIGHT, costs.north),
-        }
-    ]
+    power = 10.0 ** math.floor(math.log10(top))
+    step = next(step * power for step in _VALUE_STEPS if top / (step * power) <= 5.0)  # five ticks or fewer
+    ticks = [number * step for number in range(math.floor(top / step + 1e-9) + 1)]
+    tick_texts = [(value, f"{value:g}" if value < 1e6 else f"{value:.3g}") for value in ticks]
+    curves = [(f"Cost, {ranking.currency}", top, tick_texts, [(plan, plan.expected_cost or 0.0) for plan in plans])]
+    judged = [(plan, plan.finish_probability) for plan in plans if plan.finish_probability is not None]
     if judged:
-        bands.insert(
-            0,
+        curves.insert(0, ("In time, %", 1.0, [(share, format_percent(share)) for share in _SHARE_TICKS], judged))
+    places, between = _place_counts(plans), _RISK_BETWEEN * (len(curves) - 1)
+    height = (_RISK_HEIGHT - _ABOVE - _BELOW - between) / len(curves)
+    bands = []
+    for number, (name, most, curve_ticks, points) in enumerate(curves):
+        south = _ABOVE + number * (height + _RISK_BETWEEN)
+        band = _ChartBand(south, south + height, most)
+        bands.append(
             {
-                "name": "In time, %",
-                "ticks": [
-                    {"y": probabilities.scale_y(share), "text": format_percent(share)}
-                    for share in (0.0, 0.25, 0.5, 0.75, 1.0)
-                ],
+                "name": name,
+                "ticks": [{"y": band.scale_y(value), "text": text} for value, text in curve_ticks],
                 "points": [
-                    _build_risk_point(
-                        ranking, plan, scale_x(plan), probabilities.scale_y(plan.finish_probability or 0.0)
-                    )
-                    for plan in judged
+                    {"x": places[plan.tractors], "y": band.scale_y(value), "best": plan is ranking.best,
+                     "text": _describe_risk(plan)}
+                    for plan, value in points
                 ],
-                "box": MapExtent(_RISK_LEFT, probabilities.south, _RISK_WIDTH - _RISK_RIGHT, probabilities.north),
-            },
-        )
-    return {
-        "width": _RISK_WIDTH,
-        "height": _RISK_HEIGHT,
-        "bands": bands,
-        "counts": [{"x": scale_x(plan), "text": str(plan.tractors)} for plan in plans],
-    }
-
-
-class _ChartBand:
-    """A band of the picture from y `south` (its upper edge, as y is down) to `north`, for values from 0 to `top`."""
-
-    def __init__(self, south: float, north: float, top: float) -> None:
-        self.south, self.north, self.top = south, north, top
-
-    def scale_y(self, value: float) -> float:
-        """The y of a value."""
-        return round(self.north - (self.north - self.south) * value / self.top, 1)
+                "box": band.box,
+            }
+        )  # fmt: skip
+    counts = [{"x": x, "text": str(count)} for count, x in places.items()]
+    return {"width": _WIDTH, "height": _RISK_HEIGHT, "bands": bands, "counts": counts}
 
 
 def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
@@ -181,18 +143,6 @@ def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
     return list(plan_by_count.values())
 
 
-def _build_risk_point(ranking: PlanRanking, plan: PlanResult, x: float, y: float) -> dict[str, Any]:
-    in_time_text = "" if plan.finish_probability is None else f"{format_in_time_probability(plan)} % in time, "
-    text = f"{plan.tractors} x {plan.strategy}: {in_time_text}cost {format_price(plan.expected_cost)}"
-    return {"x": x, "y": y, "best": plan is ranking.best, "text": text}
-
-
-def _choose_value_ticks(top: float) -> list[float]:
-    """Values from 0 to `top` at the smallest round step that gives five or fewer."""
-    power = 10.0 ** math.floor(math.log10(top))
-    step = next(step * power for step in _VALUE_STEPS if top / (step * power) <= 5.0)
-    return [number * step for number in range(math.floor(top / step + 1e-9) + 1)]
-
-
-def _format_axis_value(value: float) -> str:
-    return f"{value:g}" if value < 1e6 else f"{value:.3g}"
+def _describe_risk(plan: PlanResult) -> str:
+    in_time = "" if plan.finish_probability is None else f"{format_in_time_probability(plan)} % in time, "
+    return f"{plan.tractors} x {plan.strategy}: {in_time}cost {format_price(plan.expected_cost)}"

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import PlanDrive, Points
 from reports.common.rendering import ReportError
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
@@ -55,6 +54,11 @@ class MapExtent:
     def size(self) -> float:
         """The larger of the two, metres."""
         return max(self.width, self.height)
+
+    @property
+    def corners(self) -> Points:
+        """The lower left and the upper right corner (2, 2), metres."""
+        return np.array([(self.west, self.south), (self.east, self.north)])
 
 
 @dataclass(frozen=True)
@@ -108,19 +112,6 @@ def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
             )
         if not np.isfinite(xy).all():
             raise ReportError(f"Tractor {number} has a position that is not a finite number; give metres.")
-    _check_state_seconds(drive, count)
-
-
-def list_states(drives: Iterable[PlanDrive]) -> list[str]:
-    """The states of drives; refilling only if one of them has it."""
-    return (
-        [*STATUS_BY_STATE, SERVICE_STATE]
-        if any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
-        else [*STATUS_BY_STATE]
-    )
-
-
-def _check_state_seconds(drive: PlanDrive, count: int) -> None:
     for name in [*STATUS_BY_STATE, SERVICE_STATE] if SERVICE_STATE in drive.seconds else STATUS_BY_STATE:
         if len(drive.seconds.get(name, ())) != count:
             raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
@@ -128,14 +119,21 @@ def _check_state_seconds(drive: PlanDrive, count: int) -> None:
             raise ReportError(f"The {name!r} seconds {drive.seconds[name]} are not all 0 or more; correct them.")
 
 
+def list_states(drives: Iterable[PlanDrive]) -> list[str]:
+    """The states of drives; refilling only if one of them has it."""
+    has_stops = any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
+    return [*STATUS_BY_STATE, *([SERVICE_STATE] if has_stops else [])]
+
+
 def compute_extent(drive: PlanDrive) -> MapExtent:
     """The box around the field, the entrance and every path."""
-    clouds = [drive.boundary, *drive.xy]
-    if drive.entrance is not None:
-        clouds.append(np.array([drive.entrance]))
-    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
-    return MapExtent(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    return bound_points([drive.boundary, *drive.xy, *([] if drive.entrance is None else [np.array([drive.entrance])])])
+
+
+def bound_points(clouds: Sequence[Points]) -> MapExtent:
+    """The box around some points (n, 2) each; one of no size at the origin where there are none."""
+    points = np.concatenate(clouds) if clouds else np.zeros((1, 2))
+    return MapExtent(*map(float, (*points.min(axis=0), *points.max(axis=0))))
 
 
 def split_by_status(
@@ -148,16 +146,19 @@ def split_by_status(
     """
     if len(xy) < 2:
         return []
-    step_status = status[1:]
-    cuts = np.flatnonzero(np.diff(step_status)) + 1
-    starts, ends = [0, *cuts.tolist()], [*cuts.tolist(), len(step_status)]
     path_pieces = []
-    for start, end in zip(starts, ends, strict=True):
+    for step_status, start, end in list_status_runs(status[1:]):
         line = shapely.LineString(xy[start : end + 1])
         if line.length > 0:
             points = np.asarray(line.simplify(tolerance_m, preserve_topology=False).coords, dtype=np.float64)
-            path_pieces.append(PathPiece(int(step_status[start]), points, start, end))
+            path_pieces.append(PathPiece(step_status, points, start, end))
     return path_pieces
+
+
+def list_status_runs(status: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
+    """Runs of one status of steps (k,): status, first sample, last sample."""
+    cuts = [0, *(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
+    return [(int(status[start]), start, end) for start, end in pairwise(cuts) if end > start]
 
 
 def find_stops(

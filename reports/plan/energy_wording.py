@@ -6,13 +6,7 @@ from collections.abc import Sequence
 
 from reports.common.language import translate
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.units import (
-    convert_litres,
-    convert_rate_per_hectare,
-    format_volume,
-    get_area_unit,
-    get_volume_unit,
-)
+from reports.common.units import FIELD_AREA, VOLUME
 from reports.common.wording import NO_VALUE, format_number, join_list
 from reports.plan.plan_wording import format_ground_place
 
@@ -20,7 +14,7 @@ from reports.plan.plan_wording import format_ground_place
 def format_energy(plan: PlanResult) -> str:
     """``31 l`` of fuel or ``84 kWh``; "" where it is not known."""
     if plan.fuel_l is not None:
-        return format_volume(plan.fuel_l)
+        return VOLUME.format(plan.fuel_l)
     return "" if plan.energy_kwh is None else f"{format_number(plan.energy_kwh, 0)} kWh"
 
 
@@ -28,23 +22,23 @@ def name_energy_column(plans: Sequence[PlanResult]) -> str:
     """The heading of the column of fuel or electricity."""
     if any(plan.energy_kwh is not None for plan in plans):
         return translate("Energy {unit}", unit="kWh")
-    return translate("Fuel {unit}", unit=get_volume_unit())
+    return translate("Fuel {unit}", unit=VOLUME.unit)
 
 
 def format_energy_cell(plan: PlanResult) -> str:
     """The figure of a plan without its unit."""
-    value = convert_litres(plan.fuel_l) if plan.energy_kwh is None else plan.energy_kwh
+    value = VOLUME.convert(plan.fuel_l) if plan.energy_kwh is None else plan.energy_kwh
     return NO_VALUE if value is None else format_number(value, 1)
 
 
 def format_rate(plan: PlanResult) -> str:
     """Fuel or electricity by area: ``7.9 l/ha`` or ``31.0 kWh/ha``."""
     if plan.energy_kwh_per_ha is not None:
-        return f"{format_number(convert_rate_per_hectare(plan.energy_kwh_per_ha), 1)} kWh/{get_area_unit()}"
+        return f"{format_number(FIELD_AREA.convert_rate(plan.energy_kwh_per_ha), 1)} kWh/{FIELD_AREA.unit}"
     if plan.fuel_l_per_ha is None:
         return ""
-    rate = convert_rate_per_hectare(convert_litres(plan.fuel_l_per_ha))
-    return f"{format_number(rate, 1)} {get_volume_unit()}/{get_area_unit()}"
+    rate = FIELD_AREA.convert_rate(VOLUME.convert(plan.fuel_l_per_ha))
+    return f"{format_number(rate, 1)} {VOLUME.unit}/{FIELD_AREA.unit}"
 
 
 def describe_energy(plan: PlanResult | None) -> list[str]:
@@ -63,8 +57,8 @@ def describe_energy(plan: PlanResult | None) -> list[str]:
         sentences = [translate("The best plan burns {energy} of fuel, {rate}: {co2} kg of CO2.", **values)]
     shares = plan.fuel_l_by_tractor or plan.energy_kwh_by_tractor or ()
     if len(shares) > 1:
-        unit = "kWh" if plan.fuel_l is None else get_volume_unit()
-        amounts = shares if plan.fuel_l is None else [convert_litres(share) or 0.0 for share in shares]
+        unit = "kWh" if plan.fuel_l is None else VOLUME.unit
+        amounts = shares if plan.fuel_l is None else [VOLUME.convert(share) or 0.0 for share in shares]
         listed = join_list([f"{format_number(amount, 1)} {unit}" for amount in amounts])
         sentences.append(translate("By tractor: {amounts}.", amounts=listed))
     return sentences

@@ -21,7 +21,7 @@ from reports.common.plan_results import (
     get_stated_s,
 )
 from reports.common.text_tables import FittedTable, TableColumn
-from reports.common.units import convert_litres, get_volume_unit
+from reports.common.units import VOLUME
 from reports.common.wording import (
     NO_VALUE,
     format_area_or_dash,
@@ -158,7 +158,7 @@ _CATALOGUE = (
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
     Figure("p50_done_s"),
     Figure("p95_done_s"),
-    Figure("fuel_l", "Fuel l", "", lambda litres: _TENTHS(convert_litres(litres)),
+    Figure("fuel_l", "Fuel l", "", lambda litres: _TENTHS(VOLUME.convert(litres)),
            "litres of all tractors in the field, by the load of the simulated drive", is_optional=True),
     Figure("stated_end_s", "Time", "", format_duration,
            "time to the end of field work, the median of the samples; without samples as simulated",
@@ -252,7 +252,7 @@ def choose_figures(
 def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) -> Figure:
     if figure.key in ("fuel_l", "energy_kwh"):
         is_fuel = figure.key == "fuel_l"
-        unit = get_volume_unit() if is_fuel else "kWh"
+        unit = VOLUME.unit if is_fuel else "kWh"
         heading = translate("Fuel {unit}", unit=unit) if is_fuel else translate("Energy {unit}", unit=unit)
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
     if figure.key == "stated_cost" and names_currency and ranking.currency:

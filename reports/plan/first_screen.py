@@ -16,7 +16,7 @@ from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.text_tables import AnswerLines, FittedTable, format_sentence
-from reports.common.units import format_hectares
+from reports.common.units import FIELD_AREA
 from reports.common.wording import parse_start_time
 from reports.plan.answer import write_answer
 from reports.plan.figures import SCREEN_DROPS, build_figure_table, choose_figures
@@ -41,7 +41,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     faults = (answer.question, *answer.faults) if answer.question else answer.faults
     if not ranking.shortfalls:
         name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
-        title = ", ".join(filter(None, (name, format_hectares(ranking.area_ha), describe_machines(ranking))))
+        title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
     parts: list[RenderableType] = [AnswerLines(tuple(filter(None, must)), others, faults, title)]
     if plans:
         parts += [

@@ -46,11 +46,6 @@ class GuidanceFiles:
     cut_lines: tuple[GuidedLine, ...] = ()
 
     @property
-    def curve_count(self) -> int:
-        """Number of curves in the files."""
-        return sum(not line.is_straight for line in self.lines)
-
-    @property
     def is_single_file(self) -> bool:
         """Whether the format is one file, and there is only one."""
         return bool(self.format.extension) and len(self.files) == 1
@@ -69,18 +64,13 @@ def write_guidance(
     Raises:
         ReportError: there is no line to write.
     """
-    writable = (
-        guidance
-        if (guidance_format.takes_curves if include_curves is None else include_curves)
-        else cut_curves_into_segments(guidance)
-    )
+    has_curves = guidance_format.takes_curves if include_curves is None else include_curves
+    writable = guidance if has_curves else cut_curves_into_segments(guidance)
     if not writable.lines:
         reason = f"all of them are curves; add {mark_parameter('curves')}" if guidance.lines else "the plan has none"
         raise ReportError(f"There is no line to write as {guidance_format.title}: {reason}.")
-    written_positions, whole_curves = (
-        {line.driving_position for line in writable.lines},
-        {line.driving_position for line in writable.lines if not line.is_straight},
-    )
+    written_positions = {line.driving_position for line in writable.lines}
+    whole_curves = {line.driving_position for line in writable.lines if not line.is_straight}
     unwritten = tuple(line for line in guidance.lines if line.driving_position not in written_positions)
     cut_lines = tuple(
         line
@@ -158,12 +148,10 @@ def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]
             f"Curves cut into straight lines: {len(cut_positions)}, into {segment_count} lines within "
             f"{MAX_CURVE_ERROR_M * 100:.0f} cm (letters after their numbers); --curves writes them whole."
         )
-    if written.curve_count and not written.format.takes_curves:
+    if not written.format.takes_curves and not all(line.is_straight for line in written.lines):
         sentences.append(CURVES_WARNING)
-    is_name_cut = (
-        written.format.name.startswith("isoxml") and len(simplify_to_ascii(guidance.field)) > MAX_DESIGNATOR_BYTES
-    )
-    if is_name_cut:
+    is_long = len(simplify_to_ascii(guidance.field)) > MAX_DESIGNATOR_BYTES
+    if is_long and written.format.name.startswith("isoxml"):
         sentences.append(
             f"The name of the field is cut to {MAX_DESIGNATOR_BYTES} letters, the most that ISOXML allows."
         )
@@ -173,24 +161,18 @@ def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]
 def build_export_table(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> RenderableType:
     """A table of lines by tractor, the files, and what was left out."""
     columns = (
-        TableColumn("Tractor"),
-        TableColumn("Lines"),
-        TableColumn("Straight"),
-        TableColumn("Curves"),
-        TableColumn("Length (m)", "m", drop_order=1),
-        TableColumn("From", is_text=True, drop_order=2),
-        TableColumn("To", is_text=True, drop_order=2),
-    )
+        *map(TableColumn, ("Tractor", "Lines", "Straight", "Curves")), TableColumn("Length (m)", "m", drop_order=1),
+        TableColumn("From", is_text=True, drop_order=2), TableColumn("To", is_text=True, drop_order=2),
+    )  # fmt: skip
     rows = []
     for tractor in guidance.tractors:
         lines = [line for line in written.lines if line.tractor == tractor.number]
         straight_count = sum(line.is_straight for line in lines)
+        counts = (tractor.number, len(lines), straight_count, len(lines) - straight_count)
         ends = (lines[0].name, lines[-1].name) if lines else ("", "")
-        length = f"{sum(line.length_m for line in lines):.0f}"
-        rows.append(
-            (str(tractor.number), str(len(lines)), str(straight_count), str(len(lines) - straight_count), length, *ends)
-        )
-    sentences = [f"Written as {written.format.title}: {_join_files(files)}."]
+        rows.append((*map(str, counts), f"{sum(line.length_m for line in lines):.0f}", *ends))
+    named = ", ".join(files) if len(files) <= 4 else f"{', '.join(files[:3])} and {len(files) - 3} more"
+    sentences = [f"Written as {written.format.title}: {named}."]
     sentences += [
         f"Not for older terminals: {_describe_content(one)}." for one in list_content_for_newer_terminals(written)
     ]
@@ -202,10 +184,6 @@ def _describe_content(entry: dict[str, Any]) -> str:
     """``curves (9, 1071 m): why``."""
     length = f", {entry['length_m']:.0f} m" if "length_m" in entry else ""
     return f"{entry['what']} ({entry['count']}{length}): {entry['why']}"
-
-
-def _join_files(files: Sequence[str]) -> str:
-    return ", ".join(files) if len(files) <= 4 else f"{', '.join(files[:3])} and {len(files) - 3} more"
 
 
 def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> str:

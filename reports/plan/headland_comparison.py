@@ -16,6 +16,7 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanResult,
     UnworkedPiece,
+    get_paid_cost,
     get_ranked_cost,
     get_stated_cost,
     get_stated_end_s,
@@ -112,8 +113,11 @@ class HeadlandTotals:
 
     @property
     def time_s(self) -> float:
-        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count."""
-        return sum(map(_get_field_work_s, self.driven))
+        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count.
+
+        On a farm, where a plan has a `ready_s`, its end by the clock would have them too.
+        """
+        return sum(get_stated_end_s(plan) if plan.ready_s is None else get_stated_s(plan) for plan in self.driven)
 
     @property
     def cost(self) -> float:
@@ -123,7 +127,7 @@ class HeadlandTotals:
     @property
     def paid_cost(self) -> float:
         """The costs that are paid, without losses on late ground."""
-        return sum(plan.cost or 0.0 if plan.paid_cost is None else plan.paid_cost for plan in self.driven)
+        return sum(get_paid_cost(plan) or 0.0 for plan in self.driven)
 
     @property
     def charged_cost(self) -> float:
@@ -151,16 +155,19 @@ class HeadlandTotals:
         return sum(plan.over_finished_m2 or 0.0 for plan in self.driven)
 
     @property
+    def cut_off_m2(self) -> float:
+        """Ground that the plans do not reach."""
+        return sum(each.cut_off_m2 for each in self.plans)
+
+    @property
     def fuel_l(self) -> float | None:
         """Litres of fuel; None where they are not known of every plan."""
-        litres = [plan.fuel_l for plan in self.driven if plan.fuel_l is not None]
-        return sum(litres) if litres and len(litres) == len(self.driven) else None
+        return _sum_known(plan.fuel_l for plan in self.driven)
 
     @property
     def energy_kwh(self) -> float | None:
         """Kilowatt-hours of electric tractors; None where they are not known of every plan."""
-        amounts = [plan.energy_kwh for plan in self.driven if plan.energy_kwh is not None]
-        return sum(amounts) if amounts and len(amounts) == len(self.driven) else None
+        return _sum_known(plan.energy_kwh for plan in self.driven)
 
     @property
     def charged_cost_per_year(self) -> float:
@@ -236,9 +243,10 @@ class HeadlandComparison:
         return {name: names.get(name) or PurePath(name).name for name in self.fields}
 
 
-def _get_field_work_s(plan: PlanResult) -> float:
-    """The stated seconds of a plan in its field; with a `ready_s`, of a farm, its end has roads and breaks too."""
-    return get_stated_end_s(plan) if plan.ready_s is None else get_stated_s(plan)
+def _sum_known(amounts: Iterable[float | None]) -> float | None:
+    """The sum; None where there is nothing, or something is not known."""
+    known = list(amounts)
+    return sum(one for one in known if one is not None) if known and None not in known else None
 
 
 def name_choice(totals: HeadlandTotals) -> str:

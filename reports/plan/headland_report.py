@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.rendering import format_json, make_json_safe
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import (
-    convert_hectares,
-    convert_litres,
-    convert_rate_per_hectare,
-    convert_square_metres,
-    format_hectares,
-    format_square_metres,
-    get_area_unit,
-    get_small_area_unit,
-    get_volume_unit,
-)
+from reports.common.units import FIELD_AREA, SMALL_AREA, VOLUME
 from reports.common.wording import NO_VALUE, format_money, format_number, format_price
 from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
@@ -35,7 +25,7 @@ from reports.plan.headland_comparison import (
     list_missing,
     name_choice,
 )
-from reports.plan.ranking_export import EXPORT_DECIMALS, build_part_entry, build_plan_entry, format_csv, format_csv_cell
+from reports.plan.ranking_export import build_part_entry, build_plan_entry
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts
@@ -65,9 +55,20 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
             if has_any
             else translate("No way to work the headland works; the reasons are below.")
         ]
+    energy = _get_energy_per_year(best)
+    figures = [
+        f"{format_hours(best.year['hours_per_year'])} h",
+        *([] if energy is None else [f"{format_number(energy, 0)} {_get_energy_unit(comparison)}"]),
+        format_money(best.year["cost_per_year"], comparison.currency),
+    ]
     return [
         _describe_worth(comparison, best),
-        _describe_year(comparison, best),
+        translate_count(
+            "With {count} operation a year it takes {figures}.",
+            "With {count} operations a year it takes {figures}.",
+            best.operations_per_year,
+            figures=", ".join(figures),
+        ),
         *_describe_unmet(comparison, best),
         *_describe_places(comparison, best),
         *_describe_ground_left(comparison, best),
@@ -77,7 +78,11 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
 def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
     """The first sentence: the best way and what it saves against the next and the dearest."""
     others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
-    where = _describe_ground(comparison, best)
+    names = [comparison.field_names[each.requested_field] for each in best.plans if each.plan is not None]
+    times = best.operations_per_year
+    yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
+    ground = ", ".join([FIELD_AREA.format(best.area_ha, 2), *yearly])
+    where = f"{names[0] if len(names) == 1 else _count_fields(len(names))} ({ground})"
     way = describe_choice(best)
     if not others:
         rate = format_cost_per_ha(best, comparison)
@@ -124,38 +129,14 @@ def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, compariso
     return translate("{count} other ways cost the same within {extra}", count=len(alike), extra=extra)
 
 
-def _describe_year(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
-    """Hours, fuel and cost of the best way in a year."""
-    energy = _get_energy_per_year(best)
-    figures = [
-        f"{format_hours(best.year['hours_per_year'])} h",
-        *([] if energy is None else [f"{format_number(energy, 0)} {_get_energy_unit(comparison)}"]),
-        format_money(best.year["cost_per_year"], comparison.currency),
-    ]
-    return translate_count(
-        "With {count} operation a year it takes {figures}.",
-        "With {count} operations a year it takes {figures}.",
-        best.operations_per_year,
-        figures=", ".join(figures),
-    )
-
-
 def _get_energy_per_year(totals: HeadlandTotals) -> float | None:
     """Electricity in kWh, or fuel in the unit of the reader; None where it is not known."""
     kwh, litres = totals.year["energy_kwh_per_year"], totals.year["fuel_l_per_year"]
-    return kwh if kwh is not None or litres is None else convert_litres(litres)
+    return kwh if kwh is not None or litres is None else VOLUME.convert(litres)
 
 
 def _get_energy_unit(comparison: HeadlandComparison) -> str:
-    return get_volume_unit() if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
-
-
-def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
-    names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
-    subject = names[0] if len(names) == 1 else _count_fields(len(names))
-    times = totals.operations_per_year
-    yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
-    return f"{subject} ({', '.join([format_hectares(totals.area_ha), *yearly])})"
+    return VOLUME.unit if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
 
 
 def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
@@ -165,8 +146,7 @@ def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: He
 
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
     """The cost of a worked hectare with its currency."""
-    rate = format_number(convert_rate_per_hectare(totals.cost_per_ha), 1)
-    return f"{rate} {comparison.currency or ''}/{get_area_unit()}"
+    return f"{_format_rate(totals)} {comparison.currency or ''}/{FIELD_AREA.unit}"
 
 
 def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -228,37 +208,60 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     texts = [
         translate(
             "It misses {missed} and drives over {driven} of finished ground",
-            missed=format_square_metres(best.missed_m2),
-            driven=format_square_metres(best.over_finished_m2),
+            missed=SMALL_AREA.format(best.missed_m2),
+            driven=SMALL_AREA.format(best.over_finished_m2),
         )
     ]
-    cut_off_m2 = sum(each.cut_off_m2 for each in best.plans)
-    if cut_off_m2:
-        texts.append(translate("{area} are cut off for it (see below)", area=format_square_metres(cut_off_m2)))
+    if best.cut_off_m2:
+        texts.append(translate("{area} are cut off for it (see below)", area=SMALL_AREA.format(best.cut_off_m2)))
     if round(least_missed.missed_m2) < round(best.missed_m2):
-        area = format_square_metres(least_missed.missed_m2)
+        area = SMALL_AREA.format(least_missed.missed_m2)
         texts.append(translate("{way} misses least ({area})", way=name_choice(least_missed), area=area))
     if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
-        area = format_square_metres(least_driven.over_finished_m2)
+        area = SMALL_AREA.format(least_driven.over_finished_m2)
         texts.append(translate("{way} drives over least ({area})", way=name_choice(least_driven), area=area))
     yield f"{'; '.join(texts)}."
 
 
-def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
-    """The columns of the table; fuel only where it is known."""
-    unit = comparison.currency or translate("Cost")
-    energy = (_build_year_column(_get_energy_unit(comparison)),) if has_fuel(comparison) else ()
-    return (
-        TableColumn(translate("Headland"), is_text=True, is_unbroken=True),
-        TableColumn(f"{unit}/{get_area_unit()}"),
-        TableColumn(translate("More")),
-        _build_year_column("h"),
-        *energy,
-        _build_year_column(unit),
-        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
-        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=2),
-        _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
+def tabulate_ways(
+    comparison: HeadlandComparison, totals: Sequence[HeadlandTotals], best: HeadlandTotals | None
+) -> FittedTable:
+    """A row per way, the best in bold; fuel only where it is known of all ways."""
+    unit, small_unit = comparison.currency or translate("Cost"), SMALL_AREA.unit
+    energy = (_build_year_column(_get_energy_unit(comparison)), lambda one: format_number(_get_energy_per_year(one), 0))
+    figures: list[tuple[TableColumn, Callable[[HeadlandTotals], str]]] = [
+        (TableColumn(translate("Headland"), is_text=True, is_unbroken=True), name_choice),
+        (TableColumn(f"{unit}/{FIELD_AREA.unit}"), _format_rate),
+        (TableColumn(translate("More")), lambda one: _format_extra(one, best)),
+        (_build_year_column("h"), lambda one: format_hours(one.year["hours_per_year"])),
+        *([energy] if _has_fuel(comparison) else []),
+        (_build_year_column(unit), lambda one: format_price(one.year["cost_per_year"])),
+        (_build_figure_column(translate("Missed {unit}", unit=small_unit)), lambda one: _format_ground(one.missed_m2)),
+        (_build_figure_column(translate("Overlap {unit}", unit=small_unit), drop_order=2),
+         lambda one: _format_ground(one.overlap_m2)),
+        (_build_figure_column(translate("Driven over {unit}", unit=small_unit)),
+         lambda one: _format_ground(one.over_finished_m2)),
+    ]  # fmt: skip
+    rows = tuple(
+        tuple(write(one) if one.driven or write is name_choice else NO_VALUE for _, write in figures) for one in totals
     )
+    styles = tuple("bold" if one is best else "" for one in totals)
+    return FittedTable(tuple(column for column, _ in figures), rows, styles)
+
+
+def _format_rate(totals: HeadlandTotals) -> str:
+    return format_number(FIELD_AREA.convert_rate(totals.cost_per_ha), 1)
+
+
+def _format_ground(m2: float) -> str:
+    return format_number(SMALL_AREA.convert(m2), 0)
+
+
+def _format_extra(totals: HeadlandTotals, best: HeadlandTotals | None) -> str:
+    """What a way costs more than the best, only where both work on as many fields."""
+    if best is None or len(totals.driven) != len(best.driven):
+        return NO_VALUE
+    return translate("best") if totals is best else f"+{format_price(max(compute_extra_cost(totals, best), 0.0))}"
 
 
 def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
@@ -266,8 +269,7 @@ def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
 
     ``Driven over m2`` becomes ``Driven`` above ``over m2``.
     """
-    first, _, rest = heading.partition(" ")
-    return TableColumn(heading, f"{first}\n{rest}", drop_order=drop_order)
+    return TableColumn(heading, heading.replace(" ", "\n", 1), drop_order=drop_order)
 
 
 def _build_year_column(unit: str) -> TableColumn:
@@ -275,7 +277,7 @@ def _build_year_column(unit: str) -> TableColumn:
     return TableColumn(heading, heading.replace("/", "/\n"))
 
 
-def has_fuel(comparison: HeadlandComparison) -> bool:
+def _has_fuel(comparison: HeadlandComparison) -> bool:
     """Whether the fuel, or the electricity, of every way that works is known."""
     driven = [one for one in comparison.totals if one.driven]
     return bool(driven) and any(
@@ -284,36 +286,14 @@ def has_fuel(comparison: HeadlandComparison) -> bool:
     )
 
 
-def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: bool) -> tuple[str, ...]:
-    """The row of one way: what it costs more than the best only where both work on as many fields."""
-    if not totals.driven:
-        return (name_choice(totals), *[NO_VALUE] * (7 + with_fuel))
-    is_comparable = best is not None and len(totals.driven) == len(best.driven)
-    extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
-    return (
-        name_choice(totals),
-        format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
-        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
-        format_hours(totals.year["hours_per_year"]),
-        *([format_number(_get_energy_per_year(totals), 0)] if with_fuel else []),
-        format_price(totals.year["cost_per_year"]),
-        format_number(convert_square_metres(totals.missed_m2), 0),
-        format_number(convert_square_metres(totals.overlap_m2), 0),
-        format_number(convert_square_metres(totals.over_finished_m2), 0),
-    )
-
-
 def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
     """The answer, one line per way, one per field where there are several, and what has no plan."""
     first, *others = describe_comparison(comparison)
-    with_fuel = has_fuel(comparison)
-    rows = tuple(build_cells(one, comparison.best, with_fuel) for one in comparison.totals)
-    styles = tuple("bold" if one is comparison.best else "" for one in comparison.totals)
     parts: list[RenderableType] = [format_sentence(first, style="bold"), *map(format_sentence, others), Text("")]
     if any(one.driven for one in comparison.totals):
-        parts.append(FittedTable(list_columns(comparison), rows, styles))
+        parts.append(tabulate_ways(comparison, comparison.totals, comparison.best))
         if len(comparison.fields) > 1:
-            parts += [Text(""), _build_field_table(comparison)]
+            parts += [Text(""), tabulate_fields(comparison)]
         parts += [format_sentence(describe_figures(comparison), style="dim"), Text("")]
     cut_off = list_cut_off(comparison)
     parts += [format_title(translate("Cut off")), *map(format_sentence, cut_off), Text("")] if cut_off else []
@@ -332,41 +312,30 @@ def describe_figures(comparison: HeadlandComparison) -> str:
     return f"{figures} {year}"
 
 
-def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
-    """The columns of the table with the best way on each field."""
+def tabulate_fields(comparison: HeadlandComparison) -> FittedTable:
+    """The best way on each field, and what it saves against the dearest there."""
     unit = comparison.currency or translate("Cost")
-    return (
+    columns = (
         TableColumn(translate("Field"), is_text=True),
         TableColumn(translate("Best headland"), is_text=True, is_unbroken=True),
         TableColumn(translate("Saves")),
-        TableColumn(f"{unit}/{get_area_unit()}"),
+        TableColumn(f"{unit}/{FIELD_AREA.unit}"),
         _build_year_column("h"),
-        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit()), drop_order=1),
-        TableColumn(get_area_unit()),
+        _build_figure_column(translate("Missed {unit}", unit=SMALL_AREA.unit), drop_order=1),
+        TableColumn(FIELD_AREA.unit),
     )
-
-
-def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, ...]:
-    """The best way on one field, and what it saves against the dearest there."""
-    driven = [one for one in comparison.totals_by_field[name] if one.driven]
-    label = comparison.field_names[name]
-    if not driven:
-        return label, translate("none works"), *[NO_VALUE] * 5
-    best, dearest = driven[0], driven[-1]
-    return (
-        label,
-        name_choice(best),
-        format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
-        format_number(convert_rate_per_hectare(best.cost_per_ha), 1),
-        format_hours(best.year["hours_per_year"]),
-        format_number(convert_square_metres(best.missed_m2), 0),
-        format_number(convert_hectares(best.area_ha), 2),
-    )
-
-
-def _build_field_table(comparison: HeadlandComparison) -> FittedTable:
-    rows = tuple(build_field_cells(comparison, name) for name in comparison.fields)
-    return FittedTable(list_field_columns(comparison), rows)
+    rows = []
+    for name, totals in comparison.totals_by_field.items():
+        driven, cells = [one for one in totals if one.driven], [translate("none works"), *[NO_VALUE] * 5]
+        if driven:
+            best, saved = driven[0], compute_extra_cost(driven[-1], driven[0])
+            cells = [
+                name_choice(best), format_price(saved) if len(driven) > 1 else NO_VALUE, _format_rate(best),
+                format_hours(best.year["hours_per_year"]), _format_ground(best.missed_m2),
+                format_number(FIELD_AREA.convert(best.area_ha), 2),
+            ]  # fmt: skip
+        rows.append((comparison.field_names[name], *cells))
+    return FittedTable(columns, tuple(rows))
 
 
 def format_headland_json(comparison: HeadlandComparison) -> str:
@@ -384,7 +353,15 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
         "currency": comparison.currency,
         "operations_per_year": comparison.operations_per_year,
         "best": None if best is None else _build_choice_entry(best.choice),
-        "totals": [_build_totals_entry(one) for one in comparison.totals],
+        "totals": [
+            {
+                **_build_choice_entry(one.choice),
+                "fields": len(one.driven),
+                **{key: getattr(one, key) if one.driven else None for key in TOTAL_KEYS},
+                **one.year,
+            }
+            for one in comparison.totals
+        ],
         "fields": [_build_field_entry(each) for each in comparison.plans],
     }
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
@@ -397,11 +374,6 @@ def _build_choice_entry(choice: HeadlandChoice) -> dict[str, Any]:
         "headland_passes": choice.passes,
         "width_m": choice.width_m,
     }
-
-
-def _build_totals_entry(totals: HeadlandTotals) -> dict[str, Any]:
-    figures = {key: getattr(totals, key) if totals.driven else None for key in TOTAL_KEYS}
-    return {**_build_choice_entry(totals.choice), "fields": len(totals.driven), **figures, **totals.year}
 
 
 def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
@@ -428,19 +400,21 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     rows = []
     for each in comparison.plans:
         (totals,) = comparison.sum_over_fields([each])
-        year = (each.choice.width_m, comparison.operations_per_year, *totals.year.values())
-        values = [*_iter_csv_cells(each, comparison.currency), *year, None if each.plan is None else each.cut_off_m2]
-        rows.append([format_csv_cell(cell) for cell in make_json_safe(values, EXPORT_DECIMALS)])
+        values: dict[str, Any] = {
+            "requested_field": each.requested_field,
+            "field": each.field_name or None,
+            "area_ha": each.area_ha or None,
+            **_build_choice_entry(each.choice),
+            "headland_m": each.headland_m,
+            "currency": comparison.currency,
+            "reason": each.refusal,
+            "operations_per_year": comparison.operations_per_year,
+            **totals.year,
+        }
+        if each.plan is not None:
+            values |= {key: getattr(each.plan, key) for key in HEADLAND_CSV_KEYS}
+            values |= {key: getattr(each.plan, key) or values[key] for key in ("headland_order", "headland_passes")}
+            values |= {key: getattr(totals, key) for key in ("overlap_m2", "cost_per_ha", "cut_off_m2")}
+        values = make_json_safe(values, EXPORT_DECIMALS)
+        rows.append([format_csv_cell(values.get(key)) for key in head])
     return format_csv([head, *rows])
-
-
-def _iter_csv_cells(each: ComparedPlan, currency: str | None) -> Iterator[Any]:
-    plan = each.plan
-    yield from (each.requested_field, each.field_name or None, each.area_ha or None, each.choice.corners)
-    yield (None if plan is None else plan.headland_order) or each.choice.order
-    yield (None if plan is None else plan.headland_passes) or each.choice.passes
-    yield each.headland_m
-    yield from (None if plan is None else getattr(plan, key) for key in HEADLAND_CSV_KEYS)
-    yield None if plan is None else each.overlap_m2
-    yield None if plan is None else each.charged_cost / each.area_ha
-    yield from (currency, each.refusal)

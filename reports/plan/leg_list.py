@@ -23,31 +23,26 @@ _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
 def describe_leg(leg: DriverLeg) -> str:
     """A leg in a few words: ``track 14, northwards``, ``way to track 16, reversing 12 m, over finished track 3``."""
-    return ", ".join([_describe_purpose(leg), *_describe_reversing(leg), *_describe_finished_ground(leg)])
-
-
-def _describe_reversing(leg: DriverLeg) -> list[str]:
-    """How far a leg leads in reverse, where its name does not say that it does."""
+    parts = [_describe_purpose(leg)]
     is_named = leg.shape == "switch-back" and leg.kind in ("turn", "corner")
-    least_m = _LONG_REVERSING_M if is_named else _LEAST_REVERSING_M
-    return [f"reversing {format_number(leg.reversing_m, 0)} m"] if leg.reversing_m >= least_m else []
-
-
-def _describe_finished_ground(leg: DriverLeg) -> list[str]:
-    """The finished ground that a leg leads over."""
+    if leg.reversing_m >= (_LONG_REVERSING_M if is_named else _LEAST_REVERSING_M):
+        parts.append(f"reversing {format_number(leg.reversing_m, 0)} m")
     tracks = [name for name in leg.over_finished if name != "headland"]
-    places = ["headland"] if len(tracks) < len(leg.over_finished) else []
-    if len(tracks) > _MOST_NAMED_TRACKS:
-        places.insert(0, f"{len(tracks)} tracks")
-    elif tracks:
-        places.insert(0, f"track{'s' if len(tracks) > 1 else ''} {join_list(tracks)}")
-    return [f"over finished {' and '.join(places)}"] if places else []
+    places = [_name_few("track", tracks, _MOST_NAMED_TRACKS)] if tracks else []
+    places += ["headland"] if len(tracks) < len(leg.over_finished) else []
+    return ", ".join([*parts, *([f"over finished {' and '.join(places)}"] if places else [])])
+
+
+def _name_few(noun: str, names: Sequence[object], most: int) -> str:
+    """``track 3``, ``tracks 3, 4 and 5``; where there are more, how many."""
+    return f"{len(names)} {noun}s" if len(names) > most else f"{noun}{'s' if len(names) > 1 else ''} {join_list(names)}"
 
 
 def _describe_purpose(leg: DriverLeg) -> str:
     """What a leg is for."""
     if leg.kind == "wait":
-        return f"wait{_describe_awaited_tractors(leg.for_tractors)}"
+        awaited = _name_few("tractor", leg.for_tractors, _MOST_NAMED_TRACTORS)
+        return f"wait for {awaited}" if leg.for_tractors else "wait"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
@@ -61,9 +56,14 @@ def _describe_purpose(leg: DriverLeg) -> str:
         return "on to the entrance" if leg.continues else "back to the entrance"
     if leg.kind == "enter" and leg.number is None:
         return "in by the entrance"
-    goal = describe_leg_goal(leg)
+    goal = f"track {leg.number}{leg.part}"
+    if leg.is_headland_pass:
+        goal = f"round {leg.number}" + (f", side {leg.part}" if leg.part else "")
     if leg.kind in ("track", "round"):
-        return f"{goal}, {'the rest' if leg.continues else describe_heading(leg.bearing_deg)}"
+        heading = "all round"  # along a closed line
+        if leg.bearing_deg is not None:
+            heading = f"{_COMPASS_POINTS[round(leg.bearing_deg / 45.0) % 8]}wards"
+        return f"{goal}, {'the rest' if leg.continues else heading}"
     if leg.continues:
         return f"on to {goal}"
     if leg.kind == "corner":
@@ -74,28 +74,6 @@ def _describe_purpose(leg: DriverLeg) -> str:
         return f"way to {goal}"
     over = "" if leg.over_swaths is None else f" over {leg.over_swaths} track{'s' if leg.over_swaths > 1 else ''}"
     return f"{_TURN_NAMES.get(leg.shape, 'turn')}{over} to {goal}"
-
-
-def describe_leg_goal(leg: DriverLeg) -> str:
-    """The goal or ground of a leg: ``track 14a``, ``round 2, side 3``."""
-    if not leg.is_headland_pass:
-        return f"track {leg.number}{leg.part}"
-    return f"round {leg.number}" + (f", side {leg.part}" if leg.part else "")
-
-
-def describe_heading(bearing_deg: float | None) -> str:
-    """A bearing as ``north-eastwards``; ``all round`` for a closed line."""
-    if bearing_deg is None:
-        return "all round"
-    return f"{_COMPASS_POINTS[round(bearing_deg / 45.0) % 8]}wards"
-
-
-def _describe_awaited_tractors(tractors: tuple[int, ...]) -> str:
-    if not tractors:
-        return ""
-    if len(tractors) > _MOST_NAMED_TRACTORS:
-        return f" for {len(tractors)} tractors"
-    return f" for tractor{'s' if len(tractors) > 1 else ''} {join_list(tractors)}"
 
 
 Steps = Sequence[Sequence[DriverLeg]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import PurePath
@@ -13,28 +13,13 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_end_s
-from reports.common.rendering import format_json
+from reports.common.plan_results import PlanRanking, PlanResult, get_paid_cost, get_stated_cost, get_stated_end_s
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import (
-    convert_hectares,
-    convert_rate_per_hectare,
-    format_hectares,
-    format_width,
-    get_area_unit,
-    get_length_unit,
-    is_us,
-)
+from reports.common.units import FIELD_AREA, LENGTH, format_width, is_us
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
 from reports.plan.figures import FIGURES
-from reports.plan.ranking_export import (
-    EXPORT_DECIMALS,
-    build_csv_row,
-    build_plan_entry,
-    build_ranking_entry,
-    format_csv,
-    list_csv_columns,
-)
+from reports.plan.ranking_export import build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from reports.plan.small_map import SmallMap
 
@@ -137,22 +122,13 @@ def sum_over_fields(records: Sequence[FieldRecord]) -> list[FieldsTotal]:
         some = [record for record in records if record.width_m == width_m]
         plans = [record.best for record in some if record.best is not None]
         areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
-
-        def add(get_value: Callable[[PlanResult], float | None], plans: Sequence[PlanResult] = plans) -> float:
-            return math.fsum(get_value(plan) or 0.0 for plan in plans)
-
-        if plans:
-            total = FieldsTotal(
-                width_m, len(plans), math.fsum(areas_ha), add(get_stated_end_s), add(get_stated_cost),
-                add(lambda plan: plan.missed_m2), add(lambda plan: plan.over_finished_m2), add(_get_paid_cost),
-            )  # fmt: skip
-            totals.append(total)
+        figures = [
+            (get_stated_end_s(plan), get_stated_cost(plan), plan.missed_m2, plan.over_finished_m2, get_paid_cost(plan))
+            for plan in plans
+        ]
+        sums = (math.fsum(value or 0.0 for value in values) for values in zip(*figures, strict=True))
+        totals += [FieldsTotal(width_m, len(plans), math.fsum(areas_ha), *sums)] if plans else []
     return totals
-
-
-def _get_paid_cost(plan: PlanResult) -> float | None:
-    """What is paid of the stated cost: all of it without samples."""
-    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
 
 
 @dataclass(frozen=True)
@@ -238,7 +214,15 @@ def list_records_without_plan(records: Sequence[FieldRecord], *, names_file: boo
     for record in records:
         if record.best is None:
             name = record.requested_field if names_file else PurePath(record.requested_field).name
-            sentences.append(_describe_field(name, record, _explain_missing_plan(record)))
+            reason = translate_sentence(record.refusal or "")
+            if record.ranking is not None:
+                reasons = [translate_sentence(plan.reason) for plan in record.ranking.plans if plan.reason]
+                reason = translate(
+                    "no plan is feasible; the first of {count} reasons: {reason}.",
+                    count=len(reasons),
+                    reason=reasons[0],
+                )
+            sentences.append(_describe_field(name, record, reason))
     return sentences
 
 
@@ -254,18 +238,6 @@ def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
 
 def _describe_field(name: str, record: FieldRecord, reason: str) -> str:
     return translate("{field} at {width}: {reason}", field=name, width=format_width(record.width_m), reason=reason)
-
-
-def _explain_missing_plan(record: FieldRecord) -> str:
-    """Why a field has no plan, in a sentence."""
-    if record.ranking is None:
-        return translate_sentence(record.refusal or "")
-    reasons = [plan.reason for plan in record.ranking.plans if plan.reason]
-    return translate(
-        "no plan is feasible; the first of {count} reasons: {reason}.",
-        count=len(reasons),
-        reason=translate_sentence(reasons[0]),
-    )
 
 
 def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
@@ -313,10 +285,10 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
         width=format_width(total.width_m),
         count=total.fields,
         fields=fields,
-        area=format_hectares(total.area_ha),
+        area=FIELD_AREA.format(total.area_ha, 2),
         time=format_duration(total.time_s),
         cost=cost,
-        rate=f"{format_money(convert_rate_per_hectare(total.cost_per_ha), currency)}/{get_area_unit()}",
+        rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
         worked=format_number(total.worked_pct, 1),
     )
 
@@ -330,10 +302,10 @@ def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
     """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
     has_widths = len({record.width_m for record in records}) > 1
     last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
-    width = translate("Width {unit}", unit=get_length_unit()) if is_us() else translate("Width")
+    width = translate("Width {unit}", unit=LENGTH.unit) if is_us() else translate("Width")
     columns = (
         TableColumn(translate("Field"), is_text=True, is_unbroken=True),
-        TableColumn(width) if has_widths else TableColumn(get_area_unit(), drop_order=4),
+        TableColumn(width) if has_widths else TableColumn(FIELD_AREA.unit, drop_order=4),
         FIGURES["tractors"].build_column(),
         FIGURES["strategy"].build_column(3),
         FIGURES["stated_end_s"].build_column(),
@@ -344,7 +316,7 @@ def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
     rows = []
     for record in records:
         area_ha = None if record.ranking is None else record.ranking.area_ha
-        size = format_number(convert_hectares(area_ha), 2)
+        size = format_number(FIELD_AREA.convert(area_ha), 2)
         size = format_width(record.width_m).partition(" ")[0] if has_widths else size
         cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
         if record.best is not None:

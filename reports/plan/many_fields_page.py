@@ -68,6 +68,12 @@ def _build_section(
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
     cost = format_money(get_stated_cost(best), ranking.currency)
+    rows = []
+    for plan in list_feasible(ranking)[:MAX_PLANS]:
+        headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
+        figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
+        name = f"{format_tractor_count(plan.tractors)}, {plan.strategy}"
+        rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
         "name": ranking.field_name + (f", {record.width_m:g} m" if names_width else ""),
@@ -75,13 +81,5 @@ def _build_section(
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),
         "summary": write_answer(ranking).list_sentences(),
-        "rows": [
-            {"best": plan is best, "cells": _build_plan_cells(plan)} for plan in list_feasible(ranking)[:MAX_PLANS]
-        ],
+        "rows": rows,
     }
-
-
-def _build_plan_cells(plan: PlanResult) -> tuple[str, ...]:
-    headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
-    figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
-    return f"{format_tractor_count(plan.tractors)}, {plan.strategy}", *figures, headland.strip(" x")

@@ -17,8 +17,8 @@ import numpy.typing as npt
 import shapely
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_drives import PlanDrive, Relief
-from reports.common.plan_results import PlanRanking, Points
+from reports.common.plan_drives import PlanDrive, Points, Relief
+from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
     REVERSING,
@@ -27,6 +27,7 @@ from reports.plan.drive_geometry import (
     WORKING,
     MapExtent,
     Viewport,
+    bound_points,
     build_hatching,
     build_swath_outline,
     check_drive,
@@ -34,11 +35,14 @@ from reports.plan.drive_geometry import (
     compute_extent,
     find_stops,
     list_states,
+    list_status_runs,
 )
-from reports.plan.leg_list import build_leg_cells, describe_leg, format_leg_heading, format_leg_metres
+from reports.plan.leg_list import describe_leg, format_leg_heading, format_leg_metres
 from reports.plan.map_labels import (
+    LegMark,
     MapLabel,
     list_leg_numbers,
+    name_swaths,
     place_cell_labels,
     place_cut_off_labels,
     place_headland_pass_labels,
@@ -58,13 +62,6 @@ class TimedPath:
     samples: npt.NDArray[np.int64]
     xy: Points
     status: npt.NDArray[np.int64]
-
-    def list_status_runs(self) -> list[tuple[int, int, int]]:
-        """Runs of one status: status, first knot, last knot."""
-        if not len(self.status):
-            return []
-        cuts = [0, *(np.flatnonzero(np.diff(self.status)) + 1).tolist(), len(self.status)]
-        return [(int(self.status[a]), a, b) for a, b in pairwise(cuts)]
 
 
 def thin_paths(drive: PlanDrive, most_knots: int) -> Sequence[TimedPath]:
@@ -113,11 +110,9 @@ def _find_worst_sample(drive: PlanDrive, number: int, first: int, last: int) -> 
     off = xy[first] + (xy[last] - xy[first]) * share - xy[first + 1 : last]
     square = off[:, 0] ** 2 + off[:, 1] ** 2
     worst_index = int(np.argmax(square))
-    return (
-        None
-        if square[worst_index] <= PATH_TOLERANCE_M**2
-        else (-float(square[worst_index]), number, first, first + 1 + worst_index, last)
-    )
+    if square[worst_index] <= PATH_TOLERANCE_M**2:
+        return None
+    return -float(square[worst_index]), number, first, first + 1 + worst_index, last
 
 
 # Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
@@ -134,11 +129,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     All drives are of one field. Sizes are in centimetres on the ground.
     """
     first = next(iter(drives.values()))
-    boxes = [compute_extent(drive) for drive in drives.values()]
-    box = MapExtent(
-        min(box.west for box in boxes), min(box.south for box in boxes),
-        max(box.east for box in boxes), max(box.north for box in boxes),
-    )  # fmt: skip
+    box = bound_points([compute_extent(drive).corners for drive in drives.values()])
     size = box.size or 1.0
     margin = _MARGIN_SHARE * size
     frame = Viewport(box.west - margin, box.north + margin)
@@ -150,7 +141,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     listed_count = max(1, int(np.searchsorted(legs, MOST_LISTED_LEGS, side="right")))  # plans with room for their legs
     states = list_states(drives.values())
     plans = [
-        _build_plan_drawing(name, drive, paths, frame, box, number < listed_count, states)
+        {"name": name} | _build_plan_drawing(drive, paths, frame, box, number < listed_count, states)
         for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
@@ -206,7 +197,7 @@ def _place_labels(labels: Sequence[MapLabel], viewport: Viewport) -> list[dict[s
 def _draw_path_lines(path: TimedPath, viewport: Viewport, number: int) -> dict[str, Any]:
     """The whole path of a tractor: lines of working, turning and reversing."""
     lines = {"work": "", "turn": "", "back": ""}
-    for status, first, last in path.list_status_runs():
+    for status, first, last in list_status_runs(path.status):
         line_kind = {WORKING: "work", REVERSING: "back"}.get(status, "turn")
         lines[line_kind] += viewport.format_path(path.xy[first : last + 1])
     return {
@@ -218,7 +209,6 @@ def _draw_path_lines(path: TimedPath, viewport: Viewport, number: int) -> dict[s
 
 
 def _build_plan_drawing(
-    name: str,
     drive: PlanDrive,
     paths: Sequence[TimedPath],
     viewport: Viewport,
@@ -226,93 +216,83 @@ def _build_plan_drawing(
     lists_legs: bool,
     states: Sequence[str],
 ) -> dict[str, Any]:
-    """The data of one plan for the script: knots, arrows, stops and legs per tractor, and seconds by state."""
+    """The data of one plan for the script: arrows, stops and legs per tractor, seconds by state, unworked ground."""
     longest = max(len(xy) for xy in drive.xy) - 1
-    marks = place_leg_marks(drive, box.size or 1.0)
+    size = box.size or 1.0
+    marks, label = place_leg_marks(drive, size), place_unworked_label(drive, box)
+    lines = build_hatching(drive.unworked, _HATCH_SPACING_PCT * size / 100)
     return {
-        "name": name,
         "title": drive.title,
         "step": drive.step_s,
         "end": round(longest * drive.step_s, 3),
         "lanes": [
-            {
-                "knots": _encode_knots(path, viewport),
-                "status": "".join(map(str, path.status.tolist())),
-                "arrows": viewport.format_rings(mark.head for mark in marks[number]),
-                "numbers": [
-                    [one["x"], one["y"], one["text"]]
-                    for one in _place_labels(list_leg_numbers(marks[number]), viewport)
-                ],
-                "legs": _list_leg_rows(drive, number) if lists_legs else [],
-                "heading": format_leg_heading(number + 1, drive.steps[number]) if drive.steps and lists_legs else "",
-                "waits": _list_stops(drive, number, viewport, STATUS_BY_STATE["waiting"]),
-                "refills": _list_stops(drive, number, viewport, SERVICE_STATUS),
-            }
+            _build_lane(drive, number, path, marks[number], viewport) | _list_legs(drive, number, lists_legs)
             for number, path in enumerate(paths)
         ],
-        "seconds": [
-            [round(_get_state_seconds(drive, state, number), 1) for state in states] for number in range(len(paths))
-        ],
-        "missed": _draw_unworked(drive, viewport, box),
-    }
+        "seconds": [[round(value, 1) for value in seconds] for seconds in _tabulate_seconds(drive, states)],
+        "missed": {
+            "ground": viewport.format_rings(drive.unworked),
+            "hatch": "".join(map(viewport.format_path, lines)),
+            "largest": label and [*viewport.convert_points(label.place[None, :])[0], label.text],
+        },
+    }  # fmt: skip
 
 
-def _list_stops(drive: PlanDrive, number: int, viewport: Viewport, status: int) -> list[list[Any]]:
-    """Places on the map where a tractor stood with a status, and how long."""
-    stops = find_stops(drive.xy[number], drive.status[number], drive.step_s, status)
-    return [[*viewport.convert_points(np.array([(x, y)]))[0], format_duration(seconds)] for x, y, seconds in stops]
+def _build_lane(
+    drive: PlanDrive, number: int, path: TimedPath, marks: Sequence[LegMark], viewport: Viewport
+) -> dict[str, Any]:
+    """The drive of a tractor: arrows with numbers, stops with their time, and knots.
 
-
-def _draw_unworked(drive: PlanDrive, viewport: Viewport, box: MapExtent) -> dict[str, Any]:
-    """Unworked ground, its hatching, and place and area of the largest piece."""
-    label = place_unworked_label(drive, box)
-    return {
-        "ground": viewport.format_rings(drive.unworked),
-        "hatch": "".join(
-            viewport.format_path(line)
-            for line in build_hatching(drive.unworked, _HATCH_SPACING_PCT * (box.size or 1.0) / 100)
-        ),
-        "largest": label and [*viewport.convert_points(label.place[None, :])[0], label.text],
-    }
-
-
-def _encode_knots(path: TimedPath, viewport: Viewport) -> list[int]:
-    """Samples, x and y since the knot before, three numbers each; the first since 0."""
+    A knot is sample, x and y since the knot before, the first since 0.
+    """
     flat = np.column_stack([path.samples, np.asarray(viewport.convert_points(path.xy))])
-    return [int(value) for value in np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int)).ravel()]
+    knots = np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int))
+    waits, refills = (
+        [
+            [*viewport.convert_points(np.array([(x, y)]))[0], format_duration(seconds)]
+            for x, y, seconds in find_stops(drive.xy[number], drive.status[number], drive.step_s, status)
+        ]
+        for status in (STATUS_BY_STATE["waiting"], SERVICE_STATUS)
+    )
+    return {
+        "knots": [int(value) for value in knots.ravel()],
+        "status": "".join(map(str, path.status.tolist())),
+        "arrows": viewport.format_rings(mark.head for mark in marks),
+        "numbers": [[*one.values()] for one in _place_labels(list_leg_numbers(marks), viewport)],
+        "waits": waits,
+        "refills": refills,
+    }
 
 
-def _list_leg_rows(drive: PlanDrive, number: int) -> list[list[Any]]:
-    """Start and duration (s), length (m, "" of a wait) and description of every leg."""
-    steps = drive.steps[number] if drive.steps else ()
-    return [
-        [round(step.from_s, 1), round(step.seconds, 1), format_leg_metres(step), describe_leg(step)] for step in steps
-    ]
+def _list_legs(drive: PlanDrive, number: int, lists_legs: bool) -> dict[str, Any]:
+    """Start and duration (s), length (m, "" of a wait) and description of every leg of a tractor, and the heading."""
+    if not drive.steps or not lists_legs:
+        return {"legs": [], "heading": ""}
+    steps = drive.steps[number]
+    legs = [[round(one.from_s, 1), round(one.seconds, 1), format_leg_metres(one), describe_leg(one)] for one in steps]
+    return {"legs": legs, "heading": format_leg_heading(number + 1, steps)}
 
 
-def _get_state_seconds(drive: PlanDrive, state: str, number: int) -> float:
-    """Seconds of a tractor in a state; 0 where its drive does not have that state."""
-    return drive.seconds[state][number] if state in drive.seconds else 0.0
+def _tabulate_seconds(drive: PlanDrive, states: Sequence[str]) -> list[list[float]]:
+    """Seconds of every tractor in some states; 0 where the drive does not have a state."""
+    nothing = (0.0,) * len(drive.xy)
+    return [list(values) for values in zip(*(drive.seconds.get(state, nothing) for state in states), strict=True)]
 
 
 def build_time_bars(drive: PlanDrive, states: Sequence[str] = tuple(STATUS_BY_STATE)) -> list[dict[str, Any]]:
     """Per tractor its total time and, per state, the time and the share of the longest bar in percent."""
-    totals = [sum(_get_state_seconds(drive, name, number) for name in states) for number in range(len(drive.xy))]
-    longest = max(totals) or 1.0
+    rows = _tabulate_seconds(drive, states)
+    longest = max(map(sum, rows)) or 1.0
     return [
         {
-            "number": number + 1,
-            "total": format_duration(total),
+            "number": number,
+            "total": format_duration(sum(row)),
             "parts": [
-                {
-                    "state": name,
-                    "text": format_duration(_get_state_seconds(drive, name, number)),
-                    "share": round(_get_state_seconds(drive, name, number) / longest * 100, 3),
-                }
-                for name in states
+                {"state": state, "text": format_duration(value), "share": round(value / longest * 100, 3)}
+                for state, value in zip(states, row, strict=True)
             ],
         }
-        for number, total in enumerate(totals)
+        for number, row in enumerate(rows, start=1)
     ]
 
 
@@ -344,7 +324,7 @@ def format_maps_json(
     for plan_drive in shown.values():
         check_drive(plan_drive)
     start = ranking.field_start or ranking.start
-    plans = [_build_map_plan(strategy, count, plan_drive, start) for (strategy, count), plan_drive in shown.items()]
+    plans = [_build_map_plan(strategy, count, plan_drive) for (strategy, count), plan_drive in shown.items()]
     relief = next((plan_drive.relief for plan_drive in shown.values() if plan_drive.relief is not None), None)
     ground = {}
     if relief is not None:
@@ -354,8 +334,8 @@ def format_maps_json(
     return json.dumps({"field": ranking.field_name, "begin": start, "plans": plans, **ground}, allow_nan=False) + "\n"
 
 
-def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str | None) -> dict[str, Any]:
-    names = drive.swath_names or tuple(str(number + 1) for number in range(len(drive.swaths)))
+def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str, Any]:
+    steps = drive.steps or ((),) * len(drive.xy)
     return {
         "strategy": strategy,
         "tractors": tractors,
@@ -372,27 +352,21 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str |
         "missed_m": [_round_coordinates(ring) for ring in drive.unworked],
         "swaths": [
             {"name": name, "points_m": _round_coordinates(track)}
-            for name, track in zip(names, drive.swaths, strict=True)
+            for name, track in zip(name_swaths(drive), drive.swaths, strict=True)
         ],
         "headland_passes": [
             {"name": f"R{each.number}", "points_m": _round_coordinates(each.points)} for each in drive.headland_passes
         ],
         "lanes": [
-            _build_tractor_entry(lane, drive, number, start)
-            for number, lane in enumerate(thin_paths(drive, MOST_MAP_KNOTS))
-        ],
-    }
-
-
-def _build_tractor_entry(timed_path: TimedPath, drive: PlanDrive, number: int, start: str | None) -> dict[str, Any]:
-    steps = drive.steps[number] if drive.steps else ()
-    return {
-        "time_s": _round_coordinates(timed_path.samples * drive.step_s),
-        "points_m": _round_coordinates(timed_path.xy),
-        "status": timed_path.status.tolist(),
-        "steps": [
-            {"from_s": step.from_s, "seconds": step.seconds, "words": build_leg_cells(place, step, start)[1]}
-            for place, step in enumerate(steps, start=1)
+            {
+                "time_s": _round_coordinates(lane.samples * drive.step_s),
+                "points_m": _round_coordinates(lane.xy),
+                "status": lane.status.tolist(),
+                "steps": [
+                    {"from_s": step.from_s, "seconds": step.seconds, "words": describe_leg(step)} for step in legs
+                ],
+            }
+            for lane, legs in zip(thin_paths(drive, MOST_MAP_KNOTS), steps, strict=True)
         ],
     }
 

@@ -8,6 +8,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +16,7 @@ import shapely
 
 from reports.common import palette
 from reports.common.notebook import create_figure
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import PlanDrive, Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
     REVERSING,
@@ -34,15 +34,13 @@ from reports.plan.drive_geometry import (
 )
 from reports.plan.leg_list import format_leg_heading, format_leg_rows
 from reports.plan.map_labels import (
-    LegMark,
     MapLabel,
     list_leg_numbers,
     place_cell_labels,
-    place_cut_off_labels,
+    place_ground_labels,
     place_headland_pass_labels,
     place_leg_marks,
     place_swath_labels,
-    place_unworked_label,
 )
 from reports.plan.relief_drawing import draw_relief, name_relief
 
@@ -50,11 +48,9 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
     from matplotlib.patches import PathPatch
 
 
-INK_COLOUR = "#2B2B2B"
 _HATCH_SPACING_SHARE = 0.011  # of the larger side, between two lines over unworked ground
 _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
 
@@ -63,9 +59,8 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     """The field, the bands of its headland passes, its swaths, obstacles, outline and fences."""
     from matplotlib.collections import PolyCollection
 
-    field_patch = _build_patch(
-        [drive.boundary, *drive.holes], facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1
-    )
+    outline = [drive.boundary, *drive.holes]
+    field_patch = build_patch(outline, facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1)
     axes.add_patch(field_patch)
     if drive.relief is not None:
         draw_relief(axes, drive.relief, field_patch)
@@ -73,38 +68,26 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
         band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
         parts = shapely.get_parts(band)
         rings = [np.asarray(ring.coords) for part in parts for ring in (part.exterior, *part.interiors)]
-        look = _build_patch(
-            rings, facecolor=palette.HEADLAND_PASS_COLOURS[headland_pass.number % 2], edgecolor="none", zorder=1.1
-        )
-        axes.add_patch(look)
-        look.set_clip_path(field_patch)
-    strips = PolyCollection(
-        [build_swath_outline(track, drive.width_m) for track in drive.swaths],
-        facecolors="none",
-        edgecolors=palette.SWATH_COLOUR,
-        linewidths=0.5,
-        zorder=2,
-    )
-    axes.add_collection(strips, autolim=False)
+        colour = palette.HEADLAND_PASS_COLOURS[headland_pass.number % 2]
+        patch = axes.add_patch(build_patch(rings, facecolor=colour, edgecolor="none", zorder=1.1))
+        patch.set_clip_path(field_patch)
+    strips = [build_swath_outline(track, drive.width_m) for track in drive.swaths]
+    look: dict[str, Any] = {"facecolors": "none", "edgecolors": palette.SWATH_COLOUR, "linewidths": 0.5, "zorder": 2}
+    axes.add_collection(PolyCollection(strips, **look), autolim=False)
     for ring in drive.obstacles:
-        axes.add_patch(_build_patch([ring], facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", zorder=2.2))
-    axes.add_patch(
-        _build_patch(
-            [drive.boundary, *drive.holes], facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3
-        )
-    )
+        axes.add_patch(build_patch([ring], facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", zorder=2.2))
+    axes.add_patch(build_patch(outline, facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3))
     for line in drive.fences:
-        axes.plot(*line.T, color=INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
+        axes.plot(*line.T, color=palette.INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
 
 
-def _build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
+def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
     """Closed rings as one shape, holes left out."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
-    return PathPatch(
-        Outline.make_compound_path(*(Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in rings)), **look
-    )
+    outlines = (Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in rings)
+    return PathPatch(Outline.make_compound_path(*outlines), **look)
 
 
 def draw_unworked(axes: Axes, drive: PlanDrive, box: MapExtent) -> None:
@@ -114,20 +97,20 @@ def draw_unworked(axes: Axes, drive: PlanDrive, box: MapExtent) -> None:
     if drive.unworked:
         lines = [*build_hatching(drive.unworked, _HATCH_SPACING_SHARE * (box.size or 1.0))]
         lines += [np.vstack([ring, ring[:1]]) for ring in drive.unworked]
-        axes.add_collection(
-            LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4), autolim=False
-        )
-    label = place_unworked_label(drive, box)
-    _write_labels(
-        axes, [*([label] if label else []), *place_cut_off_labels(drive)], palette.UNWORKED_COLOUR, 9, 9, bold=True
-    )
+        hatching = LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4)
+        axes.add_collection(hatching, autolim=False)
+    _write_labels(axes, place_ground_labels(drive, box), palette.UNWORKED_COLOUR, 9, 9, bold=True)
 
 
 def draw_tractors(axes: Axes, drive: PlanDrive, size: float) -> None:
     """The path of every tractor with its start and stops, and its worked legs with direction and number."""
+    from matplotlib.collections import PolyCollection
+
     for number, marks in enumerate(place_leg_marks(drive, size)):
         _draw_path(axes, drive, number)
-        _draw_marks(axes, marks, palette.get_tractor_colour(number))
+        heads, colour = [mark.head for mark in marks], palette.get_tractor_colour(number)
+        axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
+        _write_labels(axes, list_leg_numbers(marks), colour, 5.5, 5.5, bold=True)
 
 
 def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
@@ -143,35 +126,25 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
     )
     for style, width, statuses in looks:
         lines = [part.points for part in parts if part.status in statuses]
-        axes.add_collection(
-            LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4), autolim=False
-        )
-    for x, y, _ in find_stops(xy, status, drive.step_s):
-        axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
-    for x, y, _ in find_stops(xy, status, drive.step_s, SERVICE_STATUS):
-        axes.plot(x, y, marker="D", markersize=5, markerfacecolor="white", markeredgecolor=colour, zorder=5)
+        collection = LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4)
+        axes.add_collection(collection, autolim=False)
+    for marker, size, stop_status in (("s", 4, STATUS_BY_STATE["waiting"]), ("D", 5, SERVICE_STATUS)):
+        look: dict[str, Any] = {"marker": marker, "markersize": size, "markerfacecolor": "white"}
+        for x, y, _ in find_stops(xy, status, drive.step_s, stop_status):
+            axes.plot(x, y, markeredgecolor=colour, zorder=5, **look)
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
-    axes.annotate(
-        str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8
-    )
-
-
-def _draw_marks(axes: Axes, marks: Sequence[LegMark], colour: str) -> None:
-    from matplotlib.collections import PolyCollection
-
-    heads = [mark.head for mark in marks]
-    axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
-    _write_labels(axes, list_leg_numbers(marks), colour, 5.5, 5.5, bold=True)
+    look = {"color": "white", "fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 8}
+    axes.annotate(str(number + 1), xy[0], **look)
 
 
 def draw_cells_and_labels(axes: Axes, drive: PlanDrive, size: float) -> None:
     """Numbers of tracks and headland passes, outlines of cells with their number and bearing."""
     for cell in drive.cells:
-        look = {"facecolor": "none", "edgecolor": INK_COLOUR, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
-        axes.add_patch(_build_patch(cell.rings, **look))
-    _write_labels(axes, place_swath_labels(drive, size), INK_COLOUR, 6.5, 6)
+        look = {"edgecolor": palette.INK_COLOUR, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
+        axes.add_patch(build_patch(cell.rings, facecolor="none", **look))
+    _write_labels(axes, place_swath_labels(drive, size), palette.INK_COLOUR, 6.5, 6)
     _write_labels(axes, place_headland_pass_labels(drive, size), palette.EDGE_COLOUR, 6.5, 6.2, bold=True)
-    _write_labels(axes, place_cell_labels(drive), INK_COLOUR, 9, 6.4, bold=True)
+    _write_labels(axes, place_cell_labels(drive), palette.INK_COLOUR, 9, 6.4, bold=True)
 
 
 def _write_labels(
@@ -194,28 +167,19 @@ def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
     size = box.size or 1.0
     bar = choose_round_length_m(max(box.width, 0.5 * size) / 4)
     y = box.south - 0.06 * size
-    axes.plot([box.west, box.west + bar], [y, y], color=INK_COLOUR, linewidth=2.5, solid_capstyle="butt", zorder=6)
+    look: dict[str, Any] = {"linewidth": 2.5, "solid_capstyle": "butt", "zorder": 6}
+    axes.plot([box.west, box.west + bar], [y, y], color=palette.INK_COLOUR, **look)
     axes.annotate(f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9)
-    axes.annotate(
-        "N",
-        xy=(box.east, y + 0.05 * size),
-        xytext=(box.east, y),
-        ha="center",
-        va="center",
-        fontsize=10,
-        arrowprops={"arrowstyle": "-|>", "color": INK_COLOUR, "linewidth": 1.2},
-    )
+    arrow = {"arrowstyle": "-|>", "color": palette.INK_COLOUR, "linewidth": 1.2}
+    top = (box.east, y + 0.05 * size)
+    axes.annotate("N", top, (box.east, y), ha="center", va="center", fontsize=10, arrowprops=arrow)
 
 
 _HASH_SALT = "headland"
 _FAULT_LOOK: dict[str, Any] = {
-    "markersize": 16,
-    "markerfacecolor": "none",
-    "markeredgecolor": palette.UNWORKED_COLOUR,
-    "markeredgewidth": 2.5,
-    "linestyle": "none",
-    "zorder": 9,
-}
+    "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
+    "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
+}  # fmt: skip
 _LETTERS_PER_INCH, _TITLE_INCHES = 11.0, 0.24  # of a title of 11 points; height of its lines
 _EDGE_INCHES = 0.2  # margin around everything
 _WIDEST_INCHES, _TALLEST_INCHES, _NARROWEST_INCHES = 10.0, 9.0, 4.5  # of a map, inches
@@ -239,7 +203,7 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
         ReportError: the drive cannot be drawn.
     """
     check_drive(drive, least_tractors=0)
-    sheet = _plan_layout(drive, field_name, _compute_map_size_inches(compute_extent(drive)))
+    sheet = _plan_layout(drive, field_name)
     figure = create_figure(sheet.width, sheet.height)
     left_edge = _EDGE_INCHES if sheet.has_lists_beside else 0.5 * (sheet.width - sheet.map_width)
     bottom, across = (sheet.legend_height + sheet.lists_height) / sheet.height, sheet.map_width / sheet.width
@@ -261,10 +225,10 @@ def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
     draw_unworked(axes, drive, box)
     draw_tractors(axes, drive, box.size)
     if drive.entrance is not None:
-        axes.plot(*drive.entrance, marker="v", color=INK_COLOUR, markersize=8, linestyle="none", zorder=6)
+        axes.plot(*drive.entrance, marker="v", color=palette.INK_COLOUR, markersize=8, linestyle="none", zorder=6)
     draw_cells_and_labels(axes, drive, box.size)
     for place in drive.fault_places:
-        axes.plot(*place, marker="o", **_FAULT_LOOK)
+        axes.plot(*place, **_FAULT_LOOK)
     draw_scale_and_north(axes, box)
 
 
@@ -288,14 +252,6 @@ def render_svg(figure: Figure) -> str:
 def encode_svg_base64(figure: Figure) -> str:
     """A figure as SVG for a data URL, in base64: its styles then do not apply to the page."""
     return base64.b64encode(render_svg(figure).encode()).decode("ascii")
-
-
-def _compute_map_size_inches(box: MapExtent) -> tuple[float, float]:
-    """Width and height of the map, as large as there is room."""
-    size = box.size or 1.0
-    across, up = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
-    scale = min((_WIDEST_INCHES - 2 * _EDGE_INCHES) / across, _TALLEST_INCHES / up)
-    return round(float(across * scale), 4), round(float(up * scale), 4)
 
 
 @dataclass(frozen=True)
@@ -328,9 +284,13 @@ class _FigureLayout:
         return self.title_height + self.map_height + self.legend_height + self.lists_height
 
 
-def _plan_layout(drive: PlanDrive, field_name: str, inches: tuple[float, float]) -> _FigureLayout:
-    """The map with leg lists beside it, below it, or without them where they have no room."""
-    across, up = inches
+def _plan_layout(drive: PlanDrive, field_name: str) -> _FigureLayout:
+    """The map, as large as there is room, with leg lists beside it or below it, or none where they have no room."""
+    box = compute_extent(drive)
+    size = box.size or 1.0
+    across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
+    scale = min((_WIDEST_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
+    across, up = round(float(across_m * scale), 4), round(float(up_m * scale), 4)
     width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
     lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
     width_with_lists = across + 3 * _EDGE_INCHES + _measure_list_inches(lists_beside) * len(lists_beside)
@@ -353,39 +313,20 @@ def _measure_list_inches(columns: list[str]) -> float:
 def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayout) -> None:
     """Title, legend and leg lists."""
     edge = _EDGE_INCHES / layout.width
-    figure.suptitle(
-        escape_figure_formula("\n".join(layout.title)),
-        x=edge,
-        y=1.0 - 0.5 * _EDGE_INCHES / layout.height,
-        ha="left",
-        va="top",
-        fontsize=11,
-        color=INK_COLOUR,
-        linespacing=1.4,
-    )
+    look: dict[str, Any] = {"ha": "left", "va": "top", "color": palette.INK_COLOUR}
+    title, title_y = escape_figure_formula("\n".join(layout.title)), 1.0 - 0.5 * _EDGE_INCHES / layout.height
+    figure.suptitle(title, x=edge, y=title_y, fontsize=11, linespacing=1.4, **look)
     figure.legend(
-        handles=build_legend_entries(drive),
-        loc="upper center",
+        handles=build_legend_entries(drive), loc="upper center",
         bbox_to_anchor=(0.5, (layout.legend_height + layout.lists_height) / layout.height),
-        ncols=layout.columns,
-        frameon=False,
-        fontsize=9,
-        borderaxespad=0.0,
-    )
+        ncols=layout.columns, frameon=False, fontsize=9, borderaxespad=0.0,
+    )  # fmt: skip
     left_edge = layout.map_width + 2 * _EDGE_INCHES if layout.has_lists_beside else _EDGE_INCHES
     top = layout.height - layout.title_height if layout.has_lists_beside else layout.lists_height
     for column, text in enumerate(layout.list_columns):
-        figure.text(
-            (left_edge + column * _measure_list_inches(layout.list_columns)) / layout.width,
-            top / layout.height,
-            escape_figure_formula(text),
-            ha="left",
-            va="top",
-            fontsize=_LIST_POINTS,
-            family="monospace",
-            color=INK_COLOUR,
-            linespacing=_LIST_SPACING,
-        )
+        left = (left_edge + column * _measure_list_inches(layout.list_columns)) / layout.width
+        look |= {"fontsize": _LIST_POINTS, "family": "monospace", "linespacing": _LIST_SPACING}
+        figure.text(left, top / layout.height, escape_figure_formula(text), **look)
 
 
 def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
@@ -431,58 +372,31 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    count = len(drive.xy)
-    handles: list[Artist] = [
-        Line2D([], [], color=palette.get_tractor_colour(number), linewidth=3, label=f"tractor {number + 1}")
-        for number in range(count)
-    ]
-    if count:
-        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.8, label="working"))
-        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=0.7, label="turning"))
-    else:
-        handles.append(
-            Line2D([], [], color=palette.SWATH_COLOUR, linewidth=1.0, label=f"swaths of {drive.width_m:g} m")
-        )
+    count, ink = len(drive.xy), palette.INK_COLOUR
     driven = {int(value) for status in drive.status for value in np.unique(status)}
-    if REVERSING in driven:
-        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.5, linestyle="dotted", label="reversing"))
-    if STATUS_BY_STATE["waiting"] in driven:
-        handles.append(_build_legend_marker("s", "waiting", "white"))
-    if SERVICE_STATUS in driven:
-        handles.append(_build_legend_marker("D", "refill", "white"))
-    if count:
-        handles.append(_build_legend_marker("o", "start", "grey"))
-    if drive.entrance is not None:
-        handles.append(_build_legend_marker("v", "entrance", INK_COLOUR))
-    if drive.headland_passes:
-        handles.append(
-            Patch(
-                facecolor=palette.HEADLAND_PASS_COLOURS[1],
-                edgecolor=palette.HEADLAND_PASS_COLOURS[0],
-                label="headland passes",
-            )
-        )
-    if drive.cells:
-        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.0, linestyle="dashed", label="cells"))
-    if drive.relief is not None:
-        handles.append(Line2D([], [], color=palette.CONTOUR_COLOUR, linewidth=0.8, label=name_relief(drive.relief)))
-    if drive.obstacles:
-        handles.append(Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles"))
-    if drive.fences:
-        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), label="fences"))
-    if drive.fault_places:
-        handles.append(Line2D([], [], marker="o", label="cannot be driven", **{**_FAULT_LOOK, "markersize": 9}))
-    if drive.unworked:
-        handles.append(Patch(facecolor="none", edgecolor=palette.UNWORKED_COLOUR, hatch="/////", label="not worked"))
-    return handles
-
-
-def _build_legend_marker(marker: str, label: str, face: str) -> Line2D:
-    from matplotlib.lines import Line2D
-
-    return Line2D(
-        [], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=INK_COLOUR, label=label
-    )
+    line = partial(Line2D, [], [])
+    mark = partial(line, linestyle="none", markeredgecolor=ink)
+    relief = "" if drive.relief is None else name_relief(drive.relief)
+    even_pass, odd_pass = palette.HEADLAND_PASS_COLOURS
+    tractors = [line(color=palette.get_tractor_colour(n), linewidth=3, label=f"tractor {n + 1}") for n in range(count)]
+    entries: list[tuple[object, Artist]] = [
+        (count, line(color=ink, linewidth=1.8, label="working")),
+        (count, line(color=ink, linewidth=0.7, label="turning")),
+        (not count, line(color=palette.SWATH_COLOUR, linewidth=1.0, label=f"swaths of {drive.width_m:g} m")),
+        (REVERSING in driven, line(color=ink, linewidth=1.5, linestyle="dotted", label="reversing")),
+        (STATUS_BY_STATE["waiting"] in driven, mark(marker="s", markerfacecolor="white", label="waiting")),
+        (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label="refill")),
+        (count, mark(marker="o", markerfacecolor="grey", label="start")),
+        (drive.entrance, mark(marker="v", markerfacecolor=ink, label="entrance")),
+        (drive.headland_passes, Patch(facecolor=odd_pass, edgecolor=even_pass, label="headland passes")),
+        (drive.cells, line(color=ink, linewidth=1.0, linestyle="dashed", label="cells")),
+        (relief, line(color=palette.CONTOUR_COLOUR, linewidth=0.8, label=relief)),
+        (drive.obstacles, Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles")),
+        (drive.fences, line(color=ink, linewidth=2.2, linestyle=(0, (2, 1)), label="fences")),
+        (drive.fault_places, line(label="cannot be driven", **{**_FAULT_LOOK, "markersize": 9})),
+        (drive.unworked, Patch(facecolor="none", edgecolor=palette.UNWORKED_COLOUR, hatch="/////", label="not worked")),
+    ]
+    return [*tractors, *(handle for is_shown, handle in entries if is_shown)]
 
 
 def escape_figure_formula(text: str) -> str:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from reports.common.plan_drives import HeadlandPassLine, PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import HeadlandPassLine, PlanDrive, Points
 from reports.common.wording import format_area
 from reports.plan.drive_geometry import (
     WORKING,
@@ -53,9 +52,14 @@ class LegMark:
     label: MapLabel | None
 
 
+def name_swaths(drive: PlanDrive) -> tuple[str, ...]:
+    """The names of the tracks, by default their places from 1."""
+    return drive.swath_names or tuple(str(index + 1) for index in range(len(drive.swaths)))
+
+
 def place_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
     """Names of tracks beyond both ends, where they overlap neither each other nor names of cells."""
-    names = drive.swath_names or tuple(str(index + 1) for index in range(len(drive.swaths)))
+    names = name_swaths(drive)
     places = place_swath_numbers(drive.swaths, _SWATH_LABEL_OFFSET_PCT * size / 100, _LABEL_DISTANCE_PCT * size / 100)
     return _choose_free_places(
         [[MapLabel(names[index], place)] for index, place in places], _list_large_label_boxes(drive, size), size
@@ -77,7 +81,7 @@ def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Points]:
     """Boxes of the names of cells and of unworked ground."""
     return [
         _compute_label_box(label, size, _LARGE_TEXT_SCALE)
-        for label in (*place_cell_labels(drive), *_place_ground_labels(drive))
+        for label in (*place_cell_labels(drive), *place_ground_labels(drive, compute_extent(drive)))
     ]
 
 
@@ -112,13 +116,8 @@ def _choose_free_places(
 
 def _compute_label_box(label: MapLabel, size: float, scale: float = 1.0) -> Points:
     """Lower left and upper right corner (2, 2) of a text, metres."""
-    half = (
-        0.5
-        * scale
-        * size
-        / 100
-        * np.array([_LETTER_WIDTH_PCT * len(label.text) + _TEXT_MARGIN_PCT, _LINE_HEIGHT_PCT + _TEXT_MARGIN_PCT])
-    )
+    sides_pct = np.array([_LETTER_WIDTH_PCT * len(label.text), _LINE_HEIGHT_PCT]) + _TEXT_MARGIN_PCT
+    half = 0.5 * scale * size / 100 * sides_pct
     return np.array([label.place - half, label.place + half])
 
 
@@ -170,7 +169,7 @@ def place_leg_marks(drive: PlanDrive, size: float) -> list[list[LegMark]]:
         (np.array([label.place for label in labels]).reshape(-1, 2), apart)
         for labels, apart in (
             ([*place_swath_labels(drive, size), *place_headland_pass_labels(drive, size)], _LABEL_CLEARANCE_PCT),
-            ([*place_cell_labels(drive), *_place_ground_labels(drive)], _CELL_CLEARANCE_PCT),
+            ([*place_cell_labels(drive), *place_ground_labels(drive, compute_extent(drive))], _CELL_CLEARANCE_PCT),
         )
     ]  # fmt: skip
     marks: list[list[LegMark]] = [[] for _ in drive.xy]
@@ -189,17 +188,16 @@ def place_leg_marks(drive: PlanDrive, size: float) -> list[list[LegMark]]:
                     for one, others in ((place, number_places), (place, arrow_places), (head[0], number_places))
                 )
                 if _is_apart(head[0], arrow_places, _ARROW_DISTANCE_PCT * size / 100) and all(clear) and all(beside):
-                    arrow_places, number_places = (
-                        np.concatenate([arrow_places, head[:1]]),
-                        np.concatenate([number_places, place[None]]),
-                    )
+                    arrow_places = np.concatenate([arrow_places, head[:1]])
+                    number_places = np.concatenate([number_places, place[None]])
                     tractor_marks.append(LegMark(head, MapLabel(text, place) if text else None))
                     break
     return marks
 
 
-def _place_ground_labels(drive: PlanDrive) -> list[MapLabel]:
-    missed = place_unworked_label(drive, compute_extent(drive))
+def place_ground_labels(drive: PlanDrive, box: MapExtent) -> list[MapLabel]:
+    """The area of the largest unworked piece, and of pieces that are cut off."""
+    missed = place_unworked_label(drive, box)
     return [*([missed] if missed else []), *place_cut_off_labels(drive)]
 
 

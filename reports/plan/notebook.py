@@ -8,16 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
-from reports.common.notebook import (
-    NOT_DRAWN,
-    ResultView,
-    ShownTable,
-    build_view,
-    encode_picture,
-    render_fragment,
-)
+from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
+    FleetStudy,
     PlanRanking,
     PlanResult,
     get_ranked_s,
@@ -26,14 +20,7 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
-from reports.common.study_results import FleetStudy
-from reports.common.wording import (
-    format_duration,
-    format_minutes,
-    format_number,
-    format_price,
-    format_tractor_count,
-)
+from reports.common.wording import format_duration, format_minutes, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
 from reports.plan.first_screen import build_answer_table, choose_first_plans, count_other_plans, write_legend
@@ -98,11 +85,16 @@ def build_answer_view(ranking: PlanRanking, picture: Callable[[], PlanDrive], fi
 @build_view.register
 def build_plan_view(plan: PlanResult) -> ResultView:
     """One plan of a ranking: its figures."""
+
+    def render() -> str:
+        entry = flatten_entry(build_plan_entry(plan))
+        known = [(key, str(value)) for key, value in entry.items() if value is not None]
+        table = ShownTable(("Figure", "Value"), known, frozenset({0}))
+        return render_fragment(summarise_plan(plan), [plan.remark] if plan.remark else [], [table])
+
     return ResultView(
         summary=lambda: summarise_plan(plan),
-        html=lambda: render_fragment(
-            summarise_plan(plan), [plan.remark] if plan.remark else [], [_build_figures_table(plan)]
-        ),
+        html=render,
         table=lambda: _build_frame([flatten_entry(build_plan_entry(plan))]),
         not_drawn=f"{NOT_DRAWN}: this is one row of a ranking; draw the answer of plan(), which has the drive.",
     )
@@ -112,14 +104,17 @@ def build_plan_view(plan: PlanResult) -> ResultView:
 def build_drive_view(drive: PlanDrive) -> ResultView:
     """A drive on its field: the map, and the seconds of each tractor."""
 
-    def draw(axes: Axes) -> None:
-        draw_drive(axes, drive, drive.title)
-
     return ResultView(
         summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {len(drive.swaths)} tracks",
         html=lambda: render_fragment(drive.title, [], [], _encode_map(drive), "Map of the field and the drive"),
-        table=lambda: _build_frame(_list_drive_rows(drive)),
-        draw=draw,
+        table=lambda: _build_frame(
+            [
+                {"tractor": number + 1, "finish_s": finish_s}
+                | {f"{state}_s": values[number] for state, values in drive.seconds.items()}
+                for number, finish_s in enumerate(drive.finish_s)
+            ]
+        ),
+        draw=lambda axes: draw_drive(axes, drive, drive.title),
         figure_inches=(MAP_INCHES, MAP_INCHES),
     )
 
@@ -132,7 +127,13 @@ def build_study_view(study: FleetStudy) -> ResultView:
     return ResultView(
         summary=lambda: summary,
         html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
-        table=lambda: _build_frame(_list_study_rows(study)),
+        table=lambda: _build_frame(
+            [
+                {"table": name, **make_json_safe(build_study_row(row))}
+                for name, rows in study.tables.items()
+                for row in rows
+            ]
+        ),
         draw=lambda axes: _draw_study(axes, study),
         files={".json": lambda: format_study_json(study)},
     )
@@ -189,17 +190,8 @@ def _build_plans_table(ranking: PlanRanking) -> ShownTable:
     """The table of the first screen, with its legend; the best plan is the first row."""
     plans = choose_first_plans(ranking, MOST_ROWS)
     table = build_answer_table(ranking, plans)
-    headings = [" ".join(column.heading.split()) for column in table.columns]
-    text_columns = frozenset(place for place, column in enumerate(table.columns) if column.is_text)
     note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
-    return ShownTable(headings, table.rows, text_columns, 0 if ranking.best else None, note)
-
-
-def _build_figures_table(plan: PlanResult) -> ShownTable:
-    """The figures of one plan that are known, by their names in files."""
-    entry = flatten_entry(build_plan_entry(plan))
-    rows = [(key, str(value)) for key, value in entry.items() if value is not None]
-    return ShownTable(("Figure", "Value"), rows, frozenset({0}))
+    return table.convert_for_notebook(0 if ranking.best else None, note)
 
 
 def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
@@ -225,15 +217,6 @@ def _encode_map(drive: PlanDrive) -> str:
     return encode_picture(lambda axes: draw_drive(axes, drive), (MAP_INCHES, max(height, LEAST_MAP_INCHES)))
 
 
-def _list_drive_rows(drive: PlanDrive) -> list[dict[str, Any]]:
-    """Seconds in every state, a row per tractor."""
-    return [
-        {"tractor": number + 1, "finish_s": drive.finish_s[number]}
-        | {f"{state}_s": values[number] for state, values in drive.seconds.items()}
-        for number in range(len(drive.xy))
-    ]
-
-
 def draw_times(axes: Axes, ranking: PlanRanking) -> None:
     """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
     plans = list_feasible(ranking)
@@ -251,12 +234,6 @@ def draw_times(axes: Axes, ranking: PlanRanking) -> None:
     axes.set_ylim(bottom=0.0)
     axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
     axes.legend(frameon=False, fontsize=8)
-
-
-def _list_study_rows(study: FleetStudy) -> list[dict[str, Any]]:
-    return [
-        {"table": name, **make_json_safe(build_study_row(row))} for name, rows in study.tables.items() for row in rows
-    ]
 
 
 def _list_study_tables(study: FleetStudy) -> list[ShownTable]:

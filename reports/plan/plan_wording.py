@@ -40,7 +40,7 @@ from reports.plan.shortfall_wording import list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
-LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
+LEAST_UNWORKED_M2, LEAST_GAP_PCT = 0.5, 0.05  # less reads as nothing
 UNWORKED_HELP = (
     "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."
 )
@@ -70,11 +70,16 @@ def is_interval_wide(interval: tuple[float, float] | None) -> bool:
 
 def format_in_time_probability(plan: PlanResult) -> str:
     """The probability of being in time in percent, a range where samples are few; a dash when it is not known."""
+    interval = format_wide_interval(plan)
+    return format_percent(plan.finish_probability) if interval is None else "-".join(interval)
+
+
+def format_wide_interval(plan: PlanResult) -> list[str] | None:
+    """The ends of the interval of the probability of being in time in percent; None where there are samples enough."""
     interval = plan.finish_probability_interval
     if interval is None or not is_interval_wide(interval):
-        return format_percent(plan.finish_probability)
-    low, high = (f"{100.0 * end:.0f}" for end in interval)
-    return f"{low}-{high}"
+        return None
+    return [f"{100.0 * end:.0f}" for end in interval]
 
 
 def has_late_ground_loss(ranking: PlanRanking) -> bool:
@@ -119,17 +124,14 @@ def list_refused(ranking: PlanRanking) -> list[PlanResult]:
 
 def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
     """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
-    groups: dict[str, list[PlanResult]] = {}
+    groups: dict[str, list[tuple[str, PlanResult]]] = {}
     for plan in plans:
-        groups.setdefault(_NUMBER.sub("#", _get_reason(plan)), []).append(plan)
+        reason = (plan.reason or "no reason was given").strip()
+        groups.setdefault(_NUMBER.sub("#", reason), []).append((reason, plan))
     return [
-        RefusalGroup(_get_reason(group[0]), tuple(group), len({_get_reason(plan) for plan in group}) > 1)
+        RefusalGroup(group[0][0], tuple(plan for _, plan in group), len({reason for reason, _ in group}) > 1)
         for group in sorted(groups.values(), key=len, reverse=True)
     ]
-
-
-def _get_reason(plan: PlanResult) -> str:
-    return (plan.reason or "no reason was given").strip()
 
 
 def name_refused_plans(refusal: RefusalGroup) -> str:
@@ -147,20 +149,20 @@ def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
     """
     groups: dict[str, list[tuple[PlanResult, str]]] = {}
     for plan in plans:
-        for remark in plan.remarks:
-            groups.setdefault(_NUMBER.sub("#", remark), []).append((plan, remark))
-    return [_format_grouped_remark(members) for members in groups.values()]
-
-
-def _format_grouped_remark(members: Sequence[tuple[PlanResult, str]]) -> str:
-    first, remark = members[0]
-    has_one_text = all(part == remark for _, part in members)
-    if has_one_text and all(plan.strategy == first.strategy for plan, _ in members):
-        counts = join_list(sorted({plan.tractors for plan, _ in members}))
-        values = {"strategy": first.strategy, "counts": counts, "remark": translate_sentence(remark)}
-        return translate("{strategy} with {counts}: {remark}.", **values)
-    example = "" if has_one_text else f", such as {first.strategy} with {first.tractors}"
-    return f"{len(members)} plans{example}: {remark}."
+        for part in plan.remarks:
+            groups.setdefault(_NUMBER.sub("#", part), []).append((plan, part))
+    sentences = []
+    for members in groups.values():
+        first, remark = members[0]
+        has_one_text = all(part == remark for _, part in members)
+        if has_one_text and all(plan.strategy == first.strategy for plan, _ in members):
+            counts = join_list(sorted({plan.tractors for plan, _ in members}))
+            values = {"strategy": first.strategy, "counts": counts, "remark": translate_sentence(remark)}
+            sentences.append(translate("{strategy} with {counts}: {remark}.", **values))
+        else:
+            example = "" if has_one_text else f", such as {first.strategy} with {first.tractors}"
+            sentences.append(f"{len(members)} plans{example}: {remark}.")
+    return sentences
 
 
 def describe_machines(ranking: PlanRanking) -> str | None:
@@ -294,50 +296,29 @@ def get_charged_traffic_m2(plan: PlanResult) -> float | None:
     return plan.over_finished_m2 if is_charged else None
 
 
-def _describe_charged_ground(plan: PlanResult) -> str | None:
-    """``the missed 141 m2 and the 83 m2 driven over``; None where a plan has neither."""
-    missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
-    driven_over = get_charged_traffic_m2(plan)
-    parts = [translate("the missed {area}", area=missed)] if missed else []
-    if driven_over is not None:
-        parts.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
-    return join_list(parts) if parts else None
-
-
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    charged_ground = _describe_charged_ground(plan)
-    if charged_ground is None:
-        return []
+    missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
+    driven_over = get_charged_traffic_m2(plan)
+    grounds = [translate("the missed {area}", area=missed)] if missed else []
+    if driven_over is not None:
+        grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
     sentences = []
-    if plan.finished_s is not None:
-        added = _format_added_time(plan.finished_s - (plan.time_s or 0.0))
+    if grounds and plan.finished_s is not None:
+        added_s = plan.finished_s - (plan.time_s or 0.0)
+        added = format_duration(added_s) if round_seconds(added_s) >= 60 else f"{round_seconds(added_s)} s"
         clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
         done = translate(" (field work done at {clock})", clock=clock) if clock else ""
-        cost = _describe_added_cost(ranking, plan)
-        is_late = (
-            plan.meets_deadline
-            and ranking.allowed_s is not None
-            and get_stated_finished_end_s(plan) > ranking.allowed_s
-        )
-        late = translate(", too late for the deadline") if is_late else ""
-        extra = join_list([f"{added}{done}", cost]) if cost else f"{added}{done}"
-        sentences.append(translate("Finishing {ground} adds {extra}.", ground=charged_ground, extra=extra + late))
-    if plan.largest_missed is not None and format_unworked(plan) is not None:
+        added_cost = 0.0 if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
+        cost = [format_money(added_cost, ranking.currency)] if added_cost >= LEAST_COST else []
+        is_late = ranking.allowed_s is not None and get_stated_finished_end_s(plan) > ranking.allowed_s
+        late = translate(", too late for the deadline") if plan.meets_deadline and is_late else ""
+        extra = join_list([f"{added}{done}", *cost])
+        sentences.append(translate("Finishing {ground} adds {extra}.", ground=join_list(grounds), extra=extra + late))
+    if plan.largest_missed is not None and missed:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
     return sentences
-
-
-def _format_added_time(seconds: float) -> str:
-    """``8 s``, or ``0:05:13`` from a minute on."""
-    return format_duration(seconds) if round_seconds(seconds) >= 60 else f"{round_seconds(seconds)} s"
-
-
-def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    """What finishing the field costs more: ``0.08 EUR``; nothing where that is next to nothing."""
-    added = None if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
-    return "" if added is None or added < LEAST_COST else format_money(added, ranking.currency)
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:
@@ -409,3 +390,27 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     elif best_is_cheapest:
         text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of all."
     return [translate(text, **who)]
+
+
+def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
+    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
+    groups: dict[str, dict[str, list[int]]] = {}
+    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
+        if plan.order_gap_pct is not None:
+            gaps = groups.setdefault(plan.strategy, {})
+            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
+    parts = [
+        translate("{strategy} {gap} with {counts}", strategy=name, gap=gap, counts=join_list(sorted(set(counts))))
+        for name, gaps in groups.items()
+        for gap, counts in gaps.items()
+    ]
+    if not parts:
+        return None
+    return translate("Order of tracks, by the driving between them: {orders}.", orders="; ".join(parts))
+
+
+def format_order_optimality(pct: float) -> str:
+    """``optimal`` or ``within 1.2 % of optimal``."""
+    if pct < LEAST_GAP_PCT:
+        return translate("optimal")
+    return translate("within {share} % of optimal", share=format_number(pct, 1))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
-from reports.common.rendering import format_json, make_json_safe
-from reports.common.study_results import FleetStudy, ThesisTableRow
+from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, FIRST_CSV_KEYS, PIECE_KEYS, PLAN_KEYS
 from reports.plan.shortfall_wording import describe_shortfall, question_pull
@@ -18,7 +15,6 @@ from reports.plan.shortfall_wording import describe_shortfall, question_pull
 CSV_KEYS = (
     "field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor", "area_ha", "corners",
 )  # fmt: skip
-EXPORT_DECIMALS = 6
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:
@@ -138,13 +134,6 @@ def build_csv_row(entry: Mapping[str, Any], request_values: Mapping[str, Any], c
     return [format_csv_cell(values[name]) for name in columns]
 
 
-def format_csv(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows as CSV text."""
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
-    return buffer.getvalue()
-
-
 def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
     """The entry of a plan with a key for each value of its places and each end of its interval.
 
@@ -180,8 +169,3 @@ def build_study_row(row: ThesisTableRow) -> dict[str, Any]:
     """One row of a table of the study."""
     keys = ("tractors", "thesis_s", "time_s", "difference_pct", "label", "note")
     return {key: getattr(row, key) for key in keys}
-
-
-def format_csv_cell(value: Any) -> Any:
-    """Nothing for None, and truth values as ``true`` and ``false``."""
-    return "" if value is None else str(value).lower() if isinstance(value, bool) else value

@@ -42,8 +42,10 @@ from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
+    describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
+    format_order_optimality,
     format_unworked,
     get_charged_traffic_m2,
     group_refusals,
@@ -53,15 +55,8 @@ from reports.plan.plan_wording import (
     list_refused,
     name_refused_plans,
 )
-from reports.plan.ranking_table import describe_order_optimality, format_order_optimality
 
-_SOFT_HYPHENATION = {
-    "Collisions": "Colli|sions",
-    "Reversals": "Rever|sals",
-    "Tractors": "Trac|tors",
-    "Clearance": "Clear|ance",
-    "Unworked": "Un|worked",
-}
+_PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
 """Where headings may be broken on narrow paper."""
 PlanKey = tuple[str, int]  # strategy and number of tractors
 
@@ -87,16 +82,13 @@ def render_plan_page(
     for plan_drive in shown.values():
         check_drive(plan_drive)
     content = _build_page_content(ranking, shown)
-    content["picture"] = None if field_picture is None else _draw_inline_picture(field_picture, ranking.field_name)
+    content["picture"] = None
+    if field_picture is not None:
+        from reports.plan.map_figure import draw_plan_map, render_svg
+
+        text = render_svg(draw_plan_map(field_picture, ranking.field_name))
+        content["picture"] = text[text.index("<svg") :]
     return render_template("plan.html.j2", content)
-
-
-def _draw_inline_picture(drive: PlanDrive, field_name: str) -> str:
-    """A map without time as SVG for a page."""
-    from reports.plan.map_figure import draw_plan_map, render_svg
-
-    text = render_svg(draw_plan_map(drive, field_name))
-    return text[text.index("<svg") :]
 
 
 def _choose_drives(
@@ -117,19 +109,17 @@ def _get_plan_key(plan: PlanResult) -> PlanKey:
     return plan.strategy, plan.tractors
 
 
-def _name_service_stops(ranking: PlanRanking) -> dict[str, str]:
-    """What tractors do at service stops: the state, the stop, and the verb of a tractor."""
-    if any(plan.refills is not None for plan in ranking.plans) or not any(plan.charges for plan in ranking.plans):
-        return {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
-    return {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
-
-
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
     plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
     columns = [(figure, False) for figure in choose_figures(ranking, plans, PAGE_KEYS)]
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]
+    details = [*describe_ranking(ranking), *describe_physics(ranking)] if plans else []
     names, states = _build_drive_labels(plans, shown), list_states(shown.values())
+    service_colour = {SERVICE_STATE: palette.SERVICE_COLOUR} if SERVICE_STATE in states else {}
     order_remark = describe_order_optimality(plans)
+    service = {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
+    if any(plan.charges for plan in ranking.plans) and all(plan.refills is None for plan in ranking.plans):
+        service = {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
     first = next(iter(shown.values()), None)
     places = {key: number for number, key in enumerate(shown)}
     return {
@@ -138,18 +128,13 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "machines": describe_machines(ranking),
         "seed": ranking.seed,
         "headline": [insert_non_breaking_spaces(text) for text in write_answer(ranking).list_sentences()],
-        "details": [
-            insert_non_breaking_spaces(text) for text in (*describe_ranking(ranking), *describe_physics(ranking))
-        ]
-        if plans
-        else [],
+        "details": [insert_non_breaking_spaces(text) for text in details],
         "facts": _list_plan_facts(ranking, ranking.best),
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
         "states": states,
-        "service": _name_service_stops(ranking),
-        "state_colours": palette.STATE_COLOURS
-        | ({SERVICE_STATE: palette.SERVICE_COLOUR} if SERVICE_STATE in states else {}),
+        "service": service,
+        "state_colours": {**palette.STATE_COLOURS, **service_colour},
         "cards": [] if first is None else _build_leg_cards(first, ranking.field_start or ranking.start),
         "headings": LEG_HEADINGS,
         "begin_s": get_start_time_of_day_s(ranking.field_start or ranking.start),
@@ -215,21 +200,19 @@ def _build_leg_cards(drive: PlanDrive, start: str | None) -> list[dict[str, Any]
 
 def _insert_soft_hyphens(heading: str) -> str:
     """A heading that may be broken at soft hyphens."""
-    for word, parted in _SOFT_HYPHENATION.items():
-        heading = heading.replace(word, parted.replace("|", SOFT_HYPHEN))
+    for parted in _PARTED_WORDS:
+        heading = heading.replace(parted.replace("|", ""), parted.replace("|", SOFT_HYPHEN))
     return heading
 
 
 def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | None, PlanDrive]) -> list[str]:
     """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
-    by_key = {_get_plan_key(plan): plan for plan in reversed(plans)}
-    return [
-        f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
+    labels = {
+        _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
         f"{format_duration(get_stated_s(plan))}"
-        if (plan := by_key.get(key) if key else None)
-        else drive.title
-        for key, drive in shown.items()
-    ]
+        for plan in reversed(plans)
+    }
+    return [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]
 
 
 def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:

@@ -10,16 +10,16 @@ from rich.table import Table
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.study_results import FleetStudy
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import NO_VALUE, format_minutes, format_number, join_list
+from reports.common.wording import format_minutes, format_signed_number, join_list
 from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
 from reports.plan.figures import COUNT_DROPS, FIGURES, TABLE_DROPS, Figure, build_figure_table, choose_figures
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     UNWORKED_HELP,
+    describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
     group_refusals,
@@ -30,7 +30,6 @@ from reports.plan.plan_wording import (
 )
 
 _MORE_HINT = "a wider window or --json shows all"
-LEAST_GAP_PCT = 0.05  # less reads as nothing
 
 
 def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> RenderableType:
@@ -127,7 +126,7 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
         columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
         cells = (
             (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-             _format_signed(row.difference_pct), row.note)
+             format_signed_number(row.difference_pct, 1), row.note)
             for row in rows
         )  # fmt: skip
         table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
@@ -143,38 +142,9 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
     return Group(*parts)
 
 
-def _format_signed(value: float | None) -> str:
-    text = format_number(value, 1)
-    return text if text == NO_VALUE or text.startswith("-") or float(text) == 0 else f"+{text}"
-
-
 def _build_bullet(text: str) -> RenderableType:
     grid = Table.grid(padding=(0, 1, 0, 0))
     grid.add_column(width=1)
     grid.add_column(overflow="fold")
     grid.add_row(Text("-"), Padding(format_sentence(text), 0))
     return grid
-
-
-def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
-    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
-    groups: dict[str, dict[str, list[int]]] = {}
-    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
-        if plan.order_gap_pct is not None:
-            gaps = groups.setdefault(plan.strategy, {})
-            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
-    parts = [
-        translate("{strategy} {gap} with {counts}", strategy=name, gap=gap, counts=join_list(sorted(set(counts))))
-        for name, gaps in groups.items()
-        for gap, counts in gaps.items()
-    ]
-    if not parts:
-        return None
-    return translate("Order of tracks, by the driving between them: {orders}.", orders="; ".join(parts))
-
-
-def format_order_optimality(pct: float) -> str:
-    """``optimal`` or ``within 1.2 % of optimal``."""
-    if pct < LEAST_GAP_PCT:
-        return translate("optimal")
-    return translate("within {share} % of optimal", share=format_number(pct, 1))

@@ -6,7 +6,7 @@ import math
 
 from reports.common.language import translate, translate_sentence
 from reports.common.plan_results import PlanRanking, PullFigures, Shortfall
-from reports.common.units import format_speed, format_width
+from reports.common.units import SPEED, format_width
 from reports.common.wording import format_deadline, format_number, join_list
 
 
@@ -78,4 +78,4 @@ def _describe_power(pull: PullFigures) -> str:
 
 
 def _format_speed(speed_kmh: float) -> str:
-    return format_speed(speed_kmh / 3.6).replace(".0 ", " ")
+    return SPEED.format(speed_kmh, 1).replace(".0 ", " ")

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import Points
+from reports.common.plan_drives import PlanDrive, Points
 from reports.plan.drive_geometry import (
     WORKING,
     Viewport,
@@ -31,6 +30,12 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> Sma
     scale = SIDE / size_m
     view = Viewport(box.west, box.north, scale, MARGIN)
     bar_m = choose_round_length_m(max(box.width, 0.5 * size_m) / 3)
+    lanes = []
+    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True)):
+        lines = {"work": "", "turn": ""}
+        for piece in split_by_status(xy, status, PATH_TOLERANCE_SHARE * size_m):
+            lines["work" if piece.status == WORKING else "turn"] += view.format_path(piece.points)
+        lanes.append({"colour": number % len(TRACTOR_COLOURS), **lines})
     return {
         "width": round(box.width * scale + 2 * MARGIN),
         "height": round(box.height * scale + 2 * MARGIN + FOOT),
@@ -43,16 +48,7 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> Sma
         "pass_width": round(drive.width_m * scale),
         "missed": view.format_rings(drive.unworked),
         "driven_over": view.format_rings(driven_over),
-        "lanes": [_draw_lane(drive, number, view, PATH_TOLERANCE_SHARE * size_m) for number in range(len(drive.xy))],
+        "lanes": lanes,
         "bar": round(bar_m * scale),
         "bar_text": f"{bar_m:g} m",
     }
-
-
-def _draw_lane(drive: PlanDrive, number: int, view: Viewport, tolerance_m: float) -> dict[str, Any]:
-    """The path of a tractor: where it works, and the rest."""
-    pieces = split_by_status(drive.xy[number], drive.status[number], tolerance_m)
-    lines = {"work": "", "turn": ""}
-    for piece in pieces:
-        lines["work" if piece.status == WORKING else "turn"] += view.format_path(piece.points)
-    return {"colour": number % len(TRACTOR_COLOURS), **lines}

@@ -16,19 +16,12 @@ from reports.task_logs.run_results import ImportedRun, LearnedOutcome
 KMH_PER_MPS = 3.6
 _NUMBER_PATTERN = re.compile(r"\d+(?:\.\d+)?")
 _RUN_COLUMNS = (
-    TableColumn("Run", is_text=True),
-    TableColumn("Date", is_unbroken=True),
-    TableColumn("Field", is_text=True, drop_order=1),
-    TableColumn("Time", is_unbroken=True),
-    TableColumn("ha"),
-    TableColumn("km"),
-    TableColumn("Working (%)", "Work%"),
-    TableColumn("Turns", drop_order=2),
-    TableColumn("Stops", drop_order=3),
-    TableColumn("Lifts", drop_order=4),
-    TableColumn("Speed (km/h)", "km/h", drop_order=5),
-    TableColumn("Fuel (l)", "l", drop_order=6),
-)
+    TableColumn("Run", is_text=True), TableColumn("Date", is_unbroken=True),
+    TableColumn("Field", is_text=True, drop_order=1), TableColumn("Time", is_unbroken=True), TableColumn("ha"),
+    TableColumn("km"), TableColumn("Working (%)", "Work%"), TableColumn("Turns", drop_order=2),
+    TableColumn("Stops", drop_order=3), TableColumn("Lifts", drop_order=4),
+    TableColumn("Speed (km/h)", "km/h", drop_order=5), TableColumn("Fuel (l)", "l", drop_order=6),
+)  # fmt: skip
 
 
 def build_runs_table(runs: Sequence[ImportedRun]) -> RenderableType:
@@ -44,43 +37,29 @@ def _build_run_row(run: ImportedRun) -> tuple[str, ...]:
     speed = None if figures.working_mps is None else figures.working_mps * KMH_PER_MPS
     length = None if figures.active_m is None or figures.inactive_m is None else figures.active_m + figures.inactive_m
     return (
-        run.name,
-        run.start[:10] or NO_VALUE,
-        run.field or NO_VALUE,
-        format_duration(figures.seconds),
-        _format_hectares(figures.area_m2),
+        run.name, run.start[:10] or NO_VALUE, run.field or NO_VALUE, format_duration(figures.seconds),
+        NO_VALUE if figures.area_m2 is None else format_number(figures.area_m2 / 1e4, 2),
         format_number((figures.placed_m if length is None else length) / 1e3, 2),
         format_percent(figures.share_working),
-        _format_run_count(figures.turns),
-        _format_run_count(figures.stops),
-        _format_run_count(figures.lifts),
-        format_number(speed, 1),
-        format_number(figures.fuel_l, 0),
-    )
+        *(format_number(count, 0) for count in (figures.turns, figures.stops, figures.lifts)),
+        format_number(speed, 1), format_number(figures.fuel_l, 0),
+    )  # fmt: skip
 
 
 def _build_total_row(runs: Sequence[ImportedRun]) -> tuple[str, ...]:
     """The totals of all runs; speeds have none."""
     figures = [run.figures for run in runs]
-    seconds = sum(one.seconds for one in figures)
     with_share = [one for one in figures if one.share_working is not None]
     fuel = [one.fuel_l for one in figures if one.fuel_l is not None]
     share = sum(one.by_kind_s["working"] for one in with_share) / max(sum(one.seconds for one in with_share), 1e-9)
     length = sum(one.placed_m if one.counted_m is None else one.counted_m for one in figures)
     return (
-        f"all {len(runs)}",
-        "",
-        "",
-        format_duration(seconds),
-        _format_hectares(sum(one.area_m2 or 0.0 for one in figures)),
-        format_number(length / 1e3, 2),
-        format_percent(share) if with_share else NO_VALUE,
-        str(sum(one.turns or 0 for one in figures)),
-        str(sum(one.stops for one in figures)),
-        str(sum(one.lifts or 0 for one in figures)),
-        "",
+        f"all {len(runs)}", "", "", format_duration(sum(one.seconds for one in figures)),
+        format_number(sum(one.area_m2 or 0.0 for one in figures) / 1e4, 2), format_number(length / 1e3, 2),
+        format_percent(share) if with_share else NO_VALUE, str(sum(one.turns or 0 for one in figures)),
+        str(sum(one.stops for one in figures)), str(sum(one.lifts or 0 for one in figures)), "",
         format_number(sum(fuel), 0) if fuel else NO_VALUE,
-    )
+    )  # fmt: skip
 
 
 def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
@@ -101,21 +80,12 @@ def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
 
 def format_runs_json(runs: Sequence[ImportedRun], notes: Sequence[str]) -> str:
     """``runs`` with their figures in SI units, and ``notes`` on what could not be read, as JSON."""
-    content = {"runs": [_build_run_entry(run) for run in runs], "notes": list(notes)}
-    return format_json(content)
-
-
-def _build_run_entry(run: ImportedRun) -> dict[str, object]:
-    about = {key: value for key, value in asdict(run).items() if key not in ("figures", "notes")}
-    return {**about, **asdict(run.figures), "share_working": run.figures.share_working, "notes": list(run.notes)}
-
-
-def _format_hectares(m2: float | None) -> str:
-    return NO_VALUE if m2 is None else format_number(m2 / 1e4, 2)
-
-
-def _format_run_count(value: int | None) -> str:
-    return NO_VALUE if value is None else str(value)
+    entries = []
+    for run in runs:
+        about = {key: value for key, value in asdict(run).items() if key not in ("figures", "notes")}
+        figures = {**asdict(run.figures), "share_working": run.figures.share_working}
+        entries.append({**about, **figures, "notes": list(run.notes)})
+    return format_json({"runs": entries, "notes": list(notes)})
 
 
 _LEARNED_COLUMNS = (
@@ -128,17 +98,13 @@ _LEARNED_COLUMNS = (
 
 def build_learned_table(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> RenderableType:
     """One row per value, then the origin of each, then the remarks."""
-    rows = tuple((one.key, _format_learned_value(one.value), _format_interval(one), one.done) for one in learned)
+    rows = []
+    for one in learned:
+        value = one.value if isinstance(one.value, str) else f"{one.value:g}"
+        interval = NO_VALUE if one.low is None or one.high is None else f"{one.low:g} to {one.high:g}"
+        rows.append((one.key, value, interval, one.done))
     origins = (f"{one.key.rpartition('.')[2]}: {one.measured}." for one in learned)
-    return Group(FittedTable(_LEARNED_COLUMNS, rows), *map(format_sentence, (*origins, *notes)))
-
-
-def _format_learned_value(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def _format_interval(learned: LearnedOutcome) -> str:
-    return NO_VALUE if learned.low is None or learned.high is None else f"{learned.low:g} to {learned.high:g}"
+    return Group(FittedTable(_LEARNED_COLUMNS, tuple(rows)), *map(format_sentence, (*origins, *notes)))
 
 
 def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> str:

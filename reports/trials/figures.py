@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_INK_COLOUR = "#2B2B2B"
 _STAGE_STYLES = {
     1: ("holds (stage 1)", "#8A8A8A"),
     2: ("follows (stage 2)", "#0072B2"),
@@ -45,7 +44,7 @@ def draw_experiment_panels(sheet: ExperimentSheet) -> Figure:
     figure = create_figure(13.0, 4.6 * rows, layout="constrained")
     for number, panel in enumerate(sheet.panels):
         _draw_axes(figure.add_subplot(rows, _FIGURE_COLUMNS, number + 1), panel)
-    figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=14, color=_INK_COLOUR)
+    figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=14, color=palette.INK_COLOUR)
     return figure
 
 
@@ -60,7 +59,7 @@ def _compute_panel_height(panel: PlotPanel | HeatMap, width: float) -> float:
 
 
 def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
-    axes.set_title(panel.title, loc="left", fontsize=11, color=_INK_COLOUR)
+    axes.set_title(panel.title, loc="left", fontsize=11, color=palette.INK_COLOUR)
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     axes.spines[["top", "right"]].set_visible(False)
@@ -102,7 +101,7 @@ def _draw_missing(axes: Axes, panel: PlotPanel) -> None:
         edge = np.full(len(x), 0.02 + 0.03 * row)
         colour = palette.get_tractor_colour(line.colour)
         axes.plot(x, edge, color=colour, transform=axes.get_xaxis_transform(), **style)
-    axes.add_line(Line2D([], [], color=_INK_COLOUR, label=panel.missing, **style))
+    axes.add_line(Line2D([], [], color=palette.INK_COLOUR, label=panel.missing, **style))
 
 
 def _draw_line_by_stage(axes: Axes, x: np.ndarray, y: np.ndarray, stages: np.ndarray) -> None:

@@ -19,12 +19,10 @@ from reports.common.wording import NO_VALUE, join_list
 from reports.plan.map_figure import encode_svg_base64
 from reports.trials.figures import draw_panel
 from vehicle.trials.sheets.sheet import (
-    DriveCheck,
     ExperimentSheet,
     HeatMap,
     PlotPanel,
     SteeredDrive,
-    TextTable,
     ThesisComparison,
     TractorVerdict,
 )
@@ -70,7 +68,11 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
     )
     header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
     counted = [one for one in counts if one.total]
-    rows = tuple(_build_agreement_row(one) for one in (*counted, *([total] if len(counted) > 1 else [])))
+    shown = [*counted, *([total] if len(counted) > 1 else [])]
+    rows = tuple(
+        (one.title, *map(str, (one.total, one.near_count, one.fair_count, one.far_count, one.uncompared_count)))
+        for one in shown
+    )
     return ThesisAgreement(headline, tuple(_describe_agreement(counts, total, sheets)), header, rows)
 
 
@@ -84,12 +86,6 @@ def _count_agreement(title: str, rows: Iterable[ThesisComparison]) -> _Agreement
     off = [value for row in printed if (value := compute_deviation_pct(row)) is not None]
     near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
     return _AgreementCount(title, near, fair, len(off) - near - fair, len(printed) - len(off))
-
-
-def _build_agreement_row(count: _AgreementCount) -> tuple[str, ...]:
-    return count.title, *map(
-        str, (count.total, count.near_count, count.fair_count, count.far_count, count.uncompared_count)
-    )
 
 
 def _describe_agreement(
@@ -109,31 +105,15 @@ def _describe_agreement(
 
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
     """Every number of the thesis beside the simulated one: the output of `headland validate --json`."""
-    rows = [
-        {
-            "experiment": row.experiment,
-            "quantity": row.quantity,
-            "unit": row.unit,
-            "thesis": row.thesis,
-            "ours": row.ours,
-            "difference_pct": row.difference_pct,
-            "note": row.note,
-        }
-        for sheet in sheets
-        for row in sheet.comparisons
-    ]
+    keys = ("experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "note")
+    rows = [{key: getattr(row, key) for key in keys} for sheet in sheets for row in sheet.comparisons]
     return format_json(rows)
 
 
 def format_drive_json(driven: SteeredDrive) -> str:
     """One drive: the output of `headland drive --json`; `radius_m` is null without a circle."""
-    content = {
-        "radius_m": driven.radius_m,
-        "stable": driven.stable,
-        "slip_front_deg": driven.slip_front_deg,
-        "slip_rear_deg": driven.slip_rear_deg,
-        "track": [[round(float(value), 6) for value in row] for row in driven.trace_rows],
-    }
+    content = {key: getattr(driven, key) for key in ("radius_m", "stable", "slip_front_deg", "slip_rear_deg")}
+    content["track"] = [[round(float(value), 6) for value in row] for row in driven.trace_rows]
     return json.dumps(make_json_safe(content), allow_nan=False) + "\n"
 
 
@@ -178,7 +158,9 @@ def format_tractor_check_json(proved: TractorVerdict) -> str:
                 "target": proof.expected,
                 "achieved": proof.driven,
                 "difference": proof.difference,
-                "difference_pct": _compute_difference_pct(proof),
+                "difference_pct": None
+                if proof.difference is None or not proof.expected
+                else 100.0 * proof.difference / proof.expected,
                 "tolerance": proof.tolerance,
                 "good": proof.is_good,
             }
@@ -188,15 +170,22 @@ def format_tractor_check_json(proved: TractorVerdict) -> str:
     return format_json(content)
 
 
-def _compute_difference_pct(proof: DriveCheck) -> float | None:
-    return None if proof.difference is None or not proof.expected else 100.0 * proof.difference / proof.expected
-
-
 def render_trials_page(sheets: Sequence[ExperimentSheet]) -> str:
     """One page that loads nothing from elsewhere: sentences, tables and pictures of every experiment."""
     content = {
         "title": sheets[0].title if len(sheets) == 1 else "The virtual tractor beside the thesis",
-        "sheets": [_build_experiment_content(sheet) for sheet in sheets],
+        "sheets": [
+            {
+                "title": sheet.title,
+                "words": sheet.words,
+                "tables": sheet.tables,
+                "pictures": [
+                    {"title": panel.title, "data": encode_svg_base64(draw_panel(panel))} for panel in sheet.panels
+                ],
+                "rows": [_build_comparison_cells(row) for row in _list_compared_numbers(sheet)],
+            }
+            for sheet in sheets
+        ],
         "agreement": measure_thesis_agreement(sheets),
     }
     return render_template("trial.html.j2", content)
@@ -205,17 +194,6 @@ def render_trials_page(sheets: Sequence[ExperimentSheet]) -> str:
 def _list_compared_numbers(sheet: ExperimentSheet) -> tuple[ThesisComparison, ...]:
     """The numbers of an experiment; none when the thesis prints none of them."""
     return sheet.comparisons if any(row.thesis is not None for row in sheet.comparisons) else ()
-
-
-def _build_experiment_content(sheet: ExperimentSheet) -> dict[str, Any]:
-    pictures = [{"title": panel.title, "data": encode_svg_base64(draw_panel(panel))} for panel in sheet.panels]
-    return {
-        "title": sheet.title,
-        "words": sheet.words,
-        "tables": sheet.tables,
-        "pictures": pictures,
-        "rows": [_build_comparison_cells(row) for row in _list_compared_numbers(sheet)],
-    }
 
 
 def _build_comparison_cells(row: ThesisComparison) -> dict[str, Any]:
@@ -247,7 +225,9 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
     for sheet in sheets:
         parts.append(format_sentence(sheet.title, style="bold"))
         parts += [format_sentence(text, indent=2) for text in sheet.words]
-        parts += [_build_titled_table(table) for table in sheet.tables]
+        for table in sheet.tables:
+            titled = Group(format_sentence(table.title), _build_text_table(table.header, table.rows))
+            parts.append(Padding(titled, (1, 0, 0, 2)))
         parts += _build_number_comparison(_list_compared_numbers(sheet))
         parts.append(Text(""))
     return Group(*parts)
@@ -256,10 +236,6 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
 def _build_text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> FittedTable:
     columns = tuple(TableColumn(name, is_text=not number) for number, name in enumerate(header))
     return FittedTable(columns, tuple(tuple(row) for row in rows))
-
-
-def _build_titled_table(table: TextTable) -> RenderableType:
-    return Padding(Group(format_sentence(table.title), _build_text_table(table.header, table.rows)), (1, 0, 0, 2))
 
 
 def _build_number_comparison(rows: Sequence[ThesisComparison]) -> list[RenderableType]:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from reports.common.plan_drives import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
-from reports.common.study_results import FleetStudy, ThesisClaim, ThesisTableRow
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow, UnworkedPiece
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

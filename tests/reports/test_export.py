@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, UnworkedPiece
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, Shortfall, UnworkedPiece
 from reports.common.rendering import make_json_safe
-from reports.common.study_results import FleetStudy
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
 STATED = ["stated_end_s", "stated_late_end_s", "stated_cost"]

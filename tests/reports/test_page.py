@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import PlanRanking, Points
+from reports.common.plan_drives import PlanDrive, Points
+from reports.common.plan_results import PlanRanking
 from reports.common.rendering import ReportError
 from reports.common.wording import NO_BREAK, format_duration
 from reports.plan.count_charts import build_time_chart

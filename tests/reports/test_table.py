@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from reports.common.plan_results import PlanRanking
-from reports.common.study_results import FleetStudy
+from reports.common.plan_results import FleetStudy, PlanRanking
 from reports.common.text_tables import break_text_at_marks
 from reports.plan.field_report import build_field_table
 from reports.plan.first_screen import build_first_screen

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.common.plan_drives import PlanDrive
+from reports.plan.drive_geometry import list_status_runs
 from reports.plan.map_data import PATH_TOLERANCE_M, thin_paths
 
 STEP_M = 1.4
@@ -28,7 +29,7 @@ def straight(count: int) -> np.ndarray:
 def test_a_steady_straight_line_has_two_knots() -> None:
     (lane,) = thin_paths(driven(straight(500), np.ones(500, dtype=np.int64)), 1000)
     assert lane.samples.tolist() == [0, 499] and lane.xy[1].tolist() == [STEP_M * 499, 0.0]
-    assert lane.list_status_runs() == [(1, 0, 1)]
+    assert list_status_runs(lane.status) == [(1, 0, 1)]
 
 
 def test_a_change_of_speed_on_a_straight_line_is_a_knot() -> None:
@@ -41,7 +42,7 @@ def test_a_change_of_status_is_a_knot_and_belongs_to_the_step_before_it() -> Non
     status = np.array([3, 3, 3, 1, 1, 2, 2])
     (lane,) = thin_paths(driven(straight(7), status), 2)
     assert lane.samples.tolist() == [0, 2, 4, 6]
-    assert lane.list_status_runs() == [(3, 0, 1), (1, 1, 2), (2, 2, 3)]
+    assert list_status_runs(lane.status) == [(3, 0, 1), (1, 1, 2), (2, 2, 3)]
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.sampled_from((1, 2))), min_size=2, max_size=60))
@@ -69,4 +70,4 @@ def test_few_knots_go_where_the_path_is_farthest_off(drive: PlanDrive, most: int
 
 def test_one_moment_is_one_knot() -> None:
     (lane,) = thin_paths(driven(np.zeros((1, 2)), np.ones(1, dtype=np.int64)), 10)
-    assert lane.samples.tolist() == [0] and lane.list_status_runs() == []
+    assert lane.samples.tolist() == [0] and list_status_runs(lane.status) == []

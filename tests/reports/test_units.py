@@ -30,10 +30,10 @@ def print_screen(what: RenderableType) -> str:
 def test_metric_figures() -> None:
     assert [units.format_width(3.0), units.format_width(2.55)] == ["3 m", "2.55 m"]
     assert [units.format_area(999.4), units.format_area(12_345.0)] == ["999 m2", "1.23 ha"]
-    assert [units.format_volume(31.4), units.format_speed(1.5), units.format_hectares(1.889)] == [
+    assert [units.VOLUME.format(31.4), units.SPEED.format(5.4, 1), units.FIELD_AREA.format(1.889, 2)] == [
         "31 l", "5.4 km/h", "1.89 ha",
     ]  # fmt: skip
-    assert units.format_hectares(math.nan) == "-"
+    assert units.FIELD_AREA.format(math.nan) == "-"
 
 
 def test_figures_of_the_united_states() -> None:
@@ -42,22 +42,19 @@ def test_figures_of_the_united_states() -> None:
         assert units.format_width(3.0) == "9.8 ft"
         assert units.format_area(43_560 * 0.3048**2 * 2.5) == "2.50 ac"
         assert units.format_area(100 * 0.3048**2) == "100 ft2"
-        assert units.format_hectares(1.0) == "2.47 ac"
-        assert units.format_volume(1000 * 231 * 0.0254**3 * 8) == "8 gal"
-        assert units.format_speed(5280 * 0.3048 * 4 / 3600) == "4.0 mph"
-        assert units.convert_rate_per_hectare(100.0) == pytest.approx(40.468564224)
+        assert units.FIELD_AREA.format(1.0, 2) == "2.47 ac"
+        assert units.VOLUME.format(1000 * 231 * 0.0254**3 * 8) == "8 gal"
+        assert units.SPEED.format(5280 * 0.3048 * 4 / 1000, 1) == "4.0 mph"
+        assert units.FIELD_AREA.convert_rate(100.0) == pytest.approx(40.468564224)
 
 
 @given(value=st.floats(0.0, 1e6))
 def test_conversions_are_proportional(value: float) -> None:
-    pairs = [
-        (units.convert_square_metres, 0.09290304), (units.convert_litres, 3.785411784),
-        (units.convert_hectares, 0.40468564224),
-    ]  # fmt: skip
-    for convert, unit in pairs:
-        assert convert(value) == value and convert(None) is None
+    pairs = ((units.SMALL_AREA, 0.09290304), (units.VOLUME, 3.785411784), (units.FIELD_AREA, 0.40468564224))
+    for quantity, unit in pairs:
+        assert quantity.convert(value) == value and quantity.convert(None) is None
         with use_reader(AMERICAN):
-            assert convert(value) == pytest.approx(value / unit) and convert(None) is None
+            assert quantity.convert(value) == pytest.approx(value / unit) and quantity.convert(None) is None
 
 
 def test_first_screens_are_in_units_of_the_reader() -> None:

@@ -31,8 +31,8 @@ from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, b
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.step_measures import measure_steps
-from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Relief
-from reports.common.plan_results import PlanRanking, PlanResult, Points, UnworkedPiece
+from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
