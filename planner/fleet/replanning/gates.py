@@ -7,18 +7,47 @@ fleet manager holds it until its gates open.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from planner.fleet.manager.remaining_work import RemainingWork
+from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.safety.base_release import is_passed
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
 
 
-def move_waiting_places(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
-    """The plan, its legs counted from the present ones, with gates on base legs moved to where tractors can wait, and
-    which of these tractors drive on."""
-    missions, drive_on = list(plan.missions), []
+def move_waiting_places(
+    remaining: RemainingWork, run: SimulationRun, simulate: Callable[[Plan], SimulationRun]
+) -> SimulationRun:
+    """Move gates so that no driving tractor waits on its base, and simulate again; legs count from the present ones.
+
+    Raises FleetManagerError, with the tractor to pause, if the plan does not reach its end then.
+    """
+    plan, drive_on = _move_gates(remaining, run.plan)
+    if plan is run.plan:
+        return run
+    rerun = simulate(plan)
+    if rerun.outcome == DONE:
+        return rerun
+    if drive_on:
+        tractor_names = " and ".join(f"tractor {number + 1}" for number in drive_on)
+        raise FleetManagerError(
+            f"{tractor_names.capitalize()} would have to wait on legs already being driven: pause {tractor_names} and "
+            "replan once all paused tractors stand; resume them after you accept the plan.",
+            parameter="without",
+        )
+    raise FleetManagerError(
+        "The remaining work cannot be planned from where tractors stand: they would wait for each other. Resume "
+        "paused tractors, and replan.",
+        parameter="without",
+    )
+
+
+def _move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
+    """The plan with gates on base legs moved to where tractors can wait, and which of these tractors drive on; the same
+    plan if there are none."""
+    missions, drive_on, has_changed = list(plan.missions), [], False
     for number, mission in enumerate(plan.missions):
         base_count = count_base_legs(remaining, number)
         if not any(gate.tractor not in remaining.excluded for leg in mission.legs[:base_count] for gate in leg.gates):
@@ -26,19 +55,10 @@ def move_waiting_places(remaining: RemainingWork, plan: Plan) -> tuple[Plan, lis
         place = 0 if remaining.states[number].is_standing else base_count
         if place:
             drive_on.append(number)
-        missions[number] = Mission(_gather_gates_on_leg(mission.legs, base_count, place))
-    return Plan(tuple(missions), plan.notes), drive_on
-
-
-def explain_waiting(drive_on: Sequence[int], conflict: str) -> str:
-    """Why the rest cannot be planned, and what helps, given tractors that would have to wait on their base."""
-    if not drive_on:
-        return f"The remaining work cannot be planned: {conflict}."
-    tractor_names = " and ".join(f"tractor {number + 1}" for number in drive_on)
-    return (
-        f"{tractor_names.capitalize()} would have to wait on legs already being driven: pause {tractor_names} and "
-        "replan once all paused tractors stand; resume them after you accept the plan."
-    )
+        if base_count == 1 and place == 0:
+            continue  # it already waits where it stands
+        missions[number], has_changed = Mission(_gather_gates_on_leg(mission.legs, base_count, place)), True
+    return (Plan(tuple(missions), plan.notes) if has_changed else plan), drive_on
 
 
 def count_base_legs(remaining: RemainingWork, number: int) -> int:

@@ -26,13 +26,7 @@ from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.replanning.gates import (
-    drop_open_gates,
-    drop_stale_gates,
-    explain_waiting,
-    move_waiting_places,
-    renumber_leg_gates,
-)
+from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates, move_waiting_places, renumber_leg_gates
 from planner.fleet.replanning.reassignment import (
     HelperTractor,
     assign_pieces,
@@ -51,7 +45,7 @@ from strategies.service_stops.stop_plan import (
     list_service_points,
 )
 from vehicle.missions.plan import LEAVE, Leg, LegTask, Mission, Plan
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.world import World
 
@@ -304,29 +298,19 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
         single = Plan((mission,))
         return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
 
-    waiting_on_base: list[int] = []
-
     def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
-        rules = TrafficRules(*machines, clearance_m, beside_m, simulate_alone)
-        scheduled_plan = schedule_plan(tried_plan, rules, slack)
-        if scheduled_plan is None:
-            return None
-        moved_plan, waiting_on_base[:] = move_waiting_places(remaining, scheduled_plan)
-        return moved_plan
+        return schedule_plan(tried_plan, TrafficRules(*machines, clearance_m, beside_m, simulate_alone), slack)
 
     def simulate(tried_plan: Plan) -> SimulationRun:
         return rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
 
-    plan, waiting_on_base[:] = move_waiting_places(remaining, plan)
     try:
         run, conflict = resolve_conflicts(plan, simulate, schedule_traffic)
     except HeadlandError as refusal:
         raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
-    if conflict is not None:
-        raise FleetManagerError(
-            explain_waiting(waiting_on_base, conflict), parameter="without" if waiting_on_base else None
-        )
-    return run
+    if conflict is not None or run.outcome != DONE:
+        raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
+    return move_waiting_places(remaining, run, simulate)
 
 
 def _build_whole_plan(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]], run: SimulationRun) -> FleetPlan:
