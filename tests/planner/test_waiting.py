@@ -4,10 +4,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.fleet_drive import SoloRuns
-from planner.traffic.giving_way import resolve_conflicts
+from planner.traffic.giving_way import can_gates_open, resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
@@ -80,6 +81,35 @@ class TestGivingWay:
         run, why = resolve(small_site, Plan((first, second)))
         assert run.outcome == STALL
         assert why is not None and "wait for each other" in why
+
+    def test_who_waits_in_a_circle_is_known_without_driving(self, small_site: Any) -> None:
+        free = crossing()
+        one = free.copy_with_gate(0, 1, LegGate(1, 2, 20.0))
+        both = one.copy_with_gate(1, 1, LegGate(0, 2, 20.0))
+        for plan, open_ in ((free, True), (one, True), (both, False)):
+            assert can_gates_open(plan) is open_
+            assert open_ or simulate(small_site, plan).outcome == STALL
+        behind = free.copy_with_gate(0, 2, LegGate(1, 1, 1.0)).copy_with_gate(
+            1, 2, LegGate(0, 1, 1.0)
+        )  # each passes the other's gate
+        assert can_gates_open(behind)
+
+    def test_no_order_that_holds_all_up_is_driven(self, small_site: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Two on one line, each of which may stand before the middle."""
+        paths = [[(-40 * side, 0), (-12 * side, 0), (-9 * side, 0), (40 * side, 0)] for side in (1, -1)]
+        plan = Plan(tuple(Mission(tuple(leg(*path[k : k + 2], hold=k == 1) for k in range(3))) for path in paths))
+        driven: dict[bool, list[Plan]] = {True: [], False: []}
+        for known in driven:
+            if not known:
+                monkeypatch.setattr("planner.traffic.giving_way.can_gates_open", lambda _: True)
+
+            def drive(tried: Plan, known: bool = known) -> SimulationRun:
+                driven[known].append(tried)
+                return simulate(small_site, tried)
+
+            assert resolve_conflicts(plan, drive, lambda *_: None)[1] is not None
+        assert all(can_gates_open(tried) for tried in driven[True])
+        assert not all(can_gates_open(tried) for tried in driven[False])
 
     def test_giving_way_is_repeatable(self, small_site: Any) -> None:
         plans = [resolve(small_site, crossing())[0].plan for _ in range(2)]

@@ -25,7 +25,7 @@ EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
-MENTIONED_SHARE = 0.0025  # of the field: a smaller piece that a plan leaves is on its map only
+MENTIONED_SHARE = 0.005  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 
 
@@ -63,7 +63,7 @@ def find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
 
 
 def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None) -> str | None:
-    """Area, place and reason of the largest piece that a plan leaves; None where it is small."""
+    """Area, place and reason of the largest piece that a plan leaves; None where it is small or left as asked for."""
     if piece is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
         return None
     place = shapely.Point(piece.x_m, piece.y_m)
@@ -71,6 +71,8 @@ def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None
         (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()),
         "reached by no pass of this plan",
     )
+    if reason == KEPT_HEADLAND:
+        return None
     area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
     return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"
 

@@ -24,7 +24,7 @@ def move_waiting_places(
 
     Raises FleetManagerError, with the tractor to pause, if the plan does not reach its end then.
     """
-    plan, drive_on = _move_gates(remaining, run.plan)
+    plan, drive_on = move_gates(remaining, run.plan)
     if plan is run.plan:
         return run
     rerun = simulate(plan)
@@ -44,7 +44,7 @@ def move_waiting_places(
     )
 
 
-def _move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
+def move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
     """The plan with gates on base legs moved to where tractors can wait, and which of these tractors drive on; the same
     plan if there are none."""
     missions, drive_on, has_changed = list(plan.missions), [], False

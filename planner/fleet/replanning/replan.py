@@ -26,7 +26,13 @@ from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates, move_waiting_places, renumber_leg_gates
+from planner.fleet.replanning.gates import (
+    drop_open_gates,
+    drop_stale_gates,
+    move_gates,
+    move_waiting_places,
+    renumber_leg_gates,
+)
 from planner.fleet.replanning.reassignment import (
     HelperTractor,
     assign_pieces,
@@ -299,7 +305,9 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
         return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
 
     def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
-        return schedule_plan(tried_plan, TrafficRules(*machines, clearance_m, beside_m, simulate_alone), slack)
+        rules = TrafficRules(*machines, clearance_m, beside_m, simulate_alone)
+        scheduled_plan = schedule_plan(tried_plan, rules, slack)
+        return None if scheduled_plan is None else move_gates(remaining, scheduled_plan)[0]
 
     def simulate(tried_plan: Plan) -> SimulationRun:
         return rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
