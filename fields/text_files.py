@@ -270,7 +270,7 @@ def parse_table(text: str, label: str, error_type: type[HeadlandError], *, keeps
     Raises `error_type` for what is no table.
     """
     check_header(text, label, error_type)
-    reader = csv.reader(io.StringIO(text, newline=""))
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
     try:
         rows = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or (keeps_empty and cells)]
     except csv.Error as error:

@@ -86,7 +86,7 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
     return recall(context, SiteMoves, find_moves)
 
 
-def recall(context: PlanningContext, kind: type[T], find: Callable[[], T]) -> T:
+def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:
     """What the candidates of a context share of a kind, found when the first of them asks."""
     if kind not in context.site_cache:
         context.site_cache[kind] = find()

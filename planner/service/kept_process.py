@@ -14,17 +14,21 @@ from multiprocessing.context import SpawnProcess
 
 from planner.pipeline.executors import hold_interrupts
 
-SHORT_LIFE_S, FIRST_PAUSE_S, LONGEST_PAUSE_S = 5.0, 0.5, 30.0
-"""A process that lives shorter is started again after a pause, which doubles each time."""
-TERMINATE_TIMEOUT_S = 30.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 
 
 @dataclass
 class KeptProcess:
-    """A place for one process, whose main function is `run`; it is started, forgotten when it has ended, and so on."""
+    """A place for one process, whose main function is `run`; it is started, forgotten when it has ended, and so on.
+
+    One that lives shorter than `short_life_s` is started again after a pause, which doubles each time. One that has not
+    ended `patience_s` after it was told to is killed.
+    """
 
     name: str
     run: Callable[..., None]
+    short_life_s: float
+    patience_s: float
     process: SpawnProcess | None = None
     _changed_s: float = float("-inf")
     _pause_s: float = 0.0
@@ -52,10 +56,10 @@ class KeptProcess:
         self.process = process
 
     def forget(self, *, is_fault: bool = True) -> None:
-        """Forget a process that has ended; a fault soon after its start makes the next start wait."""
+        """Forget a process that has ended; the next start waits if that was soon after its start."""
         level = logging.WARNING if is_fault else logging.INFO
         logging.getLogger(__name__).log(level, "The process %s ended with status %s.", self.name, self.end_status)
-        if is_fault and time.monotonic() - self._changed_s < SHORT_LIFE_S:
+        if time.monotonic() - self._changed_s < self.short_life_s:
             self._lengthen_pause()
         else:
             self._pause_s = 0.0
@@ -66,7 +70,7 @@ class KeptProcess:
         if self.process is None:
             return
         self.process.terminate()
-        self.process.join(TERMINATE_TIMEOUT_S)
+        self.process.join(self.patience_s)
         if self.process.exitcode is None:
             self.process.kill()
             self.process.join()

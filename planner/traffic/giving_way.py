@@ -2,9 +2,9 @@
 
 Every plan marks the legs before which a tractor may wait: the last part of every pass, inside its own swath, and the
 start. The schedule says who goes first everywhere (precedence), with more time between two if the usual is too little.
-It needs to know a way home for all at any time; where tractors that are already on their way have none one after
-another, conflicts are mended one by one: the tractor that came later waits, first until the other is clear of the
-place, then until the other has finished its turn; if neither helps, the other one waits instead.
+It needs to know a way home for all at any time. Where there is none, as tractors are already on their way, or where
+two still meet, conflicts are repaired one by one: the tractor that came later waits, first until the other is clear of
+the place, then until the other has finished its turn; if neither helps, the other one waits instead.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
 from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 
 SCHEDULE_SLACKS = (1.0, 2.0)  # times the usual time between two tractors, tried in this order
-MAX_REPAIRS = 40  # of a plan that no schedule was made for
+MAX_REPAIRS, MAX_SCHEDULED_REPAIRS = 40, 6  # of a plan without a schedule, and of one with; more rarely help
 CONFLICT_CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 SLOW_WORK_SHARE, KMH_PER_MPS = 0.8, 3.6  # of the planned speed: less is told
 MIN_MOVING_MPS = 0.05  # less is said to be standing
@@ -62,24 +62,28 @@ class ConflictRepairs:
 def resolve_conflicts(plan: Plan, simulate: Simulate, schedule: Scheduler) -> tuple[SimulationRun, str | None]:
     """The last run of a plan, and why it is not feasible, or None; tractors give way where it must be."""
     first = simulate(plan)
+    last_plan, run, repairs = plan, first, MAX_REPAIRS
     for slack in SCHEDULE_SLACKS if first.outcome == CONFLICT else ():
         scheduled_plan = schedule(plan, slack)
         if scheduled_plan is None:
             break
-        run = simulate(scheduled_plan)
+        last_plan, run, repairs = scheduled_plan, simulate(scheduled_plan), MAX_SCHEDULED_REPAIRS
         if run.outcome == DONE:
             return run, None
-    return _repair_plan(plan, first, simulate)
+    run, reason = _repair_plan(last_plan, run, simulate, repairs)
+    return run, reason and _explain_failure(run, first.conflict)
 
 
-def _repair_plan(plan: Plan, run: SimulationRun, simulate: Simulate) -> tuple[SimulationRun, str | None]:
+def _repair_plan(
+    plan: Plan, run: SimulationRun, simulate: Simulate, max_repairs: int
+) -> tuple[SimulationRun, str | None]:
     """Repair a plan from its first run on, one wait at a time.
 
     A plan whose gates form a circle never finishes and is not simulated.
     """
     repairs = ConflictRepairs()
     first_conflict: Conflict | None = None
-    for number in range(MAX_REPAIRS):
+    for number in range(max_repairs):
         if number:
             tried_plan = repairs.add_gates_to_plan(plan)
             if not can_gates_open(tried_plan):

@@ -155,7 +155,7 @@ def refuse_overwrite(path: Path, force: bool) -> None:
 
 @contextmanager
 def make_folders(*folders: Path) -> Iterator[None]:
-    """Folders, the outer ones first, made if missing, and removed again if the body fails; raises RequestError."""
+    """Folders, the outer ones first, made if missing, and removed again if the body fails; raises WriteError."""
     made: list[Path] = []
     try:
         for folder in folders:
@@ -163,7 +163,7 @@ def make_folders(*folders: Path) -> Iterator[None]:
                 try:
                     os.makedirs(folder)
                 except OSError as error:
-                    raise RequestError(
+                    raise WriteError(
                         f"The folder {folder} could not be made: {error.strerror}; choose another place."
                     ) from None
                 made.append(folder)

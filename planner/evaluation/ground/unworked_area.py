@@ -12,6 +12,7 @@ from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import GRID_M, extract_polygons
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
+from planner.evaluation.site import recall
 from reports.common.language import mark_text
 from reports.common.plan_results import UnworkedPiece
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
@@ -40,6 +41,10 @@ class UnworkedArea:
 
 def find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     """The unworked ground by reason; what guidance misses is unknown before a plan is driven."""
+    return recall(context, UnworkedArea, lambda: _find_unworked_areas(context))
+
+
+def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     boundary = context.layout.field.workable_region
     parts_by_reason = (
         []

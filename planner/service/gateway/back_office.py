@@ -178,7 +178,7 @@ async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
             return
 
 
-OFFICE_POLL_S = 0.2
+OFFICE_POLL_S, SHORT_LIFE_S, PATIENCE_S = 0.2, 5.0, 30.0
 LOOPBACK_HOST = "127.0.0.1"
 
 
@@ -192,7 +192,7 @@ class BackOffice:
         self.settings, self.secret = settings, secrets.token_urlsafe(32)
         self.url: str | None = None
         self.starts = 0
-        self._kept_process = KeptProcess("headland-office", run)
+        self._kept_process = KeptProcess("headland-office", run, SHORT_LIFE_S, PATIENCE_S)
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:

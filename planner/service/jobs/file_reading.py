@@ -56,11 +56,14 @@ class FairQueue:
         self._lock, self._threads = threading.Lock(), ThreadPoolExecutor(slots, thread_name_prefix="reading")
         self._waiting: OrderedDict[str, deque[_WaitingPiece]] = OrderedDict()
         self._busy_clients: set[str] = set()
+        self._is_closed = False
 
     def submit_work(self, client: str, work: Callable[[], T]) -> Future[T]:
-        """Queue a piece of work for a client; raises BusyError where too many wait."""
+        """Queue a piece of work for a client; raises BusyError where too many wait, or no more is done."""
         future: Future[T] = Future()
         with self._lock:
+            if self._is_closed:
+                raise BusyError("No more files are read, as the service is ending; ask again when it runs.")
             if len(self._waiting.get(client, ())) >= self._most_per_client:
                 raise BusyError(
                     f"{self._most_per_client} files of yours wait to be read already; ask again when some are done."
@@ -76,6 +79,7 @@ class FairQueue:
         with self._lock:
             dropped = [future for own in self._waiting.values() for _, future, _ in own]
             self._waiting.clear()
+            self._is_closed = True
             self._threads.shutdown(wait=False)
         for future in dropped:
             future.cancel()

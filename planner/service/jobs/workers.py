@@ -207,7 +207,7 @@ def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
             yield
 
 
-SUPERVISE_PERIOD_S = 1.0
+SUPERVISE_PERIOD_S, SHORT_LIFE_S, PATIENCE_S = 1.0, 1.0, 10.0
 
 
 class WorkerSupervisor:
@@ -215,7 +215,7 @@ class WorkerSupervisor:
 
     def __init__(self, settings: ServiceSettings, store: Store) -> None:
         self.settings, self.store = settings, store
-        self._slots = [KeptProcess("", run_worker) for _ in range(settings.workers)]
+        self._slots = [KeptProcess("", run_worker, SHORT_LIFE_S, PATIENCE_S) for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._was_unwritable = False
         self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)

@@ -30,7 +30,8 @@ def _read_paths(path: str, label: str) -> LogContents:
     for field_file in [one for one in members if PurePosixPath(one).name.lower() == agopengps.FIELD_FILE]:
         folder = PurePosixPath(field_file).parent
         for name in [one for one in members if PurePosixPath(one).parent == folder]:
-            if not PurePosixPath(name).name.lower().endswith((RECORDED_PATH_FILE, RECORDED_PATH_EXTENSION)):
+            file_name = PurePosixPath(name).name.lower()
+            if file_name != RECORDED_PATH_FILE and not file_name.endswith(RECORDED_PATH_EXTENSION):
                 continue
             try:
                 runs.append(_read_run(members, field_file, name, label))
