@@ -26,7 +26,7 @@ EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
-MENTIONED_SHARE = 0.005  # of the field: a smaller piece that a plan leaves is on its map only
+MENTIONED_SHARE = 0.01  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 
 
