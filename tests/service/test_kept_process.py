@@ -30,12 +30,12 @@ def wait_after(kept: KeptProcess, now: list[float], lived_s: float, **how: Any) 
 
 
 def test_a_process_that_ends_soon_waits_longer_each_time(now: list[float]) -> None:
-    kept = KeptProcess("any", print)
+    kept = KeptProcess("any", print, 5.0, 30.0)
     assert kept.is_due and kept.end_status is None
     assert [wait_after(kept, now, 1.0) for _ in range(8)] == [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]
     assert wait_after(kept, now, 6.0) == 0.0, "it lived long enough"
     assert wait_after(kept, now, 1.0) == 0.5
-    assert wait_after(kept, now, 1.0, is_fault=False) == 0.0, "it was meant to end"
+    assert wait_after(kept, now, 1.0, is_fault=False) == 1.0, "that it was meant to end is only logged otherwise"
 
 
 def test_a_process_that_cannot_be_started_waits_too(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,7 +43,7 @@ def test_a_process_that_cannot_be_started_waits_too(now: list[float], monkeypatc
         raise OSError("no more processes")
 
     monkeypatch.setattr(kept_process.multiprocessing, "get_context", lambda _: SimpleNamespace(Process=refuse))
-    kept = KeptProcess("any", print)
+    kept = KeptProcess("any", print, 5.0, 30.0)
     with pytest.raises(OSError, match="no more processes"):
         kept.start()
     assert not kept.is_due and kept.process is None
