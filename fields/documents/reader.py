@@ -84,11 +84,8 @@ def read_field(
     roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
     obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
     obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
-    document = replace(
-        document,
-        boundary_edges=(*document.boundary_edges, *roles.fences),
-        guidance_lines=tuple(roles.guidance_lines),
-    )
+    edges = (*document.boundary_edges, *roles.fences)
+    document = replace(document, boundary_edges=edges, guidance_lines=tuple(roles.guidance_lines))
     fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
     entrance = _read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label)
     service_point = _read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label)

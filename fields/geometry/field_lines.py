@@ -12,6 +12,7 @@ import shapely
 
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.coordinates import FieldFrame, parse_position
+from fields.geometry.overlays import GRID_M
 from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
@@ -19,7 +20,6 @@ EDGE_KINDS = (FENCE, OPEN_EDGE)
 FENCE_TOLERANCE_M = 3.0  # a line this near the outline is meant to lie on it
 MIN_OPENING_M = 3.0  # a tractor needs an opening of this length
 MAX_FEATURE_DISTANCE_M = 50.0  # in a file of several fields, features farther away belong to another field
-GRID_M = 1e-6
 
 
 def read_fences(

@@ -11,12 +11,12 @@ from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
 from fields.geometry.obstacles import compute_workable_ground
 from fields.geometry.outline_cleaning import find_largest_polygon, list_polygons
+from fields.geometry.overlays import GRID_M
 
 MITRE_LIMIT = 2.0
 NECK_TOLERANCE_M = 0.05  # of the width of a neck
 MIN_PART_SHARE, MIN_PART_M2 = 0.01, 300.0  # smaller parts are not listed
 LINK_REACH_M = 100.0  # from the shortest line between two parts to the middle of the neck
-GRID_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from fields.errors import FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
+from fields.geometry.overlays import GRID_M
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -23,7 +24,6 @@ DEFAULT_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge
 MAX_OBSTACLE_M = 1000.0
 MITRE_LIMIT = 2.0
 MIN_REMAINING_SHARE = 0.5  # of the ground; the extra margin is dropped if less would remain
-GRID_M = 1e-6  # without a grid GEOS leaves slivers along nearly coincident edges
 
 
 @dataclass(frozen=True)

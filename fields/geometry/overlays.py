@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-GRID_M = 1e-6
+GRID_M = 1e-6  # without a grid GEOS leaves slivers along nearly coincident edges
 UNION_TOLERANCE_M = 1e-3  # corners of united areas lie in the union or this near to it
 TINY_M = 1e-6
 SLIVER_M2 = 1e-6  # left by cutting

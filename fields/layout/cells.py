@@ -24,6 +24,7 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
+from fields.geometry.overlays import GRID_M
 from fields.layout.parallel_lines import SPAN_TOLERANCE_M, TURN_COST_M, collect_edges, compute_axes
 
 ROUNDING_DEG = 1e-9
@@ -73,7 +74,6 @@ MAX_CELLS = 8
 MAX_CORNERS = 16  # of one part, the longest edges first
 SIMPLIFY_M = 1.0
 MIN_CELL_AREA = 6.0  # squared widths: no cell is smaller
-GRID_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.overlays import GRID_M
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -210,7 +212,6 @@ def _estimate_cost_m(q: FloatArray, line: IntArray, length: FloatArray, rules: P
 
 MIN_SWATH_AREA = 0.25  # squared widths: smaller remainders are not worth a turn
 SPECK_WIDTH = 0.02  # of the width: parts of a swath with a narrower connection are separate
-GRID_M = 1e-6
 
 
 def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRules) -> SwathPattern | None:

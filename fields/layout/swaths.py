@@ -17,6 +17,7 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.overlays import GRID_M
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
 from fields.layout.headland_passes import compute_inner_region
@@ -38,7 +39,6 @@ EDGE_SLACK_M = 1e-6
 MITRE_LIMIT = 2.0
 MAX_LINES = 20_000
 MAX_HEADLAND_M = 1e5
-GRID_M = 1e-6
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
 WIDTH_STEP_M = 0.5  # of working widths that are advised

@@ -11,9 +11,9 @@ from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from fields.geometry.field import Field
+from fields.geometry.overlays import clip_area
 from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
 from fields.layout.contours import lay_contour_swaths
 from fields.layout.headland_passes import compute_inner_region
@@ -28,6 +28,7 @@ from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
+from strategies.lines.lay_lines import unite_strips
 from strategies.lines.work_line import WorkLine
 from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.move_table import MoveTable
@@ -50,7 +51,6 @@ DEEPER_FROM_ONE_PASS = 2  # more passes tried where turns need one only, else on
 MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
 """Layouts whose estimated effort is a share above the least are not compared; the fewer swaths, the more it errs."""
 MIN_GAIN = 0.005  # of the time: a smaller gain may be one of the search, and is not worth another bearing or pass
-GRID_M = 1e-6
 Report = Callable[[int, int], None]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 STEP_M = 4.0
@@ -229,8 +229,7 @@ def _compute_covered_share(moves: SiteMoves) -> float:
     site = moves.site
     if not site.headland_passes:
         return 1.0
-    strips = shapely.union_all([line.build_strip(site.width_m) for line in moves.lines], grid_size=GRID_M)
-    covered = shapely.intersection(strips, site.work_ground, grid_size=GRID_M)
+    covered = clip_area(unite_strips(site, moves.lines), site.work_ground)
     return float(covered.area / site.work_ground.area)
 
 

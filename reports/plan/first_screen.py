@@ -97,7 +97,8 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
     best = ranking.best
     mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
-    if best is not None and any(_is_sooner_done(plan, best) for plan in plans):
+    alike = [plan for plan in plans if best is not None and plan.tractors == best.tractors]
+    if best is not None and any((plan.time_s or math.inf) < (best.time_s or 0.0) for plan in alike):
         mark = translate("{mark}, as ground left counts", mark=mark)
     has_samples = any(plan.p50_s is not None for plan in plans)
     figures = (
@@ -107,11 +108,6 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     )
     front = [translate("* the fastest with so many tractors or fewer")] if _is_front_part(plans) else []
     return f"{'; '.join([mark, *front, figures])}."
-
-
-def _is_sooner_done(plan: PlanResult, best: PlanResult) -> bool:
-    """Whether a plan with as many tractors is done before the best one, which only works more."""
-    return plan.tractors == best.tractors and (plan.time_s or math.inf) < (best.time_s or 0.0)
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:

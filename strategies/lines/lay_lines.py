@@ -70,8 +70,8 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     """
     lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
-    lines += _settle_all(site, _list_swaths(site, subtract_area(due, _unite_strips(site, lines))))
-    lines += _settle_all(site, _list_leftover(site, subtract_area(due, _unite_strips(site, lines)), lines))
+    lines += _settle_all(site, _list_swaths(site, subtract_area(due, unite_strips(site, lines))))
+    lines += _settle_all(site, _list_leftover(site, subtract_area(due, unite_strips(site, lines)), lines))
     return keep_uncovered(site, lines)
 
 
@@ -89,7 +89,8 @@ def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
     return lines
 
 
-def _unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
+def unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
+    """The ground that the implement passes over on lines."""
     return unite_areas(_build_strips(site, lines))
 
 
