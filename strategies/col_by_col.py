@@ -10,6 +10,6 @@ NAME = "col-by-col"
 
 STRATEGY = Strategy(
     NAME,
-    "drive in a triangle; the leader turns first, then one side, then the other",
+    "side by side, turning by sides",
     formation=FormationRule(queue_by_columns, in_file=True),
 )

@@ -1,24 +1,47 @@
-"""Names of the strategies in the order in which they are offered; imports nothing, so that help texts stay quick.
+"""Names and descriptions of the strategies in the order in which they are offered, for help texts and forms.
 
-Other packages offer strategies as entry points in the group ENTRY_POINT_GROUP.
+Every module beside this one that has a STRATEGY is a strategy of Headland. They are read and not imported, as importing
+one loads the simulator. Other packages offer strategies as entry points in the group ENTRY_POINT_GROUP.
 """
 
 from __future__ import annotations
 
+import ast
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-STRATEGY_NAMES = (
-    "row-by-row",
-    "row-by-row-optimised",
-    "col-by-col",
-    "split-field",
-    "interleaved",
-)
 ENTRY_POINT_GROUP = "headland.strategies"
+FIRST_OFFERED = ("row-by-row", "row-by-row-optimised", "col-by-col", "split-field")
+"""All others follow by the alphabet. The first of a request stands for all of them with one tractor alone."""
+
+
+def _read_descriptions(folder: Path) -> dict[str, str]:
+    """The description of every strategy that has a module in a folder, by name."""
+    texts = {file.stem.replace("_", "-"): file.read_text(encoding="utf-8") for file in folder.glob("*.py")}
+    found = {name: _find_description(text) for name, text in texts.items() if "\nSTRATEGY = " in text}
+    return dict(sorted(found.items(), key=lambda entry: (_get_place(entry[0]), entry[0])))
+
+
+def _find_description(source: str) -> str:
+    """The second argument of the record STRATEGY of a module."""
+    record = next(
+        node.value
+        for node in ast.parse(source).body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "STRATEGY"
+    )
+    return str(ast.literal_eval(record.args[1])) if isinstance(record, ast.Call) else ""
+
+
+def _get_place(name: str) -> int:
+    return FIRST_OFFERED.index(name) if name in FIRST_OFFERED else len(FIRST_OFFERED)
+
+
+STRATEGY_DESCRIPTIONS = _read_descriptions(Path(__file__).parent)
+STRATEGY_NAMES = tuple(STRATEGY_DESCRIPTIONS)
 
 
 def list_strategy_names() -> tuple[str, ...]:

@@ -10,6 +10,6 @@ NAME = "row-by-row"
 
 STRATEGY = Strategy(
     NAME,
-    "drive in a triangle on neighbouring swaths; at the headland each row waits until the row before it is in place",
+    "side by side, turning one after the other",
     formation=FormationRule(queue_by_rows, in_rows=True),
 )

@@ -10,6 +10,6 @@ NAME = "row-by-row-optimised"
 
 STRATEGY = Strategy(
     NAME,
-    "the same, but each tractor leaves as soon as its way is clear of the others",
+    "the same with the least waiting",
     formation=FormationRule(leave_when_clear, move_up=False),
 )

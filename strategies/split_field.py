@@ -75,4 +75,4 @@ def _weigh_swath_s(lines: Sequence[DealtLine], numbers: Sequence[int], rules: Dr
     return sum(lines[number].length_m / rules.work_speed_mps + rules.turn_s[1] for number in numbers)
 
 
-STRATEGY = Strategy(NAME, "work one block of neighbouring swaths each", deal_blocks)
+STRATEGY = Strategy(NAME, "each tractor has its part of the field", deal_blocks)

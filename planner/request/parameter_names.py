@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from planner.errors import strip_unit
+from strategies.names import STRATEGY_DESCRIPTIONS
 
 LABELS = {
     "field": "Field", "local": "The file is in local metres", "swap_axes": "Latitude or northing comes first",
@@ -29,13 +30,7 @@ LABELS = {
     "samples": "Samples of what varies", "seed": "Seed", "all": "Simulate every plan, however slow",
     "gnss": "Simulate GNSS errors", "gnss_table": "GNSS errors by a table",
 }  # fmt: skip
-STRATEGY_LABELS = {
-    "row-by-row": "row-by-row: side by side, turning one after the other",
-    "row-by-row-optimised": "row-by-row-optimised: the same with the least waiting",
-    "col-by-col": "col-by-col: side by side, turning by sides",
-    "split-field": "split-field: each tractor has its part of the field",
-    "interleaved": "interleaved: the tractors take the tracks in turn",
-}
+STRATEGY_LABELS = {name: f"{name}: {description}" for name, description in STRATEGY_DESCRIPTIONS.items()}
 
 
 def quote_label(parameter: str) -> str:

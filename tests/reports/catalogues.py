@@ -150,7 +150,7 @@ def _iter_help_texts() -> Iterator[str]:
     import typer.main
 
     from planner.cli import main
-    from planner.cli.common.reader import EXAMPLE, split_paragraphs
+    from planner.cli.common.reader import EXAMPLE, find_help_key, split_paragraphs
 
     app: Any = main.app  # a command already where tests prepared it
     waiting: list[Any] = [typer.main.get_command(app) if isinstance(app, typer.Typer) else app]
@@ -162,7 +162,7 @@ def _iter_help_texts() -> Iterator[str]:
                 yield described.rich_help_panel
             if getattr(described, "help", None):
                 paragraphs = split_paragraphs(described.help)
-                yield from (EXAMPLE if each.startswith(EXAMPLE) else each for each in paragraphs)
+                yield from (EXAMPLE if each.startswith(EXAMPLE) else find_help_key(each) for each in paragraphs)
 
 
 def _iter_page_texts() -> Iterator[str]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from strategies.names import STRATEGY_NAMES
+from strategies.names import FIRST_OFFERED, STRATEGY_DESCRIPTIONS, STRATEGY_NAMES
 from strategies.registry import STRATEGIES
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
@@ -15,6 +15,8 @@ GUIDE = Path(__file__).parents[2] / "planner/guide/headlands.md"
 
 def test_records_are_named_as_they_are_registered() -> None:
     assert list(STRATEGIES) == list(STRATEGY_NAMES) == [strategy.name for strategy in STRATEGIES.values()]
+    assert {strategy.name: strategy.description for strategy in STRATEGIES.values()} == STRATEGY_DESCRIPTIONS
+    assert STRATEGY_NAMES[: len(FIRST_OFFERED)] == FIRST_OFFERED
 
 
 @pytest.mark.parametrize("name", STRATEGY_NAMES)
@@ -25,7 +27,7 @@ def test_descriptions_fit_a_sentence_of_a_help_text(name: str) -> None:
 
 def test_the_guide_says_the_same_in_the_same_order() -> None:
     rows = re.findall(r"^\| `([a-z-]+)` \| (.*) \|$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
-    known = [(name, primitives) for name, primitives in rows if name in STRATEGIES]
+    known = [(name, words.partition(": ")[0]) for name, words in rows if name in STRATEGIES]
     assert known == [(strategy.name, strategy.description) for strategy in STRATEGIES.values()]
 
 

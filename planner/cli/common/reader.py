@@ -28,9 +28,11 @@ from reports.common.language import (
     mark_text,
     translate,
 )
+from strategies.names import STRATEGY_NAMES
 
 LANGUAGE_OPTION, UNITS_OPTION = "--language", "--units"
 EXAMPLE = "Example: "
+_STRATEGIES = ", ".join(STRATEGY_NAMES)
 LANGUAGE_HELP = (
     "Language of texts and help: en, de, es, fr, ja; else HEADLAND_LANGUAGE, else that of the system. JSON, CSV and "
     "files are in English."
@@ -172,7 +174,15 @@ def split_paragraphs(text: str) -> list[str]:
     return [" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n")]
 
 
+def find_help_key(paragraph: str) -> str:
+    """The key of a paragraph in the catalogues: the names of the strategies have no translation."""
+    return paragraph.replace(_STRATEGIES, "{strategies}")
+
+
 def translate_paragraph(paragraph: str) -> str:
-    """A paragraph in the language in use; the command of an example stays."""
+    """A paragraph in the language in use; the command of an example and names of strategies stay."""
     word, colon, command = paragraph.partition(EXAMPLE)
-    return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)
+    if colon and not word:
+        return f"{translate(EXAMPLE)}{command}"
+    key = find_help_key(paragraph)
+    return translate(paragraph) if key == paragraph else translate(key, strategies=_STRATEGIES)
