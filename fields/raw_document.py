@@ -85,6 +85,7 @@ class FieldFormat:
         read: reads the file at a path; the second argument is its name in messages. Raises FieldError.
         holds: whether a folder or ZIP archive with these file names (lower case, without folders) is in this format.
         parse: parses the content of one file, as `read` does; None for a format of several files.
+        has_lone_files: whether one file of these extensions is a field without others beside it.
     """
 
     name: str
@@ -92,6 +93,7 @@ class FieldFormat:
     read: Callable[[str, str], FieldDocument]
     holds: Callable[[frozenset[str]], bool] = lambda names: False
     parse: Callable[[bytes, str], FieldDocument] | None = None
+    has_lone_files: bool = True
 
 
 SHAPE_NAME = "shape"  # in messages; a shape has none of its own

@@ -8,8 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
+from fields.documents.format_records import list_records
 from fields.errors import FieldError, join_first
-from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
+from fields.formats import agopengps, geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.raw_document import (
     SHAPE_NAME,
@@ -23,11 +24,13 @@ from fields.raw_document import (
 from fields.sample_fields import list_sample_names, read_sample_text
 from fields.text_files import quote_path
 
+FIELD_FORMATS = list_records(FieldFormat, first=("geojson", "shapefile", "kml", "geopackage", "gpx", "isoxml"))
+"""In the order in which a folder or archive is tried; a file with an unknown extension is taken for the first."""
 SINGLE_FILE_FORMATS = {
     extension: field_format
-    for field_format in (geojson.FIELD_FORMAT, kml.FIELD_FORMAT, geopackage.FIELD_FORMAT, gpx.FIELD_FORMAT)
+    for field_format in FIELD_FORMATS
     for extension in field_format.extensions
-    if extension != ".json"
+    if field_format.parse is not None and extension != ".json"
 }
 """By extension; a .json file in a folder is usually something else."""
 MAX_SHOWN_FILES = 4
@@ -54,15 +57,6 @@ def read_single_file(path: str, label: str) -> FieldDocument | None:
     return None if field_format.parse is None else field_format.parse(members[names[0]], label)
 
 
-FIELD_FORMATS: tuple[FieldFormat, ...] = (
-    geojson.FIELD_FORMAT,
-    shapefile.FIELD_FORMAT,
-    kml.FIELD_FORMAT,
-    geopackage.FIELD_FORMAT,
-    gpx.FIELD_FORMAT,
-    isoxml.FIELD_FORMAT,
-    agopengps.FIELD_FORMAT,
-)
 FOREIGN_EXTENSIONS = {
     ".gml": "GML",
     ".parquet": "Parquet",

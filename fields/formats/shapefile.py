@@ -127,6 +127,7 @@ FIELD_FORMAT = FieldFormat(
     (".shp", ".shx", ".dbf", ".prj"),
     _read_shapefiles,
     lambda names: any(n.endswith(".shp") for n in names),
+    has_lone_files=False,
 )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
+from fields.documents.format_records import list_records
 from fields.errors import mark_parameter
-from fields.formats import agopengps, geojson, gpx, isoxml, kml, shapefile
 from fields.formats.guidance import (
     MAX_CURVE_ERROR_M,
     MAX_DESIGNATOR_BYTES,
@@ -24,15 +24,8 @@ from fields.formats.guidance import (
 from reports.common.rendering import ReportError, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 
-GUIDANCE_FORMATS: tuple[GuidanceFormat, ...] = (
-    isoxml.GUIDANCE_FORMAT_4,
-    isoxml.GUIDANCE_FORMAT_3,
-    agopengps.GUIDANCE_FORMAT,
-    kml.GUIDANCE_FORMAT,
-    shapefile.GUIDANCE_FORMAT,
-    geojson.GUIDANCE_FORMAT,
-    gpx.GUIDANCE_FORMAT,
-)
+GUIDANCE_FORMATS = list_records(GuidanceFormat, first=("isoxml", "agopengps", "kml", "shapefile"))
+"""In the order in which they are offered."""
 
 
 @dataclass(frozen=True, eq=False)

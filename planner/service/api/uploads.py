@@ -34,6 +34,7 @@ from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
 from planner.service.store.file_table import (
+    BYTES,
     MEDIA_BY_SUFFIX,
     SUFFIXES_BY_KIND,
     build_other_content_error,
@@ -107,7 +108,7 @@ def _add_read_routes(router: APIRouter, kind: str) -> None:
         samples = [_describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
         return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
-    media = {MEDIA_BY_SUFFIX[suffix].split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
+    media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
 
     @router.get(
         "/{name}",

@@ -1,10 +1,12 @@
 """Serves the page at /, its files under /static from this package, and the guide at /guide.
 
-The guide has rendered pages and a search, offline and without scripts.
+The endings of files that each upload takes are a script of their own, js/accepted.js. The guide has rendered pages and
+a search, offline and without scripts.
 """
 
 from __future__ import annotations
 
+import json
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +19,7 @@ from starlette.types import Scope
 
 from planner.errors import RequestError
 from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
+from planner.service.store.file_table import SUFFIXES_BY_KIND
 from reports.common.language import find_language, get_messages
 
 STATIC_FOLDER = Path(__file__).parent / "static"
@@ -68,11 +71,17 @@ def mount_pages(app: FastAPI) -> None:
         text = files("planner.day").joinpath("example.toml").read_text(encoding="utf-8")
         return Response(text, media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
 
+    async def send_accepted(_: Request) -> Response:
+        accepted = {f"{kind}s": ",".join(suffixes) for kind, suffixes in SUFFIXES_BY_KIND.items()}
+        script = f"export const ACCEPTED = {json.dumps(accepted)};\n"
+        return Response(script, media_type="text/javascript; charset=utf-8", headers=CACHE_HEADERS)
+
     async def send_catalogue(request: Request) -> Response:
         return JSONResponse(get_messages(find_language(request.path_params["language"])), headers=CACHE_HEADERS)
 
     app.add_route("/", show_page, methods=["GET"], include_in_schema=False)
     app.add_route("/static/example-day.toml", show_example_day, methods=["GET"], include_in_schema=False)
+    app.add_route("/static/js/accepted.js", send_accepted, methods=["GET"], include_in_schema=False)
     app.add_route("/static/languages/{language}.json", send_catalogue, methods=["GET"], include_in_schema=False)
     _mount_guide(app)
     app.mount("/static", _PageFiles(directory=STATIC_FOLDER), name="static")

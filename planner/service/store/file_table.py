@@ -7,12 +7,13 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from fields.documents.sources import FIELD_FORMATS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
 from planner.service.store.tables import FileRow
 
 SUFFIXES_BY_KIND = {
-    "field": (".geojson", ".json", ".zip", ".kml", ".kmz", ".gpkg", ".fgb", ".gpx", ".xml"),
+    "field": (*(end for form in FIELD_FORMATS if form.has_lone_files for end in form.extensions), ".zip"),
     "tractor": (".toml",),
     "farm": (".toml",),
     "log": (".csv",),
@@ -30,7 +31,6 @@ MEDIA_BY_SUFFIX = {
     ".kml": "application/vnd.google-earth.kml+xml",
     ".kmz": "application/vnd.google-earth.kmz",
     ".gpkg": "application/geopackage+sqlite3",
-    ".fgb": "application/octet-stream",
     ".gpx": "application/gpx+xml",
     ".xml": "application/xml",
     ".tif": "image/tiff",
@@ -40,7 +40,8 @@ MEDIA_BY_SUFFIX = {
     ".html": "text/html; charset=utf-8",
     ".png": "image/png",
 }
-"""Of uploads and of results of jobs."""
+"""Of uploads and of results of jobs; all others are bytes."""
+BYTES = "application/octet-stream"
 
 
 def choose_article(kind: str) -> str:
@@ -127,7 +128,7 @@ class FileStore(StorePart):
 
     def _put_content(self, content: bytes, suffix: str, options: Mapping[str, Any] | None) -> dict[str, Any]:
         """Store the bytes of a file; returns the columns that describe them."""
-        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX[suffix], "options": dict(options or {})}
+        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX.get(suffix, BYTES), "options": dict(options or {})}
         return values | {"sha256": self.blobs.put_bytes(content), "size": len(content)}
 
     def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:

@@ -1,13 +1,9 @@
 // What can be done with one thing of the library: rename, copy, replace, save, delete.
+import { ACCEPTED } from "./accepted.js"; // made by the service: the endings that it takes
 import { el, put, button, labelled, sorry, speak } from "./dom.js";
 import { patch, post, remove, saveNamed, part } from "./api.js";
 import { addFile } from "./files.js";
 import { t, translate } from "./language.js";
-
-export const ACCEPTED = {
-  fields: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.fgb,.gpx,.xml", tractors: ".toml", farms: ".toml", logs: ".csv", tables: ".csv",
-  elevations: ".tif,.tiff,.asc,.csv,.txt,.geojson,.json,.kml,.kmz,.gpx,.zip,.gpkg",
-};
 
 /** Files have names, jobs have identities. */
 export const keyOf = (kind, one) => (kind in ACCEPTED ? one.name : one.id);

@@ -1,9 +1,10 @@
 // The library: everything that was added or planned, to be searched, used, renamed, copied, replaced and deleted.
+import { ACCEPTED } from "../accepted.js";
 import { el, put, say, heading, labelled, lookingOnly, sorry } from "../dom.js";
 import { get, items, token } from "../api.js";
 import { addFile, rememberChoice } from "../files.js";
 import { STATES } from "../jobs.js";
-import { ACCEPTED, changeActions, keyOf, whyLocked } from "../shelf.js";
+import { changeActions, keyOf, whyLocked } from "../shelf.js";
 import { t, translate } from "../language.js";
 import { moment, plural, size } from "../words.js";
 

@@ -1,4 +1,5 @@
 // Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
+import { ACCEPTED } from "../accepted.js";
 import { el, put, say, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
 import { t } from "../language.js";
 import { get, post, text as readText, upload, part, token } from "../api.js";
@@ -6,7 +7,6 @@ import { SAMPLE_TRACTOR, filePicker, nameTractor } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
 import { fieldMap } from "../fieldmap.js";
 import { earlier, progressBar } from "../jobs.js";
-import { ACCEPTED } from "../shelf.js";
 import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
@@ -52,7 +52,7 @@ export async function open(main, shell) {
     look();
   };
   let field = null;
-  field = await filePicker("fields", labels.field, { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
+  field = await filePicker("fields", labels.field, { accept: ACCEPTED.fields, first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
   const ofFarm = el("div", { class: "grid" });
   const machine = el("p", { class: "lead", role: "status" });
