@@ -29,13 +29,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
         "reports", "fields.errors", "fields.formats", "fields.documents.format_records", "fields.documents.reader",
-        "vehicle.arrays", "vehicle.model",
+        "vehicle.arrays", "vehicle.model", "vehicle.missions.run",
         "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
         "vehicle.trials.sheets",
     ),
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
 }  # fmt: skip
-"""What each top-level package may import; reports know result types and what guidance files hold."""
+"""What each top-level package may import; reports know result types, runs among them, and what guidance files hold."""
 SERVICE_COMMANDS = ("planner.cli.server", "planner.cli.robots")
 BY_NAME = {
     "fields", "fields.documents.format_records", "planner", "planner.cli.alias.headland", "planner.pipeline.kernels",

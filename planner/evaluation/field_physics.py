@@ -1,4 +1,7 @@
-"""What heights, soil and work add to the driving of a tractor: read, built, and what is said about them."""
+"""The forces that a request adds to driving on level ground without a load: heights, soil and the work's draft.
+
+They are read from what the request names, and every world that drives a plan gets them.
+"""
 
 from __future__ import annotations
 

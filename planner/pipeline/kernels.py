@@ -34,7 +34,8 @@ COMPILING = mark_text("Compiling functions")
 LIST_FILE = "kernels.csv"
 POLL_S = 0.3
 RECORD_HOMES = {
-    **dict.fromkeys(("STATE", "MODEL", "GROUND", "LEG", "GATE"), "vehicle.records"),
+    **dict.fromkeys(("STATE", "GROUND", "LEG", "GATE"), "vehicle.records"),
+    "MODEL": "vehicle.model.model_record",
     "POSE": "vehicle.sim.path_conflicts",
 }
 Report = Callable[[int, int, float], None]

@@ -84,7 +84,7 @@ class PlanResult(ShownResult):
             the field outside the gate of its entrance, and the length driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
             gives the order.
-        formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
+        measured: figures that their entry in `reports.plan.figures` takes from the run, by key.
         headland_passes, headland_s: passes worked, and seconds from the first tractor on one to the last off it.
         headland_order: whether they are worked "first" or "last"; None without any.
         done_s: end of field work, seconds after the start by the clock: with the path from the entrance, without the
@@ -139,7 +139,7 @@ class PlanResult(ShownResult):
     min_clearance_m: float | None = None
     collisions: int | None = None
     order_gap_pct: float | None = None
-    formation_pct: float | None = None
+    measured: Mapping[str, float | None] = field(default_factory=dict)
     on_pareto_front: bool = False
     remarks: tuple[str, ...] = ()
     headland_passes: int | None = None

@@ -1,6 +1,7 @@
 """The figures of plans: each is named, explained, read and printed here; lists say which of them is shown where.
 
-To add one, give it an entry in `_CATALOGUE`, in the order of JSON, and its key in the lists of what is to show it.
+To add one, give it an entry in `_CATALOGUE`, in the order of JSON, and its key in the lists of what is to show it. A
+figure that the run of a plan tells has `measure`; one that follows from other values of the plan has `read`.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from reports.plan.plan_wording import (
     get_clearance_m,
     has_late_ground_loss,
 )
+from vehicle.missions.run import SimulationRun
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,13 @@ class Figure:
     """A figure of plans.
 
     Attributes:
-        key: in JSON and CSV, and the attribute of a plan, unless `read` takes the value from the plan.
+        key: in JSON and CSV, and the attribute of a plan that was measured elsewhere, without `measure` and `read`.
         heading, short_heading: of its column, the latter for narrow consoles; "" for a figure of files only.
         text: prints a value; `write` prints it from the plan, where the value alone does not say it.
         help: what it holds, for the page; `note` the same in brief, below a table; "" where the heading says it.
         unit: follows it where it stands without a heading.
+        measure: takes the value from the simulated run of a plan that can be driven; it is then in `measured`.
+        read: takes the value from the plan.
         parts: keys of what it consists of, each of which has a column in CSV.
         is_optional: whether its column is left out where no plan has it.
         is_exported: whether JSON and CSV have it.
@@ -65,13 +69,16 @@ class Figure:
     read: Callable[[PlanResult], Any] | None = None
     write: Callable[[PlanResult], str] | None = None
     parts: tuple[str, ...] = ()
+    measure: Callable[[SimulationRun], float | None] | None = None
     is_text: bool = False
     is_optional: bool = False
     is_exported: bool = True
 
     def get_value(self, plan: PlanResult) -> Any:
         """The value of a plan; None where it is not known."""
-        return getattr(plan, self.key) if self.read is None else self.read(plan)
+        if self.read is not None:
+            return self.read(plan)
+        return getattr(plan, self.key) if self.measure is None else plan.measured.get(self.key)
 
     def format(self, plan: PlanResult) -> str:
         """The value of a plan as a cell shows it, without its unit."""
@@ -131,7 +138,7 @@ _CATALOGUE = (
     Figure("collisions", "Collisions", "", _WHOLE, "how often tractors touch each other"),
     Figure("order_gap_pct", "Order gap %", "", _TENTHS,
            "how much quicker another order of the tracks can be at most; - where the strategy gives the order"),
-    Figure("formation_pct"),
+    Figure("formation_pct", measure=lambda run: run.plan.notes.get("formation_pct")),
     Figure("reason"),
     Figure("on_pareto_front", "Pareto front", "", format_yes_no, "no plan with as few tractors is faster"),
     Figure("remark"),
@@ -190,6 +197,7 @@ _CATALOGUE = (
            read=get_charged_traffic_m2, is_optional=True, is_exported=False),
 )  # fmt: skip
 FIGURES = {figure.key: figure for figure in _CATALOGUE}
+MEASURES = {figure.key: figure.measure for figure in _CATALOGUE if figure.measure is not None}
 PLAN_KEYS = tuple(figure.key for figure in _CATALOGUE if figure.is_exported)
 """Of a plan in JSON and CSV, in this order."""
 FIRST_CSV_KEYS = (

@@ -1,7 +1,7 @@
-"""Ways to work the headland side by side, on one field or several: their figures, sums over fields, and order.
+"""Results of `headland compare-headlands`: ways to work the headland of one field or several, with their figures.
 
-The cost per hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is
-finished ground that is driven over when sowing and spraying.
+Sums are over fields, the best way first. The cost per hectare is that of worked ground: ground that a plan misses is
+charged at the plan's own rate, and so is finished ground that is driven over when sowing and spraying.
 """
 
 from __future__ import annotations

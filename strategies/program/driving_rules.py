@@ -1,4 +1,4 @@
-"""How every tractor of a fleet drives."""
+"""What all tractors of a fleet have in common when they drive: speeds, radius, distances between them, size, turns."""
 
 from __future__ import annotations
 

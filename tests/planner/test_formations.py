@@ -103,7 +103,7 @@ def test_the_share_is_a_figure_of_formations_only(sites: Any) -> None:
     site = sites["hole"]
     results = [simulate_candidate(site, Candidate(name, 2)).result for name in ("col-by-col", "interleaved")]
     plans = {plan["strategy"]: plan for plan in json.loads(format_ranking_json(rank_plans(site, results)))["plans"]}
-    assert plans["col-by-col"]["formation_pct"] == results[0].formation_pct is not None
+    assert plans["col-by-col"]["formation_pct"] == results[0].measured["formation_pct"] is not None
     assert plans["interleaved"]["formation_pct"] is None
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, Shortfall, UnworkedPiece
 from reports.common.rendering import make_json_safe
+from reports.plan.figures import MEASURES
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
 STATED = ["stated_end_s", "stated_late_end_s", "stated_cost"]
@@ -68,10 +69,10 @@ def test_values_survive(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking))
     for plan, entry in zip(ranking.plans, data["plans"], strict=True):
         for key in (one for one in CONTRACT if one not in STATED):
-            value = getattr(plan, key)
+            value = plan.measured.get(key) if key in MEASURES else getattr(plan, key)
             if key != "min_clearance_m":
                 assert entry[key] == (pytest.approx(value, abs=5e-7) if isinstance(value, float) else value)
-    assert data["best"] == data["plans"][2]
+    assert data["best"] == data["plans"][2] and data["plans"][0]["formation_pct"] == 12.5
     assert data["plans"][0]["min_clearance_m"] == 2.345679, "rounded to six decimals"
     assert data["plans"][4]["min_clearance_m"] is None, "one tractor has nobody to be clear of"
 

@@ -20,7 +20,8 @@ from vehicle.model.instruments import (
     interpolate_past_pose,
     write_instrument_poses,
 )
-from vehicle.records import HISTORY_STEPS, MODEL, STATE
+from vehicle.model.model_record import MODEL
+from vehicle.records import HISTORY_STEPS, STATE
 from vehicle.sim.effect_terms import read_delayed
 
 

@@ -406,12 +406,15 @@ def compute_effect_fields(settings: Mapping[str, Values]) -> Fields:
     return fields
 
 
+def list_neutral_fields(effect: Effect) -> Fields:
+    """Fields of MODEL that an effect adds, at neutral; none where neutral is a value of the tractor file."""
+    values = {param.name: param.neutral for param in effect.params if param.neutral is not None}
+    return effect.compute_fields(values) if len(values) == len(effect.params) else {}
+
+
 NEUTRAL_FIELDS: Fields = {
-    "affected": 0.0, "offset": 0.0, "bend": 1.0, "bend_left": 1.0, "dead_steps": 0.0, "half_play": 0.0, "slide": 0.0,
-    "understeer": 0.0, "slope_east": 0.0, "slope_north": 0.0, "draft": 0.0, "slip": 0.0, "tool_slip": 0.0,
-    "speed_lag": 0.0,
-    "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "position_late": 0.0,
-    "heading_late": 0.0, "heading_filter": 0.0, "speed_scale": 1.0, "position_clock": 0.0, "heading_clock": 0.0,
-    "speed_clock": 0.0, "steering_clock": 0.0, "command_clock": 0.0, "patch": 1.0, "patch_east": 0.0,
-    "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0, **NEUTRAL_DISCREPANCY,
-}  # fmt: skip
+    "affected": 0.0,
+    **{name: value + 0.0 for effect in CATALOGUE for name, value in list_neutral_fields(effect).items()},
+    **NEUTRAL_DISCREPANCY,
+}
+"""A negative zero becomes 0."""

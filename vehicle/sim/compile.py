@@ -22,9 +22,10 @@ from vehicle.energy.traction import (
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Plan
 from vehicle.model.ground import GROUNDS, Tyres, find_ground_index
+from vehicle.model.model_record import MODEL
 from vehicle.model.tractor import Implement, Tractor, get_log_corrections
 from vehicle.model.work_load import WorkLoad
-from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, MODEL, STATE
+from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, STATE
 
 SAME_M = 1e-6
 # A tractor looks at least as far ahead as it drives while its wheels swing by this much: 1.7 s for that of the thesis.

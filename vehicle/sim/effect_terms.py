@@ -1,6 +1,6 @@
 """Formulas of the effects and the discrepancy model on steering and path, for planning and for replay.
 
-Every function takes a MODEL record of vehicle.records, whose effect fields vehicle.model.effects fills. They count only
+Every function takes a MODEL record, whose effect fields vehicle.model.effects fills. They count only
 where `affected` is set, so that a tractor without effects costs one comparison.
 """
 

@@ -17,6 +17,7 @@ from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traf
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost, get_price_per_hour
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
+from reports.plan.figures import MEASURES
 from vehicle.energy.run_energy import RunEnergy
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
@@ -91,7 +92,7 @@ def measure_candidate(
         min_clearance_m=replace_infinite(run.min_clearance_m),
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
-        formation_pct=run.plan.notes.get("formation_pct"),
+        measured={key: measure(run) for key, measure in MEASURES.items()},
         remarks=(*candidate_run.remarks, *_list_overhang_remarks(overhang, context)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),

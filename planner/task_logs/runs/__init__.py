@@ -1,1 +1,1 @@
-"""Imported runs: records, phases, worked ground and their files."""
+"""Runs: drives of tractors as task logs hold them, with their phases, the ground they worked and the files of both."""

@@ -7,7 +7,7 @@ commands, speed from commands, path from measured wheel angles and speeds.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,7 @@ from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.steering_steps import make_settled_state
 from vehicle.jit import compile_function
+from vehicle.model.effects import CATALOGUE, NEUTRAL_FIELDS, PATH, SPEED, list_neutral_fields
 from vehicle.model.instruments import apply_lever_arm, compute_filter_share
 from vehicle.records import DT_S, STATE
 from vehicle.sim.dynamics import compute_rolling_resistance, step_body, step_speed_control
@@ -31,18 +32,29 @@ from vehicle.sim.effect_terms import (
     read_delayed,
 )
 
+
+def _list_term_fields(block: str) -> tuple[str, ...]:
+    """Fields of MODEL of the effects of a block of the catalogue; stand-ins are other effects with a basis."""
+    effects = [effect for effect in CATALOGUE if effect.block == block and not effect.is_stand_in]
+    return tuple(name for effect in effects for name in list_neutral_fields(effect))
+
+
 STEERING_FIELDS = ("dead_steps", "lag", "rate", "dead_band", "command_clock")
-SPEED_FIELDS = ("slip", "tool_slip", "speed_lag", "ramp")
-PATH_FIELDS = ("offset", "half_play", "bend", "bend_left", "understeer", "draft", "slide", "slope_east", "slope_north",
-               "steering_clock", "speed_clock", "speed_scale", "wheel_scale", "relaxation", "crab", "push_east",
-               "push_north", "per_slope")  # fmt: skip
+SPEED_TERMS, PATH_TERMS = _list_term_fields(SPEED), _list_term_fields(PATH)
+"""Fields that the formulas of vehicle.sim read from the model; each comes first in its chain."""
+SPEED_FIELDS = (*SPEED_TERMS, "ramp")
+PATH_FIELDS = (*PATH_TERMS, "steering_clock", "speed_clock", "speed_scale", "wheel_scale", "relaxation", "crab",
+               "push_east", "push_north", "per_slope")  # fmt: skip
 INSTRUMENT_FIELDS = ("shift_forward", "shift_right", "latency", "heading_bias", "position_late", "heading_late",
                      "heading_filter", "position_clock", "heading_clock")  # fmt: skip
 CHAINS = {"steering": STEERING_FIELDS, "speed": SPEED_FIELDS, "path": PATH_FIELDS, "instruments": INSTRUMENT_FIELDS}
-FACTORS = ("bend", "bend_left", "speed_scale", "wheel_scale", "ramp")
+FACTORS = (
+    *(name for name in (*SPEED_TERMS, *PATH_TERMS) if NEUTRAL_FIELDS[name] == 1.0), "speed_scale", "wheel_scale", "ramp"
+)  # fmt: skip
 """Fields whose neutral value is 1: contributions to them multiply."""
-(OFFSET, HALF_PLAY, BEND, BEND_LEFT, UNDERSTEER, DRAFT, SLIDE, SLOPE_EAST, SLOPE_NORTH, STEERING_CLOCK, SPEED_CLOCK,
- SPEED_SCALE, WHEEL_SCALE, RELAXATION, CRAB, PUSH_EAST, PUSH_NORTH, PER_SLOPE) = range(18)  # fmt: skip
+RAMP = len(SPEED_TERMS)
+(STEERING_CLOCK, SPEED_CLOCK, SPEED_SCALE, WHEEL_SCALE, RELAXATION, CRAB, PUSH_EAST, PUSH_NORTH,
+ PER_SLOPE) = range(len(PATH_TERMS), len(PATH_FIELDS))  # fmt: skip
 (FORWARD, RIGHT, LATENCY, BIAS, POSITION_LATE, HEADING_LATE, HEADING_FILTER, POSITION_CLOCK,
  HEADING_CLOCK) = range(9)  # fmt: skip
 MOST_CACHED = 6  # chains kept: a fit changes one effect at a time
@@ -84,8 +96,13 @@ def simulate_steering(starts, command, first, states, fields, model, dt, out) ->
 
 
 @compile_function
-def simulate_speeds(starts, target, working, first, fields, model, ground, state, dt, out) -> None:  # type: ignore[no-untyped-def]
-    """Write the forward speed before each step to `out` (n,), from commanded speeds (n,), straight ahead."""
+def simulate_speeds(  # type: ignore[no-untyped-def]
+    starts, target, working, first, fields, terms, values, model, ground, state, dt, out
+) -> None:
+    """Write the forward speed before each step to `out` (n,), from commanded speeds (n,), straight ahead.
+
+    `terms` are the places of SPEED_TERMS in `values`, which is the memory of `model`.
+    """
     acceleration = model.acceleration
     for number in range(len(starts) - 1):
         begin, end = starts[number], starts[number + 1]
@@ -94,8 +111,9 @@ def simulate_speeds(starts, target, working, first, fields, model, ground, state
         for i in range(begin, end):
             out[i] = forward
             state.working, state.target_speed = working[i], target[i]
-            model.slip, model.tool_slip = fields[0, i], fields[1, i]
-            model.speed_lag, model.acceleration = max(fields[2, i], 0.0), acceleration * max(fields[3, i], 0.1)
+            for row in range(len(terms)):
+                values[terms[row]] = fields[row, i]
+            model.speed_lag, model.acceleration = max(model.speed_lag, 0.0), acceleration * max(fields[RAMP, i], 0.1)
             drive = step_speed_control(state, model, ground, forward, dt)
             forward += dt * (drive - compute_rolling_resistance(forward, model, ground)) / model.mass
     model.acceleration = acceleration
@@ -103,12 +121,13 @@ def simulate_speeds(starts, target, working, first, fields, model, ground, state
 
 @compile_function
 def simulate_path(  # type: ignore[no-untyped-def]
-    starts, wheel, steady, speed, working, east, north, heading, cosine, sine, across, noisy, fields, model, ground,
-    table, dt, out,
+    starts, wheel, steady, speed, working, east, north, heading, cosine, sine, across, noisy, fields, terms, values,
+    model, ground, table, dt, out,
 ) -> None:  # fmt: skip
     """Write x, y and angle of the centre of mass before each step to `out` (3, m), at measured speeds.
 
-    `fields` (f, m) in the order of PATH_FIELDS; `noisy` (s,) says where wheel angles were measured.
+    `fields` (f, m) in the order of PATH_FIELDS; `noisy` (s,) says where wheel angles were measured. `terms` are the
+    places of PATH_TERMS in `values`, which is the memory of `model`.
     """
     for number in range(len(starts) - 1):
         begin, end = starts[number], starts[number + 1]
@@ -127,13 +146,11 @@ def simulate_path(  # type: ignore[no-untyped-def]
             if ahead != 0.0:
                 turned, calm = _read_at(wheel, begin, end, i + ahead), _read_at(steady, begin, end, i + ahead)
             turned, calm = turned / fields[WHEEL_SCALE, i], calm / fields[WHEEL_SCALE, i]
-            model.half_play = max(fields[HALF_PLAY, i], 0.0)
+            for row in range(len(terms)):
+                values[terms[row]] = fields[row, i]
+            model.half_play, model.slide = max(model.half_play, 0.0), max(model.slide, 0.0)
             play = apply_play(play, calm, model)
             turned = turned + (play - calm) if noisy[number] else play
-            model.offset, model.understeer, model.draft = fields[OFFSET, i], fields[UNDERSTEER, i], fields[DRAFT, i]
-            model.bend, model.bend_left = fields[BEND, i], fields[BEND_LEFT, i]
-            model.slide = max(fields[SLIDE, i], 0.0)
-            model.slope_east, model.slope_north = fields[SLOPE_EAST, i], fields[SLOPE_NORTH, i]
             tangent = compute_affected_tangent(
                 turned, forward, 0.0, 0.0, cosine[i], sine[i], 0.0, working[i], table, model
             )
@@ -220,7 +237,7 @@ class Simulator:
 
     def __post_init__(self) -> None:
         model = self.rig.build_effective_model({})
-        self.model, self.ground = model[0], self.rig.ground[0]
+        self.model, self.ground, self.values = model[0], self.rig.ground[0], model.view(np.float64)
         self.base = dict.fromkeys((*STEERING_FIELDS, *SPEED_FIELDS, *PATH_FIELDS, *INSTRUMENT_FIELDS), 0.0)
         self.base |= dict.fromkeys(FACTORS, 1.0)
         self.base |= {name: float(self.model[name]) for name in ("lag", "rate", "dead_band")}
@@ -276,6 +293,10 @@ class Simulator:
                 out[place] = np.repeat(values, STRIDE) if chain in ("steering", "speed") else values
         return out
 
+    def _find_places(self, terms: Sequence[str]) -> Array:
+        """Places (t,) of fields in the memory of the model."""
+        return np.array([(self.model.dtype.names or ()).index(name) for name in terms])
+
     def _simulate_wheel(self, fields: Fields) -> Array:
         data = self.data
         out = np.empty(len(data.command))
@@ -287,8 +308,11 @@ class Simulator:
         data, out = self.data, np.empty(len(self.data.target))
         first = data.path["speed"][data.path_starts[:-1]]
         self.model["affected"] = 1.0
-        simulate_speeds(data.step_starts, data.target, data.working, first, self._fill("speed", fields), self.model,
-                        self.ground, np.zeros(1, dtype=STATE)[0], STEP_S, out)  # fmt: skip
+        simulate_speeds(
+            data.step_starts, data.target, data.working, first, self._fill("speed", fields),
+            self._find_places(SPEED_TERMS), self.values, self.model, self.ground, np.zeros(1, dtype=STATE)[0], STEP_S,
+            out,
+        )  # fmt: skip
         return out
 
     def _simulate_path(self, fields: Fields, simulated: Array) -> Array:
@@ -302,7 +326,8 @@ class Simulator:
         simulate_path(
             data.path_starts, wheel, steady, inputs["speed"], inputs["working"], inputs["east"], inputs["north"],
             inputs["heading"], inputs["cosine"], inputs["sine"], inputs["across"], data.has_wheel,
-            self._fill("path", fields), self.model, self.ground, self.rig.table, PATH_STEP_S, out,
+            self._fill("path", fields), self._find_places(PATH_TERMS), self.values, self.model, self.ground,
+            self.rig.table, PATH_STEP_S, out,
         )  # fmt: skip
         return out
 
