@@ -7,6 +7,7 @@ only hand names on) are left out of the graph of packages.
 from __future__ import annotations
 
 import ast
+import re
 import statistics
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "columns", "diagnosis")
 MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 522, 500, 80, 8, 6.2
 # Modules: five more than there are.
+MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),
@@ -273,3 +275,15 @@ def test_functions_are_short(read_modules: dict[str, tuple[set[str], dict[str, i
 
 def test_top_level_packages_say_that_they_are_typed() -> None:
     assert [top for top in TOP_PACKAGES if not (ROOT / top / "py.typed").is_file()] == []
+
+
+def test_the_page_on_architecture_is_two_pages_and_names_what_there_is() -> None:
+    page = (ROOT / "planner/guide/architecture.md").read_text(encoding="utf-8")
+    assert len(page.split()) <= MAX_PAGE_WORDS
+    paths = re.findall(r"`([^`<> ]+/[^`<> ]+)`", page)
+    assert len(paths) > 20 and [path for path in paths if not (ROOT / path).exists()] == []
+    table = page.split("| package of `planner` | holds |")[1].split("##")[0]
+    named = {
+        name for row in table.splitlines() if row.count("|") > 2 for name in re.findall(r"`(\w+)`", row.split("|")[1])
+    }
+    assert named == {path.parent.name for path in (ROOT / "planner").glob("*/__init__.py")}
