@@ -1,4 +1,4 @@
-"""What turns cost in time."""
+"""The seconds that a turn takes: speeds forwards and in reverse, the loss at each change of direction, bends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The linear problem beside a fit: what every amount changes, weighted as the likelihood weighs the windows."""
+"""The fit of a diagnosis as linear least squares about where it stands, which says what a hypothesis would gain.
+
+It holds what every amount changes in the prediction, weighted as the likelihood weighs the windows.
+"""
 
 from __future__ import annotations
 
