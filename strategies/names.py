@@ -19,28 +19,26 @@ FIRST_OFFERED = ("row-by-row", "row-by-row-optimised", "col-by-col", "split-fiel
 """All others follow by the alphabet. The first of a request stands for all of them with one tractor alone."""
 
 
-def _read_descriptions(folder: Path) -> dict[str, str]:
+def read_descriptions(folder: Path) -> dict[str, str]:
     """The description of every strategy that has a module in a folder, by name."""
-    texts = {file.stem.replace("_", "-"): file.read_text(encoding="utf-8") for file in folder.glob("*.py")}
-    found = {name: _find_description(text) for name, text in texts.items() if "\nSTRATEGY = " in text}
+    sources = {file.stem.replace("_", "-"): file.read_text(encoding="utf-8") for file in folder.glob("*.py")}
+    found = {name: text for name, source in sources.items() if (text := _find_description(source)) is not None}
     return dict(sorted(found.items(), key=lambda entry: (_get_place(entry[0]), entry[0])))
 
 
-def _find_description(source: str) -> str:
-    """The second argument of the record STRATEGY of a module."""
-    record = next(
-        node.value
-        for node in ast.parse(source).body
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "STRATEGY"
-    )
-    return str(ast.literal_eval(record.args[1])) if isinstance(record, ast.Call) else ""
+def _find_description(source: str) -> str | None:
+    """The second argument of the record STRATEGY of a module; None without such a record."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "STRATEGY":
+            return str(ast.literal_eval(node.value.args[1])) if isinstance(node.value, ast.Call) else ""
+    return None
 
 
 def _get_place(name: str) -> int:
     return FIRST_OFFERED.index(name) if name in FIRST_OFFERED else len(FIRST_OFFERED)
 
 
-STRATEGY_DESCRIPTIONS = _read_descriptions(Path(__file__).parent)
+STRATEGY_DESCRIPTIONS = read_descriptions(Path(__file__).parent)
 STRATEGY_NAMES = tuple(STRATEGY_DESCRIPTIONS)
 
 

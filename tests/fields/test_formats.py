@@ -6,8 +6,10 @@ import pytest
 
 from fields import FieldError, list_fields, read_field
 from fields.documents import sources
+from fields.documents.format_records import list_records
 from fields.documents.sources import FIELD_FORMATS, FOREIGN_EXTENSIONS, find_field_format
-from fields.formats import geojson, shapefile
+from fields.formats import agopengps, geojson, gpx, isoxml, shapefile
+from fields.formats.guidance import GuidanceFormat
 from fields.raw_document import FieldDocument, FieldFormat, RawShape
 
 
@@ -29,7 +31,7 @@ def test_endings_are_told_apart() -> None:
     assert find_field_format("parcels.SHP") is shapefile.FIELD_FORMAT and find_field_format("parcels.DXF") is None
 
 
-def test_a_new_form_is_a_record_and_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_form_is_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     toy = FieldFormat("squares", (".sq",), squares)
     monkeypatch.setattr(sources, "FIELD_FORMATS", (*FIELD_FORMATS, toy))
     place = tmp_path / "two.sq"
@@ -46,3 +48,11 @@ def test_a_foreign_form_is_named_with_a_way_out(tmp_path: Path) -> None:
         FieldError, match=r"is DXF, but fields are read from GeoJSON, Shapefile, KML, .* and AgOpenGPS; convert it"
     ):
         read_field(place)
+
+
+def test_records_are_found_in_the_modules_of_formats() -> None:
+    forms = list_records(FieldFormat, first=("gpx",))
+    assert forms[0] is gpx.FIELD_FORMAT and forms[1] is agopengps.FIELD_FORMAT
+    assert set(forms) == set(FIELD_FORMATS) and len(forms) == len(FIELD_FORMATS)
+    older = [form.name for form in list_records(GuidanceFormat, first=("isoxml",))][:2]
+    assert older == [isoxml.GUIDANCE_FORMAT_4.name, isoxml.GUIDANCE_FORMAT_4.older]

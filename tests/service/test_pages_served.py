@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import json
 import re
 import tomllib
 from html.parser import HTMLParser
@@ -10,10 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from fields.documents.sources import FIELD_FORMATS
 from planner.service.pages.static_files import STATIC_FOLDER
 from tests.service.conftest import Shared
 
 ROOT = Path(__file__).parents[2]
+MADE = STATIC_FOLDER / "js/accepted.js"  # by the service, from the endings that it takes
+FIELD_ENDINGS = {".zip", *(end for form in FIELD_FORMATS if form.has_lone_files for end in form.extensions)}
 PARTS = sorted(path for path in STATIC_FOLDER.rglob("*") if path.is_file())
 
 
@@ -57,4 +61,12 @@ def test_modules_make_no_markup_of_text_and_import_what_is_there(path: Path) -> 
     assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text), "nothing of another site"
     for name in re.findall(r'from "(\.[^"]+)"', text):
-        assert (path.parent / name).is_file(), name
+        assert (path.parent / name).is_file() or (path.parent / name).resolve() == MADE, name
+
+
+def test_the_page_takes_the_files_that_the_service_takes(shared: Shared) -> None:
+    answer = shared[0].get(f"/static/{MADE.relative_to(STATIC_FOLDER).as_posix()}")
+    assert answer.status_code == 200 and "javascript" in answer.headers["content-type"]
+    accepted = json.loads(answer.text.removeprefix("export const ACCEPTED = ").rstrip(";\n"))
+    assert {".geojson", ".kmz", ".fgb", ".xml", ".zip"} <= set(accepted["fields"].split(",")) == FIELD_ENDINGS
+    assert accepted["tractors"] == ".toml" and ".shp" not in accepted["fields"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from strategies.names import FIRST_OFFERED, STRATEGY_DESCRIPTIONS, STRATEGY_NAMES
+from strategies.names import FIRST_OFFERED, STRATEGY_DESCRIPTIONS, STRATEGY_NAMES, read_descriptions
 from strategies.registry import STRATEGIES
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
@@ -17,6 +17,13 @@ def test_records_are_named_as_they_are_registered() -> None:
     assert list(STRATEGIES) == list(STRATEGY_NAMES) == [strategy.name for strategy in STRATEGIES.values()]
     assert {strategy.name: strategy.description for strategy in STRATEGIES.values()} == STRATEGY_DESCRIPTIONS
     assert STRATEGY_NAMES[: len(FIRST_OFFERED)] == FIRST_OFFERED
+
+
+def test_a_module_with_a_record_is_a_strategy(tmp_path: Path) -> None:
+    (tmp_path / "in_pairs.py").write_text('NAME = "in-pairs"\nSTRATEGY = Strategy(NAME, "two " "tracks each", deal)\n')
+    (tmp_path / "col_by_col.py").write_text('STRATEGY = Strategy("col-by-col", "by sides", formation=None)\n')
+    (tmp_path / "registry.py").write_text("STRATEGIES = {}\n")
+    assert list(read_descriptions(tmp_path).items()) == [("col-by-col", "by sides"), ("in-pairs", "two tracks each")]
 
 
 @pytest.mark.parametrize("name", STRATEGY_NAMES)
