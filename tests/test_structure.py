@@ -30,7 +30,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "vehicle": ("vehicle", "fields.errors", "fields.text_files", "fields.nested_text"),
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
-        "reports", "fields.errors", "fields.formats", "fields.documents.format_records", "fields.documents.reader",
+        "reports", "fields.errors", "fields.formats", "fields.documents.reader",
         "vehicle.arrays", "vehicle.model", "vehicle.missions.run",
         "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
         "vehicle.trials.sheets",
@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 """What each top-level package may import; reports know result types, runs among them, and what guidance files hold."""
 SERVICE_COMMANDS = ("planner.cli.server", "planner.cli.robots")
 BY_NAME = {
-    "fields", "fields.documents.format_records", "planner", "planner.cli.alias.headland", "planner.pipeline.kernels",
+    "fields", "fields.formats.format_records", "planner", "planner.cli.alias.headland", "planner.pipeline.kernels",
     "strategies.registry",
 }  # fmt: skip
 """Modules that import others by a name made at run time."""
@@ -100,7 +100,8 @@ def graph(read_modules: dict[str, tuple[set[str], dict[str, int]]]) -> Graph:
     edges = {name: imports - {name} for name, (imports, _) in read_modules.items()}
     # Imported by name.
     edges["strategies.registry"] |= {f"strategies.{name.replace('-', '_')}" for name in STRATEGY_NAMES}
-    edges["fields.documents.format_records"] |= {name for name in edges if name.startswith("fields.formats.")}
+    formats, finder = {name for name in edges if name.startswith("fields.formats.")}, "fields.formats.format_records"
+    edges[finder] |= formats - {finder}
     return edges
 
 

@@ -8,10 +8,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from fields.documents.format_records import list_records
 from fields.errors import FieldError, join_first
 from fields.formats import agopengps, geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
+from fields.formats.format_records import list_records
 from fields.raw_document import (
     SHAPE_NAME,
     UNKNOWN_CRS,

@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
-from fields.documents.format_records import list_records
 from fields.errors import mark_parameter
+from fields.formats.format_records import list_records
 from fields.formats.guidance import (
     MAX_CURVE_ERROR_M,
     MAX_DESIGNATOR_BYTES,

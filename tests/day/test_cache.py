@@ -159,6 +159,7 @@ def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() 
         "planner/risk/leg_graph.py",
         "vehicle/sim/loop.py",
         "strategies/interleaved.py",
+        "fields/formats/gpx.py",
         "strategies/programmes/order_search.py",
         "fields/layout/swaths.py",
         "planner/__init__.py",

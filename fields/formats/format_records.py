@@ -1,13 +1,12 @@
-"""Finds the formats of field and guidance files: the records of the modules of fields.formats."""
+"""Finds the formats of field and guidance files: the records of the modules beside this one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
 from typing import TypeVar
-
-import fields.formats
 
 Record = TypeVar("Record")
 
@@ -18,7 +17,7 @@ def list_records(kind: type[Record], first: Sequence[str]) -> tuple[Record, ...]
 
 
 def _iter_records(kind: type[Record], first: Sequence[str]) -> Iterator[Record]:
-    names = dict.fromkeys([*first, *sorted(module.name for module in iter_modules(fields.formats.__path__))])
+    names = dict.fromkeys([*first, *sorted(module.name for module in iter_modules([str(Path(__file__).parent)]))])
     for name in names:
-        values = vars(import_module(f"{fields.formats.__name__}.{name}")).values()
+        values = vars(import_module(f"fields.formats.{name}")).values()
         yield from (value for value in values if isinstance(value, kind))
