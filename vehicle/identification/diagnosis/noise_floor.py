@@ -40,6 +40,7 @@ from vehicle.identification.diagnosis.noise import (
 )
 from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array, Rows
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
     HorizonSquares,
@@ -63,7 +64,6 @@ ERROR_PIECE_S = 5.0  # horizon of the errors that are told in words and shares
 # Chosen: times the noise floor that counts as noise, and the addition per second between rows, where motion is not
 # observed.
 ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0
-FEW_PIECES_SIGMAS = 2.0  # standard deviations granted to chance between the error of a few pieces and the floor
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
 KINDS = 3  # errors of a piece: across, along, heading
 
@@ -301,4 +301,4 @@ def compute_chance(seconds: float, piece_s: float) -> float:
     A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors.
     """
     pieces = max(seconds / piece_s, 1.0)
-    return FEW_PIECES_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))
+    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))

@@ -28,6 +28,7 @@ from vehicle.identification.diagnosis.linear_response import CircleSearch
 from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
@@ -35,8 +36,6 @@ NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
 MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
-LEAST_LAW_Z = 2.0  # standard errors below which a law or a circle is dropped again: many are tried
-CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +168,7 @@ class Searcher:
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
             against_none = self._compare(fit, predicted, without, None, noise)
-            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < LEAST_LAW_Z)
+            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < DOUBT_SIGMAS)
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
@@ -283,8 +282,8 @@ def takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypot
     if competitor.id != hypothesis.id or competitor.is_catalogued == hypothesis.is_catalogued:
         return is_better
     if competitor.is_catalogued:
-        return is_better or comparison.z < LEAST_LAW_Z
-    return is_better and comparison.z <= -LEAST_LAW_Z
+        return is_better or comparison.z < DOUBT_SIGMAS
+    return is_better and comparison.z <= -DOUBT_SIGMAS
 
 
 def _name_model(fit: Fit) -> frozenset[str]:

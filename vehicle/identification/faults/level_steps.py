@@ -32,6 +32,7 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.standing_columns import SPARSE_S
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
@@ -51,10 +52,9 @@ _PLACE_M = 25.0  # chosen: squares of the field
 _SQUARE_S = 3.0  # chosen: time in a square that shows its level
 _BEYOND_M, _BEYOND_SHARE = 10.0, 0.15  # chosen: driving on the other side of the place of a step, and its share
 _OTHERS_SHARE = 0.4  # chosen: of the step, that the best steps of other runs may have
-_MOST_GAIN_CHANGE, _SLOPE_SIGMAS = 0.4, 2.0  # chosen: of a path that follows the wheels on straights
+_MOST_GAIN_CHANGE = 0.4  # chosen: of a path that follows the wheels on straights
 _GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
-_FEWEST_ROWS = 100  # of a set
-_PASSES, _HUBER_SIGMAS = 5, 2.0
+_PASSES = 5
 _ROUNDS = 3  # chosen: of a search without, and with the step of the round before
 _REFINE_S, _MOST_PARTS = 20.0, 400  # chosen: about the coarse place of a step; limits the time of long runs
 
@@ -209,7 +209,7 @@ def _collect_rows(
         if part.hold_s <= SPARSE_S
     ]
     table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
-    if table.shape[1] < _FEWEST_ROWS:
+    if table.shape[1] < FEWEST_LINE_ROWS:
         return None
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
@@ -261,7 +261,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
         theta = np.asarray(np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values), dtype=np.float64)
         apart = np.abs(values - columns @ theta)
         sigma = max(measure_spread(apart), 1e-3)
-        weights = np.square(np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
+        weights = np.square(np.minimum(DOUBT_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
     residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
     derivatives = np.stack([np.ones(len(side)), side, size / 10.0, 3.0 * size**2 / 400.0, push, side * push], axis=1)
@@ -398,7 +398,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     left = residual - np.mean(residual) - slope * about
     # Curvature is an average over TURN_S, so only so many rows are independent.
     error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
-    return abs(slope) + _SLOPE_SIGMAS * error < _MOST_GAIN_CHANGE
+    return abs(slope) + DOUBT_SIGMAS * error < _MOST_GAIN_CHANGE
 
 
 def _measure_share(residual: Array, usual: Mask, odd: Mask, size: float) -> float | None:

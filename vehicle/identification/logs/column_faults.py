@@ -18,13 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw_motion
+from vehicle.identification.logs.motion import RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
-    HOLD_QUANTILE,
     HOLDS,
-    MOST_OF_LOG_SHARE,
     POSITION_FROZEN,
     SPEED_FROZEN,
     STILL_READINGS,
@@ -32,18 +30,23 @@ from vehicle.identification.logs.standing_columns import (
     find_standing_spans,
 )
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    FEWEST_EVENTS,
+    FEWEST_ROWS,
+    FEWEST_TIMES,
+    LASTING_S,
+    MAJORITY,
+)
 
 POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
 _LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
-# Chosen: nothing that drives repeats a noisy value for so long, and so many times its usual hold.
-_FROZEN_S = 3.0
 _LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
-_CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6, 4
-_FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
+_TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS = 0.15, 0.15, 6
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -139,11 +142,11 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     starts = np.append(0, np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0)) + 1)
     ends = np.append(starts[1:], values.shape[1]) - 1
     seconds, moving = motion.measure_spans(starts, ends)
-    if np.count_nonzero(moving) < _FEWEST_SPANS:
+    if np.count_nonzero(moving) < FEWEST_EVENTS:
         return []  # a column of few values, such as the directions of rows, shows no standstill
-    usual_s = float(np.quantile(seconds[moving], HOLD_QUANTILE))  # one long hold does not count
-    is_long = moving & (seconds >= max(_FROZEN_S, HOLDS * usual_s))
-    is_long &= seconds < MOST_OF_LOG_SHARE * motion.total_s
+    usual_s = float(np.quantile(seconds[moving], ALMOST_ALL_SHARE))  # one long hold does not count
+    is_long = moving & (seconds >= max(LASTING_S, HOLDS * usual_s))
+    is_long &= seconds < ALMOST_ALL_SHARE * motion.total_s
     long_spans = list(zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True))
     if not long_spans:
         return []
@@ -165,19 +168,19 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     changed[1:] = steps != 0.0
     digit = np.abs(steps[steps != 0.0]).min()
     turned[1:-1] = (steps[1:] * steps[:-1] < 0.0) & (np.abs(steps[1:] - steps[:-1]) > 2.5 * digit)
-    width = motion.count_rows(_FROZEN_S)
+    width = motion.count_rows(LASTING_S)
     windows = [
         slice(start, start + width)
         for first, last in find_spans(outside)
         for start in range(first, last - width + 2, width)
     ]
     is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
-    if len(windows) < (_FEWEST_WINDOWS if is_long else _USUAL_WINDOWS) or width < _FEWEST_WINDOW_ROWS:
+    if len(windows) < (FEWEST_TIMES if is_long else _USUAL_WINDOWS) or width < FEWEST_EVENTS:
         return False
     shares = (
         float(np.quantile([np.mean(what[window]) for window in windows], _CALM_QUANTILE)) for what in (changed, turned)
     )
-    return all(share >= least for share, least in zip(shares, (_CHANGED_SHARE, _TURNED_SHARE), strict=True))
+    return all(share >= least for share, least in zip(shares, (MAJORITY, _TURNED_SHARE), strict=True))
 
 
 # --- a fix that is lost ------------------------------------------------------------------------------------------
@@ -188,7 +191,7 @@ _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 # Rayleigh distribution, because a fix may be lost for most of a log.
 _USUAL_FACTOR, _USUAL_QUANTILE, _MEDIAN_OF_QUANTILE = 8.0, 0.15, 2.07
 # Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
-_SAME_FAULT_S, _FEWEST_JUMPS, _LEAST_LOST_S = 16.0, 4, 2.0
+_SAME_FAULT_S, _LEAST_LOST_S = 16.0, 2.0
 _WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
@@ -210,7 +213,7 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
 
 
 def _is_lost(motion: RawMotion, rows: Rows) -> bool:
-    if len(rows) < _FEWEST_JUMPS:
+    if len(rows) < FEWEST_TIMES:
         return False
     return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= _LEAST_LOST_S
 
@@ -271,7 +274,7 @@ POSITION_JUMP = "position_jump"
 _MOST_JUMP_S = 1.0  # chosen: a receiver that takes longer scatters, or drifts
 _MOST_THAW_S = 2.0  # chosen: between the last position that is frozen and the first that is not
 # Chosen: time before and after a jump that shows how the tractor moves, and its fewest positions.
-_WINDOW_S, _FEWEST_SIDE = 1.0, 4
+_WINDOW_S = 1.0
 _LEAST_STEP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
 
 
@@ -288,7 +291,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     """Return the columns (units of the contract) with positions after each jump moved back, and the jumps as faults of
     the log `name`."""
     time, rows = columns["time_s"], select_timed_rows(columns)
-    if len(rows) < 2 * _FEWEST_SIDE or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
+    if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
         return columns, []
     jumps = _find_jumps(columns, rows)
     if not jumps:
@@ -344,7 +347,7 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
         (time <= time[first]) & (time > time[first] - _WINDOW_S),
         (time >= time[last]) & (time < time[last] + _WINDOW_S),
     ):
-        if np.count_nonzero(side) < _FEWEST_SIDE:
+        if np.count_nonzero(side) < FEWEST_TIMES:
             return None
         line = np.stack([np.ones(np.count_nonzero(side)), time[side] - middle_s], axis=1)
         theta = np.linalg.lstsq(line, place[:, side].T, rcond=None)[0]

@@ -61,6 +61,7 @@ from vehicle.identification.logs.table import (
     read_table,
 )
 from vehicle.identification.logs.terrain import STEEPEST_DEG
+from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,8 +169,6 @@ def _describe_short_segments(log: Log) -> list[str]:
 
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
-_REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wrong and not a row
-_MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than as a column
 _MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
 _SHOWN_RULES = 4
 # What to do where a rule excludes most rows, by a word of the rule.
@@ -289,7 +288,7 @@ def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]
     """Drop a commanded speed that is empty in many rows, as of a tractor that pauses or is driven by hand; all else in
     these rows is known."""
     command = columns.get("speed_command_mps")
-    if command is None or np.count_nonzero(~np.isfinite(command)) <= _MOST_EMPTY_SHARE * len(command):
+    if command is None or np.count_nonzero(~np.isfinite(command)) <= FEW_SHARE * len(command):
         return columns, ()
     empty = np.flatnonzero(~np.isfinite(command))
     message = (
@@ -365,14 +364,14 @@ def _name_logs(files: list[Path]) -> list[str]:
 
 def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
     backwards = next((gated_rows for gated_rows in rules.gated if gated_rows.rule == "time not increasing"), None)
-    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(rules.used):
+    if backwards is not None and backwards.rows > MAJORITY * len(rules.used):
         stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
         raise LogError(
             f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
             f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
         )
     lost = [(one, advice) for one in rules.gated for word, advice in _ADVICE.items()
-            if word in one.rule and one.rows > _REFUSED_SHARE * len(rules.used)]  # fmt: skip
+            if word in one.rule and one.rows > MAJORITY * len(rules.used)]  # fmt: skip
     if lost and np.count_nonzero(rules.used) >= 2:
         rows, advice = lost[0]
         raise LogError(
