@@ -12,6 +12,7 @@ import shapely
 from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, project
+from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.terrain.checks import check_coverage, check_slopes, describe_place
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.point_files import HeightPoints, read_height_points
@@ -21,7 +22,6 @@ from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import compute_gradients
 from fields.text_files import quote_path
 
-REACH_M = 50.0
 """Points so near to a field count for heights at its edge."""
 
 
@@ -56,7 +56,7 @@ def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Poly
     is_earth = crs is not None and field.crs is not None
     places = project(points.places, str(crs), str(field.crs)) if is_earth else points.places
     places = places - np.asarray(field.origin_m)
-    reach = outline.buffer(REACH_M)
+    reach = outline.buffer(NEAR_FIELD_M)
     shapely.prepare(reach)
     is_near = shapely.contains_xy(reach, places[:, 0], places[:, 1])
     if not is_near.any():

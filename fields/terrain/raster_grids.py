@@ -11,10 +11,10 @@ from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
 from fields.terrain.checks import MIN_SPIKE_M, check_height_range, describe_place, describe_spikes
 from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, fill_gaps, lay_nodes
+from fields.terrain.point_grids import MAX_NODE_SPACING_M, MIN_NODE_SPACING_M
 from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks
 from fields.text_files import quote_path
 
-MIN_SPACING_M, MAX_SPACING_M = 2.0, 10.0
 """Finer cells are averaged, as a tractor's axles are more than 2 m apart; a smooth curve leads through coarser ones."""
 MARGIN_M = 40.0
 """Ground round a field over which machines may turn; heights there are continued if the raster ends. Chosen: a
@@ -41,7 +41,7 @@ def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, cr
     label = quote_path(raster.path)
     cell_m = _measure_cells(raster, field, outline, crs)
     coarse = _describe_coarse_cells(max(cell_m), label)
-    frame = lay_nodes(outline, min(max(MIN_SPACING_M, *cell_m), MAX_SPACING_M), MARGIN_M)
+    frame = lay_nodes(outline, min(max(MIN_NODE_SPACING_M, *cell_m), MAX_NODE_SPACING_M), MARGIN_M)
     at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), field, crs))
     extra = EXTRA_CELLS * math.ceil(frame.spacing_m / min(cell_m))
     rows, columns = _choose_window(raster, at_nodes, extra, field, outline, crs)
@@ -81,7 +81,7 @@ def _describe_coarse_cells(cell_m: float, label: str) -> list[str]:
             f"{label} has cells of {cell_m:.3g} m; the slopes of a field need cells of {MAX_CELL_M:.0f} m or less, so "
             "give a finer raster."
         )
-    if cell_m <= MAX_SPACING_M:
+    if cell_m <= MAX_NODE_SPACING_M:
         return []
     return [f"{label} has cells of {cell_m:.3g} m; slopes shorter than that are not in it."]
 

@@ -8,14 +8,13 @@ from dataclasses import replace
 import shapely
 
 from fields.geometry.field import Field
+from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
 from vehicle.missions.plan import Plan
-
-MAX_DISTANCE_M = 50.0  # a hose or a loader reaches into the field from a place no farther off
 
 
 def locate_service_point(
@@ -41,10 +40,10 @@ def locate_service_point(
     if place is None:
         return replace(supply, served_at=HEADLAND, place=None)
     distance_m = float(field.boundary.distance(shapely.Point(place)))
-    if distance_m > MAX_DISTANCE_M:
+    if distance_m > NEAR_FIELD_M:
         raise RequestError(
             f"The place to refill or charge lies {distance_m:.0f} m from the field; it must be within "
-            f"{MAX_DISTANCE_M:g} m of it."
+            f"{NEAR_FIELD_M:g} m of it."
         )
     return replace(supply, served_at=PLACE, place=place)
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from fields.units import MINUTE_S
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, SUREST
 from reports.common.plan_results import MODEL_ERROR_SHARE, is_share_different
 from reports.common.wording import format_price, format_price_change
@@ -17,7 +18,6 @@ from reports.plan.plan_wording import is_interval_wide
 
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
 MIN_AMOUNT = 0.005
-MINUTE_S = 60.0
 ABOUT_EQUAL = " (about equal)"
 
 

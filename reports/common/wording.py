@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 
+from fields.units import DAY_S
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import PlanRanking
 from reports.common.units import NO_VALUE as NO_VALUE
@@ -14,7 +15,6 @@ from reports.common.units import format_area as format_area
 
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
-DAY_S = 86_400
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"
 

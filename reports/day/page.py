@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fields.units import HOUR_S
 from reports.common import palette
 from reports.common.notebook import create_figure
 from reports.common.rendering import render_template
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 GANTT_WIDTH_INCHES, ROW_INCHES, HEAD_INCHES = 10.0, 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
-HOUR_S = 3600.0
 STEPS_H = (0.25, 0.5, 1, 2, 3, 6, 12, 24)
 WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
 LONGEST_NAME_CHARS = 22  # letters of a name beside a row

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
+from fields.errors import MAX_NAMED
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence, format_sentence
@@ -65,7 +66,7 @@ if TYPE_CHECKING:
     from vehicle.identification.diagnosis.demo_logs import HiddenEffect
 
 
-MOST_EFFECTS, MOST_LISTED_RUNS = 6, 3
+MOST_EFFECTS = 6
 MORE_HINT = "Add --explain (every effect, every run, how to read it), --html report.html (pictures)."
 
 
@@ -363,7 +364,7 @@ def _describe_worst_runs(diagnosis: Diagnosis) -> str:
         return ""
     parts = [
         f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
-        for run in runs[:MOST_LISTED_RUNS]
+        for run in runs[:MAX_NAMED]
     ]
-    parts += [f"{len(runs) - MOST_LISTED_RUNS} more" if len(runs) > MOST_LISTED_RUNS else ""]
+    parts += [f"{len(runs) - MAX_NAMED} more" if len(runs) > MAX_NAMED else ""]
     return f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(part for part in parts if part)}."

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from rich.console import Group, RenderableType
 
+from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-KMH_PER_MPS = 3.6
 PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
 # From _WIDE_INCHES on three columns of the legend fit.

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fields.units import HOUR_S, J_PER_KWH, KILO
 from vehicle.arrays import Floats
 from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.errors import check_range
@@ -31,7 +32,6 @@ IDLE_SHARE = 0.07
 """Of the fuel at full load: 1.9 of 28 l/h of a New Holland T7.165 S at 750 rpm (lindiap/tractor-field-operations)."""
 CO2_KG_PER_L = 2.65
 """Of burnt diesel: IPCC 2006, 74.1 kg per GJ, 43.0 MJ/kg, 0.832 kg/l; without that of making the fuel."""
-W_PER_KW, S_PER_H, J_PER_KWH = 1000.0, 3600.0, 3.6e6
 LITRES, KWH = "l", "kWh"
 
 
@@ -62,7 +62,7 @@ class DieselEngine:
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
 
     def __post_init__(self) -> None:
-        check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
+        check_range("The power of the engine", self.power_w / KILO, 0.1, 2000.0, "kW")
         check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
         check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0)
         check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0)
@@ -73,14 +73,14 @@ class DieselEngine:
     @property
     def idle_rate(self) -> float:
         """Litres per second while the tractor stands."""
-        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / S_PER_H
+        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / HOUR_S
 
     def compute_rate(self, power_w: Floats) -> Floats:
         """Litres per second at powers of the flywheel; negative where the wheels turn the engine."""
-        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / S_PER_H)
+        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / HOUR_S)
 
     def _compute_lph(self, share: Any, reduction_pct: float) -> Any:
-        rated_kw = self.power_w * self.shaft_share / W_PER_KW
+        rated_kw = self.power_w * self.shaft_share / KILO
         line = self.use_l_per_kwh, self.no_load_l_per_kwh
         return self.factor * compute_diesel_lph(share, rated_kw, reduction_pct, *line)
 
@@ -148,7 +148,7 @@ class ElectricDrive:
     @property
     def charge_s_per_kwh(self) -> float:
         """How long the charger takes for a kilowatt-hour; nothing where the battery is changed."""
-        return S_PER_H / self.charger_kw if self.change_s is None else 0.0
+        return HOUR_S / self.charger_kw if self.change_s is None else 0.0
 
     def compute_charge_s(self, energy_kwh: float) -> float:
         """How long a stop takes that puts an amount of energy into the battery."""
@@ -197,5 +197,5 @@ def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
         return DieselEngine(power_w)
     shaft_kw, litres_per_h = np.array(points).T
     use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
-    rated_kw = power_w * ENGINE_TO_SHAFT / W_PER_KW
+    rated_kw = power_w * ENGINE_TO_SHAFT / KILO
     return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)

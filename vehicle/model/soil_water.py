@@ -18,6 +18,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from fields.units import KILO, PCT
 from vehicle.errors import VehicleError
 from vehicle.model.soil import USUAL_STATE, Soil, SoilRow, interpolate_soil
 
@@ -27,7 +28,6 @@ SKIN_DEPTH_M = 0.04
 BARE_SOIL_COEFFICIENT = 1.2
 PARTICLE_DENSITY = 2.65  # of mineral soil, over that of water
 DRY_STATE, SATURATED_STATE = "dry", "saturated"
-MM_PER_M, PCT = 1000.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class SoilWater:
 
     def convert_to_moisture_pct(self, depletion_mm: float, depth_m: float) -> float:
         """Moisture of a layer, % of dry weight, that lacks so much water to field capacity; negative for a surplus."""
-        share = min(self.field_capacity - depletion_mm / (MM_PER_M * depth_m), self.saturation)
+        share = min(self.field_capacity - depletion_mm / (KILO * depth_m), self.saturation)
         return PCT * share / self.density
 
 
@@ -87,8 +87,8 @@ def compute_depletions(
         depth_m: of the layer.
         start_share: of what can evaporate, that had done so before the first day: 0 to 1.
     """
-    most_mm = MM_PER_M * water.evaporable_share * depth_m
-    readily_mm = MM_PER_M * water.evaporable_share * SKIN_DEPTH_M
+    most_mm = KILO * water.evaporable_share * depth_m
+    readily_mm = KILO * water.evaporable_share * SKIN_DEPTH_M
     depletion_mm, drained_mm = start_share * most_mm, 0.0
     for rain_mm, et0_mm in zip(rains_mm, et0s_mm, strict=True):
         drained_mm = max(rain_mm - depletion_mm, 0.0)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
 from vehicle.identification.logs.column_faults import (
@@ -71,7 +72,6 @@ SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect
 _SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
 _REPEATED = "positions repeat the row before"
 _LARGE_SHARE = 0.25  # chosen, of the rows of a log: so many are told with its name
-_SHOWN_NAMES = 3  # names of logs with the same remark
 
 
 def list_remarks(log: Log) -> list[str]:
@@ -118,9 +118,9 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
 
 def _join_names(names: Sequence[str]) -> str:
     """Join names, only the first of many."""
-    if len(names) <= _SHOWN_NAMES + 1:
+    if len(names) <= MAX_NAMED + 1:
         return ", ".join(names)
-    return f"{', '.join(names[:_SHOWN_NAMES])} and {len(names) - _SHOWN_NAMES} more"
+    return f"{', '.join(names[:MAX_NAMED])} and {len(names) - MAX_NAMED} more"
 
 
 def _format_row_count(count: int) -> str:
@@ -170,7 +170,6 @@ def _describe_short_segments(log: Log) -> list[str]:
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
 _MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
-_SHOWN_RULES = 4
 # What to do where a rule excludes most rows, by a word of the rule.
 _ADVICE = {
     "missing": "fill the column, or remove it if it is optional",
@@ -379,7 +378,7 @@ def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
             f"{rows.first_line}); {advice}."
         )
     if np.count_nonzero(rules.used) < 2:
-        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:_SHOWN_RULES]
+        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:MAX_NAMED]
         why = "; ".join(
             f"{gated_rows.rule}: {gated_rows.rows} rows from line {gated_rows.first_line}" for gated_rows in largest
         )

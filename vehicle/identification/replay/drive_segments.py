@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import (
     GAP_SAMPLES,
@@ -89,7 +90,6 @@ def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> 
 
 
 Antenna = tuple[float, float]
-_SHOWN_LOGS = 3  # logs named in a refusal
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +260,7 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
 def _explain_no_segment(logs: Sequence[Log]) -> str:
     """Why no log has a segment to replay: the rule that excluded most rows, for up to three logs."""
     reasons = []
-    for log in logs[:_SHOWN_LOGS]:
+    for log in logs[:MAX_NAMED]:
         worst_rule = max(log.gated, key=lambda one: one.rows, default=None)
         lost = (
             ""
@@ -274,7 +274,7 @@ def _explain_no_segment(logs: Sequence[Log]) -> str:
             (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in split_drive_segments(log)[1]), default=0.0
         )
         reasons.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
-    more_logs = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
+    more_logs = f"; and {len(logs) - MAX_NAMED} more" if len(logs) > MAX_NAMED else ""
     return (
         f"No log holds {SHORTEST_SEGMENT_S:g} s driven in one gear without a gap: {'; '.join(reasons)}{more_logs}; "
         "fill or leave out "
