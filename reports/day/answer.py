@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 from fields.errors import MAX_NAMED
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.wording import LEAST_COST, NO_VALUE, format_percent, format_price, round_up_to_minute
+from reports.common.wording import LEAST_COST, NO_VALUE, SURE_SHARE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult
-
-SURE_SHARE = 0.995
 
 
 def list_day_sentences(result: DayResult) -> list[str]:

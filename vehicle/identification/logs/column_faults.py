@@ -189,7 +189,8 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 # Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
 # Rayleigh distribution, because a fix may be lost for most of a log.
-_USUAL_FACTOR, _USUAL_QUANTILE, _MEDIAN_OF_QUANTILE = 8.0, 0.15, 2.07
+_USUAL_FACTOR, _USUAL_QUANTILE = 8.0, 0.15
+_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _USUAL_QUANTILE))
 # Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
 _SAME_FAULT_S, _LEAST_LOST_S = 16.0, 2.0
 _WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far

@@ -18,12 +18,11 @@ from vehicle.trials.drive import (
     is_sideslip_settled,
     replace_steering,
 )
-from vehicle.trials.fixed_steering import build_step_commands, move_centre_of_mass
+from vehicle.trials.fixed_steering import STUDY_RECORD_EVERY, build_step_commands, move_centre_of_mass
 from vehicle.trials.sheets.fixed_steering import build_slip_panel, build_trajectory_panel
 from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, SteeredDrive, build_time_panel
 
 MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
-RECORD_EVERY = 6
 SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
 MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
 
@@ -60,7 +59,9 @@ def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace
         tractor = move_centre_of_mass(tractor, request.mass_m)
     tractors, tyres = [replace_steering(tractor, request.steering)], [_choose_tyres(request)]
     commands, speed_mps = build_step_commands([request.steer_deg], request.seconds), request.speed_kmh / 3.6
-    trace = drive_by_steering_commands(tractors, tyres, commands, speed_mps=speed_mps, record_every=RECORD_EVERY)[0]
+    trace = drive_by_steering_commands(tractors, tyres, commands, speed_mps=speed_mps, record_every=STUDY_RECORD_EVERY)[
+        0
+    ]
     radius = compute_settled_radius(trace, trace.point_m)
     front, rear = (float(np.degrees(slip[-1])) for slip in trace.compute_slips())
     circle = math.isfinite(radius) and radius < MAX_CIRCLE_RADIUS_M
