@@ -95,13 +95,13 @@ def export_supply(supply: Supply) -> dict[str, float | str | None]:
     values: dict[str, float | str | None]
     if isinstance(supply, BatterySupply):
         drive = supply.meter.drive
-        is_charged = drive.change_s is None
+        is_charged = drive.battery.change_s is None
         values = {
-            "battery_kwh": drive.battery_kwh,
+            "battery_kwh": drive.battery.capacity_kwh,
             "usable_kwh": drive.usable_kwh,
-            "charger_kw": drive.charger_kw if is_charged else None,
-            "connect_s": drive.connect_s if is_charged else None,
-            "change_s": drive.change_s,
+            "charger_kw": drive.battery.charger_kw if is_charged else None,
+            "connect_s": drive.battery.connect_s if is_charged else None,
+            "change_s": drive.battery.change_s,
         }
     else:
         values = {"capacity": supply.capacity, "rate_per_m2": supply.rate_per_m2, "refill_s": supply.stop_s}
@@ -150,17 +150,17 @@ def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
     """What every plan assumes about charging, one sentence each."""
     drive = supply.meter.drive
     way = (
-        f"is charged with {drive.charger_kw:g} kW ({drive.connect_s:g} s to connect)"
-        if drive.change_s is None
-        else f"is changed for a full one in {drive.change_s:g} s"
+        f"is charged with {drive.battery.charger_kw:g} kW ({drive.battery.connect_s:g} s to connect)"
+        if drive.battery.change_s is None
+        else f"is changed for a full one in {drive.battery.change_s:g} s"
     )
     amount = (
         "A stop charges what the work up to the next stop needs; after the last track nothing is charged."
-        if drive.change_s is None
+        if drive.battery.change_s is None
         else "After the last track it is not changed."
     )
     return (
-        f"Every tractor starts with a battery of {drive.battery_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it above "
-        f"the reserve; it {way}, {describe_service_point(supply)}.",
+        f"Every tractor starts with a battery of {drive.battery.capacity_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it "
+        f"above the reserve; it {way}, {describe_service_point(supply)}.",
         amount,
     )

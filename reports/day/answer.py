@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fields.errors import MAX_NAMED
 from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.text_tables import MOST_NAMED
 from reports.common.wording import LEAST_COST, NO_VALUE, SURE_SHARE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult
 
@@ -86,9 +86,9 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     left = result.unworked_fields
     sentences = [
         translate("{field} is not worked: {reason}.", field=one.field, reason=translate_sentence(one.reason))
-        for one in left[:MAX_NAMED]
+        for one in left[:MOST_NAMED]
     ]
-    more = len(left) - MAX_NAMED
+    more = len(left) - MOST_NAMED
     if more > 0:
         sentences.append(translate_count("{count} more is not worked.", "{count} more are not worked.", more))
     return sentences

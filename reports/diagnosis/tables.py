@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
-from fields.errors import MAX_NAMED
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence, format_sentence
+from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, WrappedSentence, format_sentence
 from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
@@ -364,7 +363,7 @@ def _describe_worst_runs(diagnosis: Diagnosis) -> str:
         return ""
     parts = [
         f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
-        for run in runs[:MAX_NAMED]
+        for run in runs[:MOST_NAMED]
     ]
-    parts += [f"{len(runs) - MAX_NAMED} more" if len(runs) > MAX_NAMED else ""]
+    parts += [f"{len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""]
     return f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(part for part in parts if part)}."

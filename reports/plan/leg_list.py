@@ -8,10 +8,9 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from fields.errors import MAX_NAMED
 from reports.common.plan_drives import DriverLeg
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
 _COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
@@ -36,7 +35,7 @@ def _name_few(noun: str, names: Sequence[object]) -> str:
     """``track 3``, ``tracks 3, 4 and 5``; where there are more, how many."""
     return (
         f"{len(names)} {noun}s"
-        if len(names) > MAX_NAMED
+        if len(names) > MOST_NAMED
         else f"{noun}{'s' if len(names) > 1 else ''} {join_list(names)}"
     )
 

@@ -242,14 +242,15 @@ def describe_electric_drive(tractor: Tractor) -> str:
         return ""
     drive = build_power_source(tractor, KILO * tractor.engine.power_kw)
     assert isinstance(drive, ElectricDrive)
-    full_h = drive.usable_kwh * drive.efficiency / tractor.engine.power_kw
+    battery = drive.battery
+    full_h = drive.usable_kwh * battery.efficiency / tractor.engine.power_kw
     filled = (
-        f"charging that takes {drive.compute_charge_s(drive.usable_kwh) / HOUR_S:.1f} h at {drive.charger_kw:g} kW"
-        if drive.change_s is None
-        else f"changing the battery takes {drive.change_s / MINUTE_S:.0f} min"
+        f"charging that takes {drive.compute_charge_s(drive.usable_kwh) / HOUR_S:.1f} h at {battery.charger_kw:g} kW"
+        if battery.change_s is None
+        else f"changing the battery takes {battery.change_s / MINUTE_S:.0f} min"
     )
     return (
-        f"Electric: {drive.usable_kwh:.3g} of {drive.battery_kwh:g} kWh can be used, enough for {full_h:.1f} h at the "
+        f"Electric: {drive.usable_kwh:.3g} of {battery.capacity_kwh:g} kWh can be used, enough for {full_h:.1f} h at the "
         f"full {tractor.engine.power_kw:g} kW of the motor; {filled}."
     )
 
