@@ -105,7 +105,6 @@ class PlanGuidance:
         return tuple(replace(self, tractors=(each,)) for each in self.tractors)
 
 
-"""Largest distance of a segment from its curve: half the accuracy of steering."""
 MAX_SEGMENTS = 8
 """Curves with more segments are dropped: no driver selects that many lines on the way."""
 SEGMENT_LETTERS = "abcdefgh"

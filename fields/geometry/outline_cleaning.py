@@ -12,7 +12,6 @@ import shapely
 from fields.errors import FieldError
 from fields.geometry.tolerances import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
 
-"""Of the narrowest usual implement: it follows no sides shorter than this, and works no ground narrower than this."""
 TURNING_CIRCLE_M = 12.0
 """Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""
 MAX_POINTS = 100

@@ -18,7 +18,6 @@ FloatArray = npt.NDArray[np.float64]
 
 SIMPLIFY_M = 1.0
 MERGE_RAD = math.radians(1.0)
-"""Lengths and areas with a smaller relative difference count as equal."""
 EDGES_PER_BATCH = 1000
 """Edges compared with all others at a time, to limit memory."""
 MAX_DIRECTIONS = 24

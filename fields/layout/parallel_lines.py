@@ -18,7 +18,6 @@ IntArray = npt.NDArray[np.int64]
 
 TURN_COST_M = 15.0
 """Driving length charged for every piece, because each ends in a turn."""
-"""A lateral span this much beyond a whole number of widths needs no extra line; steering is not more accurate."""
 UNCOVERED_COST_FACTOR = 2.0
 """Charge per metre of uncovered swath, which is worked with the headland and its turns."""
 OUTER_LINE_SHIFTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4)

@@ -35,13 +35,11 @@ from fields.layout.parallel_lines import (
 
 FloatArray = npt.NDArray[np.float64]
 
-"""The region is shrunk this much less, so that a line exactly on its edge counts as inside."""
 MAX_LINES = 20_000
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
 WIDTH_STEP_M = 0.5  # of working widths that are advised
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
-"""Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
 PROMISING_COST_RATIO = 1.25
 """To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""
 

@@ -18,7 +18,6 @@ from fields.text_files import count_noun
 from planner.task_logs.runs.run_records import Array, ProjectedRun, reproject_run
 from vehicle.identification.errors import LogError
 
-"""Size of the square cells of which driven ground is made."""
 MIN_REPORTED_OFFSET_M = 0.05
 REACH_M = 12.0
 """Ground so near to the points of runs counts as driven, where the outline of the field is unknown."""

@@ -250,8 +250,8 @@ def describe_electric_drive(tractor: Tractor) -> str:
         else f"changing the battery takes {battery.change_s / MINUTE_S:.0f} min"
     )
     return (
-        f"Electric: {drive.usable_kwh:.3g} of {battery.capacity_kwh:g} kWh can be used, enough for {full_h:.1f} h at the "
-        f"full {tractor.engine.power_kw:g} kW of the motor; {filled}."
+        f"Electric: {drive.usable_kwh:.3g} of {battery.capacity_kwh:g} kWh can be used, enough for {full_h:.1f} h at "
+        f"the full {tractor.engine.power_kw:g} kW of the motor; {filled}."
     )
 
 
