@@ -22,9 +22,9 @@ from planner.pipeline.comparisons import (
     HeadlandChoices,
     compare_headlands,
     list_headland_questions,
-    locate_cut_off_ground,
 )
 from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
 from reports.plan.headland_comparison import HeadlandComparison
 from tests.drawn_fields import write_farm

@@ -29,8 +29,8 @@ SLACK_MPS = 0.1  # the set speed waits this far ahead of a tractor that lacks po
 # Chosen: a tractor that lacks something is stuck if it stays below this speed for so long, and runs away above that.
 STALL_MPS, RUNAWAY_MPS, STALL_AFTER_S = 0.2, 1.0, 3.0
 SHORTAGES = ("nothing", "drive force", "grip", "power", "brakes")
-NOTHING, FORCE, GRIP, POWER, BRAKES = range(len(SHORTAGES))
 """What a tractor can lack, by the number in its state."""
+NOTHING, FORCE, GRIP, POWER, BRAKES = range(len(SHORTAGES))
 
 
 @inline_function
