@@ -10,20 +10,13 @@ import math
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import (
-    POSE_CELL_S,
-    POSE_CELLS,
-    SENSOR_CELLS,
-    STRIDE,
-    WINDOW_S,
-    DriveData,
-)
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELLS, STRIDE, DriveData
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.identification.logs.thresholds import FEWEST_ROWS, FEWEST_TIMES, MOVING_SHARE
+from vehicle.identification.logs.thresholds import FEWEST_ROWS, FEWEST_TIMES, MOVING_SHARE, WINDOW_S
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2
 

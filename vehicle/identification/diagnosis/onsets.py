@@ -39,20 +39,24 @@ from vehicle.identification.logs.standing_columns import (
     STEERING_WORDS,
     WHEEL_SENSOR_FROZEN,
 )
-from vehicle.identification.logs.thresholds import CLEARLY_APART_DEG, FEWEST_READINGS, LOCK_QUANTILE
+from vehicle.identification.logs.thresholds import (
+    CLEARLY_APART_DEG,
+    FEWEST_READINGS,
+    LOCK_QUANTILE,
+    STEADY_SHARE,
+    STEERING_SPREAD_DEG,
+)
 
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
-MOVED_DEG = 1.5  # wheels that move so far in a second as commanded follow
 FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
 END_S = 2.0  # a fault that may last so near to the end of the log lasts until then
 LEAST_BETWEEN_S = 2.0  # onsets that are known better are told as one time
-AT_LOCK_SHARE = 0.85
 MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
 WORDS = {
@@ -221,7 +225,9 @@ def _find_following(angle: Array, expected: Array) -> Array:
     steps = round(1.0 / STEP_S)
     moved, steered = (values - shift(values, -steps) for values in (angle, expected))
     return np.asarray(
-        np.where(moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / MOVED_DEG) ** 2, 0.0)
+        np.where(
+            moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / STEERING_SPREAD_DEG) ** 2, 0.0
+        )
     )
 
 
@@ -289,7 +295,7 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
         if apart[1] < apart[0] - FOLLOWING_DEG:
-            is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < MOVED_DEG
+            is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
     if angle is None:
         return STEERING_LOOSE
@@ -305,7 +311,7 @@ def _is_run_away(angle: Array, expected: Array, lock_deg: float) -> bool:
     end = float(np.median(angle[len(angle) // 2 :]))
     side = float(np.sign(end))
     ran, beyond = side * (end - angle[0]), side * (end - np.median(expected[len(angle) // 2 :]))
-    return bool(min(ran, beyond) > CLEARLY_APART_DEG and abs(end) > AT_LOCK_SHARE * lock_deg)
+    return bool(min(ran, beyond) > CLEARLY_APART_DEG and abs(end) > STEADY_SHARE * lock_deg)
 
 
 PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely

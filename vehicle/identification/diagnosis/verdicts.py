@@ -24,7 +24,7 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, 
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
 from vehicle.identification.diagnosis.search import ADD_NATS, Comparison, Judgement, SearchResult
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
@@ -33,7 +33,6 @@ EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-ALIKE_CORRELATION = 0.3  # from which an effect may stand in for a nuisance that is as large as it may be
 LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
@@ -110,7 +109,7 @@ def _are_alike(covariance: Array, one: slice, other: slice) -> bool:
     """Whether the logs could exchange two hypotheses: their amounts are correlated."""
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
     correlations = covariance[one, other] / np.outer(sigmas[one], sigmas[other])
-    return bool(np.abs(correlations).max() > ALIKE_CORRELATION)
+    return bool(np.abs(correlations).max() > STRAY_CORRELATION)
 
 
 def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:

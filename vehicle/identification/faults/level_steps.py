@@ -31,16 +31,14 @@ from vehicle.identification.logs.schema import (
     Rows,
 )
 from vehicle.identification.logs.series import measure_spread
-from vehicle.identification.logs.standing_columns import SPARSE_S
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, PART_S, READING_S, STEADY_SHARE
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
 _LEAST_STEP_DEG, _LEAST_FLATNESSES = 1.0, 4.0  # chosen: times what levels of parts scatter on both sides
-_LEAST_SIDE_S, _PART_S = 15.0, 5.0  # chosen: driving on each side, and parts of it that have a level each
+_LEAST_SIDE_S = 15.0  # chosen: driving on each side, and parts of it that have a level each
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
 _PART_FROM_LEVEL = 0.4  # chosen, share of the step: most parts are so near to the level of their side
-_PARTS_SHARE = 0.85  # chosen: of the parts of a side
 # Chosen: smaller angles for so long show a step at once; and the time that may be without.
 _CLEAR_DEG, _CLEAR_S, _UNCLEAR_S = 12.0, 2.0, 3.0
 _SHARP_S, _SHARP_SHARE = 8.0, 0.35  # chosen: time next to the step that has the level of its side already
@@ -206,7 +204,7 @@ def _collect_rows(
         _collect_segment(own, run, part, scale)
         for run, (own, parts) in enumerate(zip(columns, segments, strict=True))
         for part in parts
-        if part.hold_s <= SPARSE_S
+        if part.hold_s <= READING_S
     ]
     table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
     if table.shape[1] < FEWEST_LINE_ROWS:
@@ -271,7 +269,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
 def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float] | None:
     """Return the row of the best step of a run, and its size (deg); None in a run too short for any."""
     own = np.flatnonzero(rows.run == run)
-    part_s = max(0.5 * _PART_S, len(own) * _THIN_S / _MOST_PARTS)
+    part_s = max(0.5 * PART_S, len(own) * _THIN_S / _MOST_PARTS)
     parts = _split_parts(len(own), part_s)
     least = math.ceil(_LEAST_SIDE_S / part_s)
     if len(parts) < 2 * least:
@@ -339,13 +337,13 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
 
 def _is_flat(side: Array, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
-    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), _PART_S)])
+    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), PART_S)])
     apart = np.abs(levels - np.median(side))
     scatter = measure_spread(apart)
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
     return (
         abs(size) > _LEAST_FLATNESSES * scatter
-        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= _PARTS_SHARE
+        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= STEADY_SHARE
         and abs(slope) < _SLOPE_SHARE * abs(size)
     )
 

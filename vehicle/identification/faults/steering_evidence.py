@@ -30,8 +30,12 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_LINE_ROWS,
     LOCK_QUANTILE,
     MAJORITY,
+    MOMENT_S,
+    PART_S,
     PATH_MPS,
+    STEADY_SHARE,
     STEERING_SPREAD_DEG,
+    WINDOW_S,
 )
 from vehicle.jit import compile_function
 
@@ -44,7 +48,6 @@ EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, wi
 TURN_S = 1.0  # over which curvature is taken
 COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
 _HISTORY_S = 8.0  # chosen: until wheels have followed any command
-_SHORTEST_S = 10.0  # chosen, of a segment: shorter ones do not show whether a command is followed
 _MOST_HOLD_S = 20.0  # chosen: columns that change more rarely show no fault
 _PASSES = 6
 
@@ -103,7 +106,7 @@ def build_evidence_segments(log: Log, locks: tuple[float, float]) -> list[Steeri
     parts = [
         part
         for part in np.split(rows, cuts)
-        if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= _SHORTEST_S
+        if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= WINDOW_S
     ]
     hold_s = max(
         _measure_hold_s(log.time_s[log.used], values[log.used])
@@ -281,12 +284,11 @@ HEADING_JUMP = "heading_jump"
 _LEAST_DEG, _MOST_DEG = 5.0, 150.0  # chosen: less is noise of a compass, more is a heading that points backwards
 _LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
 _MOST_STEP_S = 1.5  # chosen: in a longer time a tractor turns that far
-_NEAR_S = 2.0  # chosen: time on both sides of a step that shows how the tractor turns
 _FEWEST_SIDE = 3  # measured headings on a side
-# Chosen: driving on both sides whose course shows the level of the heading, how near to it (deg, share of the jump) and
-# in which share of the time headings must be, and how far the jumps by heading and by course may differ (alike).
-_LEAST_SIDE_S, _NEAR_DEG, _NEAR_SHARE, _FLAT_SHARE = 10.0, 1.5, 0.3, 0.85
-_PART_S, _LEAST_PART_S = 20.0, 5.0  # chosen: parts of a side, each of which must show the level, and the shortest
+# Chosen: how near to the level of its side a heading must be (deg, share of the jump), and how far the jumps by heading
+# and by course may differ.
+_NEAR_DEG, _NEAR_SHARE = 1.5, 0.3
+_PART_S = 20.0  # chosen: parts of a side, each of which must show the level
 
 
 @dataclass(frozen=True)
@@ -327,8 +329,8 @@ def _list_candidates(log: Log) -> list[_HeadingStep]:
     least = max(_LEAST_DEG, _LEAST_NOISES * float(np.median(changes)))
     jumps = []
     for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= _MOST_STEP_S)):
-        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - _NEAR_S))
-        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + _NEAR_S))
+        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - MOMENT_S))
+        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + MOMENT_S))
         if min(len(before), len(after)) < _FEWEST_SIDE:
             continue
         # What it turned about a step is between the rates of both sides.
@@ -346,7 +348,7 @@ def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
     after = time >= log.time_s[jump.first_after]
     levels = []
     for side in (~after & (time <= log.time_s[jump.last_before]), after):
-        if np.count_nonzero(side) * STEP_S < _LEAST_SIDE_S:
+        if np.count_nonzero(side) * STEP_S < WINDOW_S:
             return None
         level = float(np.median(error[side]))
         if not _is_flat(time[side], error[side] - level, abs(jump.size_deg)):
@@ -360,13 +362,11 @@ def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
 def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
     """Whether headings of a side (k, deg about their level) stay at it, in each part of the time."""
     near = np.abs(error) < _NEAR_SHARE * size_deg + _NEAR_DEG
-    if float(np.mean(near)) < _FLAT_SHARE:
+    if float(np.mean(near)) < STEADY_SHARE:
         return False
     parts = ((time - time[0]) // _PART_S).astype(np.int64)
     levels = [
-        float(np.median(error[parts == part]))
-        for part in np.unique(parts)
-        if np.sum(parts == part) > _LEAST_PART_S / STEP_S
+        float(np.median(error[parts == part])) for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S
     ]
     return len(levels) == 0 or float(np.max(np.abs(levels))) < 2.0 * _NEAR_SHARE * size_deg
 

@@ -30,9 +30,10 @@ from vehicle.identification.logs.thresholds import (
     MAJORITY,
     MOVING_MPS,
     NEARLY_SHARE,
+    WINDOW_S,
 )
 
-_WINDOW_S, _SEARCH_S, _GRID_S, _FINE_S = 10.0, 2.5, 0.1, 0.02
+_SEARCH_S, _GRID_S, _FINE_S = 2.5, 0.1, 0.02
 _HALF_CHORD_S = 0.5  # one centimetre of antenna noise is 1.4 cm/s over one second
 _LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
@@ -197,7 +198,7 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     """
     from scipy.interpolate import CubicSpline
 
-    width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    width, reach = round(WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
     lags = np.arange(-reach, reach + 1)
     pace = np.hypot(grid.east_mps, grid.north_mps)
     middles_s, losses = [], []

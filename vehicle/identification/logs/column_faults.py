@@ -37,12 +37,13 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_TIMES,
     LASTING_S,
     MAJORITY,
+    MOMENT_S,
+    READING_S,
 )
 
 POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
 _LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
-_LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
@@ -101,7 +102,7 @@ def _find_still_faults(
 def _tell_onset(fault: LogFault, still: StandingSpan, motion: RawMotion) -> LogFault:
     """Return a fault with the times between which it began, where a column that stands does not show when."""
     first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
-    if shown_s - first_s < _LEAST_AMBIGUOUS_S:
+    if shown_s - first_s < MOMENT_S:
         return fault
     return replace(fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
 
@@ -113,7 +114,7 @@ def _list_spans(faults: Sequence[ColumnFault], rows: Rows) -> list[Span]:
 
 def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:
     first, last = span
-    end_s = None if last >= len(rows) - 1 - motion.count_rows(_END_S) else float(motion.time_s[last])
+    end_s = None if last >= len(rows) - 1 - motion.count_rows(READING_S) else float(motion.time_s[last])
     fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, words)
     return ColumnFault(fault, rows[first : (len(rows) if end_s is None else last + 1)])
 
@@ -128,7 +129,6 @@ def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
 
 
 Span = tuple[int, int]  # first and last index of the rows in use
-_END_S = 1.0  # chosen: a fault that ends so near to the end of the log lasts until then
 
 
 # --- one value again and again -----------------------------------------------------------------------------------
@@ -191,8 +191,7 @@ _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 # Rayleigh distribution, because a fix may be lost for most of a log.
 _USUAL_FACTOR, _USUAL_QUANTILE = 8.0, 0.15
 _MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _USUAL_QUANTILE))
-# Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
-_SAME_FAULT_S, _LEAST_LOST_S = 16.0, 2.0
+_SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
 _WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
@@ -216,7 +215,7 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
 def _is_lost(motion: RawMotion, rows: Rows) -> bool:
     if len(rows) < FEWEST_TIMES:
         return False
-    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= _LEAST_LOST_S
+    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= MOMENT_S
 
 
 def find_scattered_groups(motion: RawMotion) -> list[Rows]:
@@ -272,10 +271,6 @@ def _extend_to_end(motion: RawMotion, span: Span) -> Span:
 
 
 POSITION_JUMP = "position_jump"
-_MOST_JUMP_S = 1.0  # chosen: a receiver that takes longer scatters, or drifts
-_MOST_THAW_S = 2.0  # chosen: between the last position that is frozen and the first that is not
-# Chosen: time before and after a jump that shows how the tractor moves, and its fewest positions.
-_WINDOW_S = 1.0
 _LEAST_STEP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
 
 
@@ -292,7 +287,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     """Return the columns (units of the contract) with positions after each jump moved back, and the jumps as faults of
     the log `name`."""
     time, rows = columns["time_s"], select_timed_rows(columns)
-    if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
+    if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
     jumps = _find_jumps(columns, rows)
     if not jumps:
@@ -313,9 +308,7 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
     left, joined = list(jumps), list[ColumnFault]()
     for one in faults:
         is_frozen, to_s = one.fault.id == POSITION_FROZEN, one.fault.to_s
-        thaws = [
-            jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < _MOST_THAW_S
-        ]
+        thaws = [jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < MOMENT_S]
         left = [jump for jump in left if jump not in thaws]
         joined.append(replace(one, rows=np.unique(np.concatenate([one.rows, *(jump.rows for jump in thaws)]))))
     return [*left, *joined]
@@ -328,7 +321,7 @@ def _find_jumps(columns: Columns, rows: Rows) -> list[_Jump]:
     jumps = []
     for group in find_scattered_groups(motion):
         first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
-        if time[last] - time[first] > _MOST_JUMP_S:
+        if time[last] - time[first] > READING_S:
             continue
         # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
         jump = _measure_jump(time, place, first, last)
@@ -345,8 +338,8 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
     middle_s = 0.5 * (time[first] + time[last])
     ends, noises = [], []
     for side in (
-        (time <= time[first]) & (time > time[first] - _WINDOW_S),
-        (time >= time[last]) & (time < time[last] + _WINDOW_S),
+        (time <= time[first]) & (time > time[first] - READING_S),
+        (time >= time[last]) & (time < time[last] + READING_S),
     ):
         if np.count_nonzero(side) < FEWEST_TIMES:
             return None

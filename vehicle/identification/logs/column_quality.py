@@ -30,6 +30,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_EVENTS,
     FEWEST_READINGS,
     MAJORITY,
+    MOMENT_S,
     STANDING_FACTOR,
     STANDSTILL_MPS,
     STEERING_NOISE_DEG,
@@ -161,9 +162,6 @@ def _has_pace_change(log: Log, chords: PathChords) -> bool:
     return has_pace_change(chords.speed)
 
 
-LONGEST_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
-
-
 class FreshColumns(NamedTuple):
     """Columns without held values, the measured rows (None: all), and sentences on what was corrected.
 
@@ -189,14 +187,14 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
     if position_rows is not None:
         every_s = _measure_interval_s(time[rows], position_rows)
-        if every_s > LONGEST_STEP_S:
+        if every_s > MOMENT_S:
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
         fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
     heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
     if fresh_headings is not None:
         every_s = _measure_interval_s(time[heading_rows], fresh_headings)
-        if every_s > LONGEST_STEP_S:
+        if every_s > MOMENT_S:
             del converted["heading_deg"]
             doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
         else:

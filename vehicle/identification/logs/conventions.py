@@ -17,14 +17,21 @@ from vehicle.identification.logs.motion import PathChords, compute_bends, comput
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, Suspicion, convert_log
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
 from vehicle.identification.logs.series import measure_spread
-from vehicle.identification.logs.thresholds import BEND_PER_M, FEWEST_CHORDS, FEWEST_EVENTS, FEWEST_TIMES, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    BEND_PER_M,
+    FEWEST_CHORDS,
+    FEWEST_EVENTS,
+    FEWEST_TIMES,
+    STEADY_SHARE,
+    SURE_SIGMAS,
+)
 
 SMALLEST_WHEELBASE_M = 0.12  # of a model car
 LARGEST_RAD = 1.0  # 57 degrees: no road wheel turns further
 _ALIKE_COSINE = 0.02  # of a mean cosine: conventions this close cannot be distinguished
 _LEAST_STEERING_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
 # Straight rows of a field: limit of curvature; share of turns and rows that contradicts the column.
-_ROW_PER_M, _REVERSED_SHARE = 0.02, 0.85
+_ROW_PER_M = 0.02
 _WRAP_RAD = 3.0
 # Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
 _LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
@@ -229,7 +236,7 @@ def _check_implement(log: Log) -> list[Suspicion]:
     if np.count_nonzero(np.diff(kind) > 0) < FEWEST_TIMES or np.count_nonzero(np.diff(kind) < 0) < FEWEST_TIMES - 1:
         return []
     turns, rows = float(np.mean(working[kind == 1])), 1.0 - float(np.mean(working[kind == 0]))
-    if min(turns, rows) < _REVERSED_SHARE:
+    if min(turns, rows) < STEADY_SHARE:
         return []
     why = f"it is 1 in {100.0 * turns:.0f} % of the turns and 0 on {100.0 * rows:.0f} % of the straight rows between"
     return [Suspicion(LogConvention.IMPLEMENT_REVERSED, why)]

@@ -36,8 +36,11 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_BEND_CHORDS,
     FEWEST_ROWS,
     MAJORITY,
+    MOMENT_S,
     MOST_SHARE,
     NEARLY_SHARE,
+    PART_S,
+    READING_S,
 )
 from vehicle.model.effects import get_effect
 
@@ -384,9 +387,6 @@ def _check_steering_sense(log: Log) -> Suspicion | None:
 
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
 _FLIP_DEG = 30.0  # chosen: noise of both rows and what a tractor turns between them
-_LONGEST_FLIP_S = 2.0  # chosen: within a longer time a small vehicle may turn round
-_HELD_S = 1.0  # chosen: a slower instrument holds its value no longer
-_LEAST_CLEAR_S = 5.0  # chosen: less driving may be one change of gear
 
 
 def find_flipped_headings(columns: Columns) -> Rows:
@@ -424,7 +424,7 @@ def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
     between: list[int] = []
     is_flip = [
         (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - _FLIP_DEG)
-        & (time[lag:] - time[:-lag] <= _LONGEST_FLIP_S)
+        & (time[lag:] - time[:-lag] <= MOMENT_S)
         for lag in (1, 2)
     ]
     near = np.abs(wrap_degrees(np.diff(heading))) <= _FLIP_DEG
@@ -443,7 +443,7 @@ def _choose_flipped(motion: RawMotion, heading: Array, gear: Array, is_second: M
     clear = np.isfinite(motion.course) & (gear != 0.0)
     agreement = np.where(clear, np.cos(np.radians(heading) - motion.course) * gear, 0.0)
     for flipped in (is_second, ~is_second):
-        if motion.count_rows(_LEAST_CLEAR_S) > np.count_nonzero(clear & ~flipped):
+        if motion.count_rows(PART_S) > np.count_nonzero(clear & ~flipped):
             continue
         if _is_clear(agreement[clear & ~flipped]) and _is_clear(-agreement[clear & flipped]):
             is_course = _is_all(flipped[clear & (gear < 0.0)]) and _is_all(~flipped[clear & (gear > 0.0)])
@@ -464,7 +464,7 @@ def _find_held_before(time: Array, heading: Array, changes: Rows) -> Mask:
     held = np.zeros(len(time), dtype=np.bool_)
     for change in changes:
         row = change - 1
-        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= _HELD_S:
+        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
             held[row] = True
             row -= 1
     return held

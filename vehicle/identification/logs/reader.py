@@ -22,7 +22,6 @@ from vehicle.identification.logs.column_faults import (
     join_thaws,
 )
 from vehicle.identification.logs.column_quality import (
-    LONGEST_STEP_S,
     describe_silent_steering,
     drop_coarse_columns,
     drop_constant_columns,
@@ -62,7 +61,7 @@ from vehicle.identification.logs.table import (
     read_table,
 )
 from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY
+from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -449,7 +448,7 @@ def _refuse_impossible_rate(log: Log) -> None:
             f"{log.name}: its rows come in bundles, {log.step_s:g} s apart within one and {mean_s:.2g} s on average, "
             "as where rows are stamped on arrival; write in time_s when each row was measured."
         )
-    if not 1.0 / _FASTEST_HZ <= log.step_s <= LONGEST_STEP_S:
+    if not 1.0 / _FASTEST_HZ <= log.step_s <= MOMENT_S:
         raise LogError(
             f"{log.name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of "
             "time_s or log at another rate."

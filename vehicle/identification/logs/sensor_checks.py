@@ -32,6 +32,7 @@ from vehicle.identification.logs.thresholds import (
     NEARLY_SHARE,
     STEERING_NOISE_DEG,
     STRAIGHT_PER_M,
+    STRAY_CORRELATION,
 )
 from vehicle.model.effects import DRIVE_LINE_SLIP
 
@@ -43,7 +44,7 @@ _ALIKE_SHARE = 0.03  # by which factors of parts may differ
 _NEARER_SHARE = 0.4
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 # Correlations with the bends of the path: a working sensor reaches the second.
-_STRAY_CORRELATION, _FOLLOWING_CORRELATION = 0.3, 0.9
+_FOLLOWING_CORRELATION = 0.9
 
 
 def correct_sensors(log: Log) -> Log:
@@ -115,7 +116,7 @@ def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
     if log.steering_deg is None or log.steering_command_deg is None:
         return log
     is_moving = float(np.std(log.steering_deg[log.used])) >= min(STEERING_NOISE_DEG, 0.5 * stray_log.stray_steering_deg)
-    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * _STRAY_CORRELATION:
+    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * STRAY_CORRELATION:
         return log
     message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
     return log.correct_columns(message, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg)
@@ -154,7 +155,7 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
     by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
     by_command = _correlate_with_bends(replace(log, steering_deg=None))
     is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= _FOLLOWING_CORRELATION
-    if abs(by_sensor) > _STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
+    if abs(by_sensor) > STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
     spread_deg = float(np.std(log.steering_deg[log.used]))
@@ -179,7 +180,7 @@ def _is_wheel_angle_bypassed(log: Log) -> bool:
     from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
     noise = from_row_to_row > max(NEARLY_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
     return command_share > MEASURED_SIGMAS * command_error and (
-        noise or sensor_share + MEASURED_SIGMAS * sensor_error < _STRAY_CORRELATION
+        noise or sensor_share + MEASURED_SIGMAS * sensor_error < STRAY_CORRELATION
     )
 
 

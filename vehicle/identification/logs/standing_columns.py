@@ -32,12 +32,13 @@ from vehicle.identification.logs.thresholds import (
     MOST_SHARE,
     MOVING_MPS,
     NEARLY_SHARE,
+    READING_S,
+    STEERING_SPREAD_DEG,
 )
 
 POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
-_BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
 _LEAST_STANDING_S = 6.0  # chosen, of a standstill
 HOLDS = 4.0  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
@@ -112,7 +113,7 @@ def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int]
 
 def _find_block_starts(time: Array) -> Rows:
     """Return the first row of each second that has rows."""
-    number = np.floor((time - time[0]) / _BLOCK_S)
+    number = np.floor((time - time[0]) / READING_S)
     return np.append(0, np.flatnonzero(np.diff(number) > 0.0) + 1)
 
 
@@ -124,7 +125,7 @@ def _average(values: Array, starts: Rows) -> Array:
 
 def _measure_limit(motion: RawMotion, values: Array, wanders: float) -> float:
     """Return how far means of a value that stands may be from each other."""
-    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
+    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(READING_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:
@@ -180,7 +181,7 @@ def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
     first, last = first + int(driven[0]), first + int(driven[-1])
     part = slice(first, last + 1)
     seconds = np.diff(blocks.time_s[first : last + 1])
-    if float(np.sum(np.minimum(seconds, 2.0 * _BLOCK_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
+    if float(np.sum(np.minimum(seconds, 2.0 * READING_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
         return None
     return (first, last, first) if _is_driven(blocks, part) else None
 
@@ -232,7 +233,7 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     left = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(folded[first]))))  # a crab's course stays as it is
     with np.errstate(invalid="ignore"):
         far = np.minimum(apart, left)[first : last + 1] > _COURSE_APART_DEG
-        if np.count_nonzero(far) * _BLOCK_S < LASTING_S:
+        if np.count_nonzero(far) * READING_S < LASTING_S:
             return None
         doubted = np.flatnonzero(apart[first : last + 1] > LEAST_TURN_DEG)
     return first, last, first + int(doubted[0])
@@ -250,14 +251,14 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
-    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * _BLOCK_S >= LASTING_S
+    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S
     return (first, last, shown) if is_other or _halts_and_goes_on(pace, target, moving) else None
 
 
 def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
     """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
     halts = np.flatnonzero(pace < _STOPPED_MPS)
-    if len(halts) * _BLOCK_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
+    if len(halts) * READING_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
         return False
     return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
 
@@ -308,9 +309,8 @@ STEERING_WORDS = {
     STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
 }
 
-SPARSE_S = 1.0  # chosen: columns that change more often have other checks
 # Chosen: readings one after the other, how long (s) they last and how far the wheels move in them.
-_LEAST_STILL_S, _STILL_DEG = 20.0, 1.5
+_LEAST_STILL_S = 20.0
 # Chosen: commands that differ by so much (deg) in these readings, and from which share of them the wheels are apart.
 _COMMANDS_DEG, _APART_SHARE = 10.0, 0.6
 _JOIN_READINGS = 3  # chosen: nearer faults are one
@@ -324,7 +324,7 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     if len(readings) < FEWEST_READINGS:
         return []
     time, command, wheel = (columns[key][readings] for key in ("time_s", "steering_command_deg", "steering_deg"))
-    if float(np.median(np.diff(time))) < SPARSE_S:
+    if float(np.median(np.diff(time))) < READING_S:
         return []
     spans = _find_still_spans(time, command, wheel)
     inside = np.zeros(len(readings), dtype=np.bool_)
@@ -358,7 +358,7 @@ def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
     spans: list[Span] = []
     first = 0
     while first + FEWEST_TIMES <= len(wheel):
-        apart_from_first = np.abs(wheel[first:] - wheel[first]) > _STILL_DEG
+        apart_from_first = np.abs(wheel[first:] - wheel[first]) > STEERING_SPREAD_DEG
         count = int(np.argmax(apart_from_first)) if apart_from_first.any() else len(wheel) - first
         part = slice(first, first + count)
         is_fault = (
@@ -387,7 +387,7 @@ def _build_fault(name: str, time: Array, wheel: Array, inside: Mask, span: Span,
     """Build a fault: it began between the last reading that followed and the first that did not."""
     first, last = span
     # Commands near the angle at which the wheels stay look followed.
-    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > _STILL_DEG)
+    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > STEERING_SPREAD_DEG)
     before_s, shown_s = float(time[away[-1] if len(away) else 0]), float(time[first])
     angle = float(np.median(wheel[first : first + FEWEST_TIMES]))
     others = np.sign(angle) * wheel[~inside]

@@ -25,12 +25,12 @@ from vehicle.identification.logs.thresholds import (
     MEASURED_SIGMAS,
     MOVING_MPS,
     NEARLY_SHARE,
+    PART_S,
     STRAIGHT_PER_M,
 )
 
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
-BLOCK_S = 5.0  # rows of one block count as one observation of the ground
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
 _SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
@@ -42,7 +42,7 @@ class GroundFall:
     """Used rows of all logs, concatenated: the fall of the ground in one direction, and related values.
 
     `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
-    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of BLOCK_S,
+    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of PART_S,
     `log` the logs. `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
     `source` says which known heights it follows from, as a plural; it is empty for a sensor.
     """
@@ -120,7 +120,7 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
         if column == "roll_deg":
             to_east, to_north = to_north, -to_east
         east, north = log.ground_fall[log.used].T
-        block = np.floor((time - time[0]) / BLOCK_S) + 1e6 * number
+        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
         parts.append((east * to_east + north * to_north, heading, block, np.full(len(time), number)))
     fall, heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
     rms_fall = float(np.sqrt(np.mean(fall**2)))
@@ -203,7 +203,7 @@ def _collect_tilt_rows(logs: Sequence[Log], shown_of: Sequence[Array], column: s
             push, direction = pace * np.gradient(smooth_values(log, heading, 1.0), time), heading + 0.5 * math.pi
         else:
             push, direction = np.gradient(pace, time), heading
-        block = np.floor((time - time[0]) / BLOCK_S)
+        block = np.floor((time - time[0]) / PART_S)
         parts.append(
             (shown, push, log.easting_m[used], log.northing_m[used], direction, block, np.full(len(time), number))
         )
@@ -293,7 +293,7 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         "corrected for it; "
     )
     remark += (
-        f"over {BLOCK_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
+        f"over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
         "(root mean square)."
         if source
         else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
@@ -435,7 +435,7 @@ def _describe_known_slope(ground_fall: GroundFall, drift: float, spread: float, 
     return (
         f"{said}. On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of "
         f"10 %; this leaves {after_deg:.2f} of the {before_deg:.2f} degrees by which course and heading differ over "
-        f"{BLOCK_S:g} s (root mean square)."
+        f"{PART_S:g} s (root mean square)."
     )
 
 
