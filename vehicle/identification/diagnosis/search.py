@@ -39,7 +39,7 @@ BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class PredictiveComparison:
     """How much better left-out windows are predicted with a hypothesis than by an alternative: nats, and in standard
     errors. `amounts` are those of the alternative; None stands for the model without it."""
 
@@ -54,8 +54,8 @@ class Judgement:
     """A hypothesis of the final model: against nothing, and against what could take its place."""
 
     hypothesis: Hypothesis
-    against_none: Comparison
-    against_others: tuple[Comparison, ...] = ()
+    against_none: PredictiveComparison
+    against_others: tuple[PredictiveComparison, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ class Searcher:
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
-            others: list[Comparison] = []
+            others: list[PredictiveComparison] = []
             if against_none.z > 1.0:
                 better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
                 if better is not None:
@@ -184,11 +184,11 @@ class Searcher:
 
     def _compare_competitors(
         self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
-    ) -> tuple[Fit | None, list[Comparison]]:
+    ) -> tuple[Fit | None, list[PredictiveComparison]]:
         """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
         gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
                  if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
-        comparisons: list[Comparison] = []
+        comparisons: list[PredictiveComparison] = []
         for gain in gains[:MOST_TRIED]:
             if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
                 break
@@ -221,7 +221,7 @@ class Searcher:
     def _compare(
         self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
         noise: dict[str, Array],
-    ) -> Comparison:  # fmt: skip
+    ) -> PredictiveComparison:  # fmt: skip
         """The predictive difference between a fit and another, which gets its own noise where the two differ."""
         channels = [c for c in CHANNELS if float(np.abs(fit.residuals[c] - other.residuals[c]).max(initial=0.0)) > 1e-9]
         self.problem.set_noise(noise)
@@ -234,7 +234,7 @@ class Searcher:
         error = float(np.sqrt(((difference - difference.mean()) ** 2).sum()))
         self.problem.set_noise(noise)
         amounts = None if alternative is None else other.get_amounts(alternative)
-        return Comparison(alternative, total, total / max(error, 1e-9), amounts)
+        return PredictiveComparison(alternative, total, total / max(error, 1e-9), amounts)
 
     def predict(self, fit: Fit) -> dict[str, Array]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
@@ -275,7 +275,7 @@ def _is_worth(gain: Gain) -> bool:
     return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
 
 
-def takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
+def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
     """Whether a competitor takes the place of a hypothesis: a law of the same effect only where it predicts clearly
     more than the constant that it varies, as it must more than nothing."""
     is_better = comparison.nats + competitor.penalty - hypothesis.penalty < -BETTER_NATS

@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.linear_response import build_patch, find_m
 from vehicle.identification.diagnosis.linearisation import Linearisation
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, Comparison, Judgement, SearchResult
+from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, PredictiveComparison, SearchResult
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
@@ -52,7 +52,7 @@ class Verdict:
     covariance: Array
     nats: float
     equivalent_to: tuple[str, ...] = ()
-    others: tuple[Comparison, ...] = ()
+    others: tuple[PredictiveComparison, ...] = ()
 
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
@@ -150,7 +150,7 @@ def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
     return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= least
 
 
-def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
+def _list_equivalents(judgement: Judgement) -> tuple[PredictiveComparison, ...]:
     """Comparisons with competitors with another id that predict the logs hardly worse."""
     own = judgement.hypothesis
     return tuple(
@@ -160,7 +160,7 @@ def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
     )
 
 
-def _is_excluded(comparison: Comparison, alternative: Hypothesis) -> bool:
+def _is_excluded(comparison: PredictiveComparison, alternative: Hypothesis) -> bool:
     """Whether a competitor predicts the logs clearly worse: a law or a circle, of which many are tried, by posterior
     probability alone, an effect of the catalogue also in standard errors."""
     if alternative.penalty:
