@@ -19,7 +19,9 @@ from contextlib import contextmanager
 
 MAX_VALUE_CHARS, VALUE_TAIL_CHARS = 100, 27
 """Characters of one value shown in a sentence, and how many of these are the end of the value."""
-MAX_SENTENCE_CHARS = 4000  # the longest sentences of Headland list 30 faults of a file
+MAX_NAMED, MAX_LISTED, MAX_FAULTS = 5, 12, 30
+"""Names in a sentence, choices that are offered and faults of a file; how many more there are is counted."""
+MAX_SENTENCE_CHARS = 4000  # the longest sentences of Headland list MAX_FAULTS faults of a file
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 _QUOTED = re.compile(r"""(?<!\w)(['"])((?:\\.|(?!\1)[^\\])*)\1(?!\w)""")
 _UNBROKEN = re.compile(rf"\S{{{MAX_VALUE_CHARS + 1},}}")
@@ -46,7 +48,7 @@ def shorten_value(value: object, max_chars: int = 40) -> str:
     return text if len(text) <= max_chars else text[: max_chars - 3] + "..."
 
 
-def join_first(names: Sequence[str], most: int) -> str:
+def join_first(names: Sequence[str], most: int = MAX_NAMED) -> str:
     """The first names, and how many more there are: "a, b and 3 more"."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 

@@ -21,16 +21,17 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "columns", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 522, 500, 80, 8, 6.2
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 522, 500, 80, 8, 6.4
 # Modules: five more than there are.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),
-    "vehicle": ("vehicle", "fields.errors", "fields.text_files", "fields.nested_text"),
+    "vehicle": ("vehicle", "fields.errors", "fields.units", "fields.text_files", "fields.nested_text"),
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
-        "reports", "fields.errors", "fields.formats", "fields.documents.reader",
+        "reports", "fields.errors", "fields.units", "fields.geometry.tolerances", "fields.formats",
+        "fields.documents.reader",
         "vehicle.arrays", "vehicle.model", "vehicle.missions.run",
         "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
         "vehicle.trials.sheets",

@@ -20,7 +20,7 @@ from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
 
 MAX_NEAR_DEG, MIN_FAR_DEG = 1.0, 2.0
 """Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
-MAX_COMPARED_FIELDS, MAX_NAMED_FIELDS = 2_000, 5
+MAX_COMPARED_FIELDS = 2_000
 SHAPE_MEMBERS = (
     "polygons", "zones", "obstacles", "unassigned", "boundary_edges", "guidance_lines", "headland_edges",
 )  # fmt: skip
@@ -38,7 +38,7 @@ def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[
     if not suspects:
         return ()
     x, y = fields[suspects[0]]
-    named = join_first([f"'{document.polygons[place].key}'" for place in suspects], MAX_NAMED_FIELDS)
+    named = join_first([f"'{document.polygons[place].key}'" for place in suspects])
     fix = "leave out the option swap axes" if axes_swapped else "try the option swap axes"
     return (
         f"{named}: latitude {y:.2f}, longitude {x:.2f} is far from everything else in the file; "

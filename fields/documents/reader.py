@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import FieldReference, parse_field_reference
-from fields.errors import FieldError, join_first, mark_parameter, shorten_value
+from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value
 from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
@@ -26,16 +26,16 @@ from fields.geometry.coordinates import (
     parse_rings,
 )
 from fields.geometry.field import Field, GroundZone
-from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
+from fields.geometry.field_lines import read_fences, read_guidance_lines, read_headland_edges
 from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
 from fields.geometry.obstacles import parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
 from fields.geometry.outline_cleaning import clean_outline
+from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.raw_document import FieldDocument, GeoShape, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
 
-MAX_LISTED_FIELDS = 12
 FieldSource = str | Path | GeoShape
 """A field as users name it: a sample, a file, or a shape of another library."""
 HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
@@ -197,11 +197,11 @@ def describe_listing(fields: Sequence[FieldSummary]) -> tuple[str, ...]:
     sentences = []
     numbered = [f"'{one.key}'" for one in fields if one.shared_name is not None]
     if numbered:
-        listed = join_first(numbered, MAX_LISTED_FIELDS)
+        listed = join_first(numbered, MAX_LISTED)
         sentences.append(f"Ids or names that another field of the file has too got a number: {listed}.")
     nested = [f"'{one.key}' (in '{one.inside}')" for one in fields if one.inside is not None]
     if nested:
-        listed = join_first(nested, MAX_LISTED_FIELDS)
+        listed = join_first(nested, MAX_LISTED)
         sentences.append(
             f"No fields of their own, as they lie inside another one, such as ponds: {listed}; #* leaves them out, and "
             "#NAME picks one all the same."
@@ -232,7 +232,7 @@ def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label
         )
     matches = [raw for raw in polygons if key == raw.key] or [raw for raw in polygons if key in raw.keys]
     if len(matches) > 1:
-        keys = join_first([raw.key for raw in matches], MAX_LISTED_FIELDS)
+        keys = join_first([raw.key for raw in matches], MAX_LISTED)
         raise FieldError(
             f"{len(matches)} fields of {label} are named '{key}'; choose one of {keys}.", parameter="field"
         )
@@ -252,7 +252,7 @@ def _list_offered_fields(document: FieldDocument) -> list[int]:
 def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
     """Names and areas of the fields in a file, and how to pick one."""
     offered, rows = _list_offered_fields(document), []
-    for summary in (_summarise_field(document, number, local) for number in offered[:MAX_LISTED_FIELDS]):
+    for summary in (_summarise_field(document, number, local) for number in offered[:MAX_LISTED]):
         rows.append(f"{summary.key} ({'not usable' if summary.area_ha is None else f'{summary.area_ha:.2f} ha'})")
     remaining = len(offered) - len(rows)
     remainder = f" and {remaining} more ({mark_parameter('list_fields')} lists all)" if remaining else ""
@@ -288,9 +288,9 @@ def _read_ground_zones(
         parts = parse_rings(raw.coordinates, f"ground zone '{ground}' of {label}")
         area = build_polygon([frame.to_local(part) for part in parts], f"ground zone '{ground}' of {label}")
         distance_m = float(area.distance(shape))
-        if not multiple_fields or distance_m <= MAX_FEATURE_DISTANCE_M:
+        if not multiple_fields or distance_m <= NEAR_FIELD_M:
             zones.append(GroundZone(ground, area))
-        if not multiple_fields and distance_m > MAX_FEATURE_DISTANCE_M:
+        if not multiple_fields and distance_m > NEAR_FIELD_M:
             remarks.append(f"Ground zone '{ground}' lies {distance_m:.0f} m outside the field.")
     return tuple(zones), tuple(remarks)
 
@@ -303,7 +303,7 @@ def _read_single_point(
     for raw in places:
         description = f"{'an' if role == 'entrance' else 'a'} {role} of {label}"
         x, y = frame.to_local(np.array([parse_position(raw, description)]))[0].tolist()
-        if not multiple_fields or shape.distance(shapely.Point(x, y)) <= MAX_FEATURE_DISTANCE_M:
+        if not multiple_fields or shape.distance(shapely.Point(x, y)) <= NEAR_FIELD_M:
             points.append((x, y))
     if len(points) > 1:
         raise FieldError(f"{label} has {len(points)} {role}s; keep one Point with role '{role}'.")

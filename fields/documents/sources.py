@@ -33,7 +33,6 @@ SINGLE_FILE_FORMATS = {
     if field_format.parse is not None and extension != ".json"
 }
 """By extension; a .json file in a folder is usually something else."""
-MAX_SHOWN_FILES = 4
 
 
 def read_single_file(path: str, label: str) -> FieldDocument | None:
@@ -48,7 +47,7 @@ def read_single_file(path: str, label: str) -> FieldDocument | None:
         return None
     if len(names) > 1:
         raise FieldError(
-            f"{quote_path(path)} holds {len(names)} field files ({join_first(names, MAX_SHOWN_FILES)}); "
+            f"{quote_path(path)} holds {len(names)} field files ({join_first(names)}); "
             f"{'name one of them' if members.path.is_dir() else 'unpack it and name one of them'}."
         )
     field_format = SINGLE_FILE_FORMATS[PurePosixPath(names[0]).suffix.lower()]

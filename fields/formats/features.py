@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from fields.errors import FieldError
+from fields.errors import MAX_NAMED, FieldError
 from fields.feature_words import LINE_KINDS, OVERHEAD_LINE, find_meaning, find_word_meaning
 from fields.raw_document import FieldDocument, RawShape
 
@@ -22,7 +22,7 @@ NON_BOUNDARY_ROLES = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
 POINT_TYPES = ("Point", "MultiPoint")
 LINE_TYPES = ("LineString", "MultiLineString")
 POLYGON_TYPES = ("Polygon", "MultiPolygon")
-MAX_KINDS_SHOWN, MAX_ROLE_CHARS = 6, 30
+MAX_ROLE_CHARS = 30
 GEOMETRY_TYPES = (*POINT_TYPES, *LINE_TYPES, *POLYGON_TYPES, "GeometryCollection")
 
 
@@ -171,7 +171,7 @@ def describe_unused_feature(shape: str, properties: dict[str, Any]) -> str:
 
 def summarise_counts(counts: Counter[str]) -> tuple[tuple[str, int], ...]:
     """The most frequent of what is counted, and the sum of the others."""
-    most_common = counts.most_common(MAX_KINDS_SHOWN)
+    most_common = counts.most_common(MAX_NAMED)
     remaining = counts.total() - sum(count for _, count in most_common)
     return (*most_common, *([("of other kinds", remaining)] if remaining else []))
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.geometry.geodesy import LocalPlane
+from fields.geometry.tolerances import CURVE_M
 
 DegreePoints = npt.NDArray[np.float64]
 """Longitude and latitude (WGS 84) of points, (n, 2). Rings do not repeat their first point."""
@@ -104,8 +105,6 @@ class PlanGuidance:
         return tuple(replace(self, tractors=(each,)) for each in self.tractors)
 
 
-MAX_CURVE_ERROR_M = 0.05
-"""Largest distance of a segment from its curve: half the accuracy of steering."""
 MAX_SEGMENTS = 8
 """Curves with more segments are dropped: no driver selects that many lines on the way."""
 SEGMENT_LETTERS = "abcdefgh"
@@ -129,9 +128,7 @@ def _cut_curve_into_segments(line: GuidedLine) -> tuple[GuidedLine, ...]:
         return (line,)
     plane = LocalPlane(*line.points[0].tolist())
     metres = np.array([plane.to_metres(*point) for point in line.points.tolist()])
-    simplified_m = shapely.get_coordinates(
-        shapely.linestrings(metres).simplify(MAX_CURVE_ERROR_M, preserve_topology=False)
-    )
+    simplified_m = shapely.get_coordinates(shapely.linestrings(metres).simplify(CURVE_M, preserve_topology=False))
     steps = np.diff(simplified_m, axis=0)
     if not 1 <= len(steps) <= MAX_SEGMENTS:
         return ()

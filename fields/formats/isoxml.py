@@ -49,7 +49,6 @@ OUTER_RING, INNER_RING, GUIDANCE_LINE_TYPE = "1", "2", "5"
 ENTRANCE_TYPE, OBSTACLE_POINT_TYPE, FLAG_TYPES = "3", "5", ("1", "2")
 OBSTACLE_LINE_TYPE, DEFAULT_LINE_WIDTH_MM = "9", 1000
 PATTERN_TYPES = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
-MAX_SHOWN_NAMES = 5
 MAX_AREA_RATIO = 1.2
 """If the stated area and the area of the ring differ by more than this factor, there is a remark."""
 
@@ -72,7 +71,7 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
         features += partfield_features
         empty += [] if partfield_features else [_get_partfield_name(element)]
     if empty:
-        notes.append(f"Partfields without a boundary are skipped: {join_first(empty, MAX_SHOWN_NAMES)}.")
+        notes.append(f"Partfields without a boundary are skipped: {join_first(empty)}.")
     if not features:
         raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
     return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))

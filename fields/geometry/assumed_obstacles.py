@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, join_first
+from fields.errors import MAX_LISTED, FieldError, join_first
 from fields.feature_words import (
     ENTRANCE,
     GUIDANCE,
@@ -26,8 +26,9 @@ from fields.feature_words import (
     is_label,
 )
 from fields.geometry.coordinates import FieldFrame, parse_position
-from fields.geometry.field_lines import FENCE, MAX_FEATURE_DISTANCE_M, MIN_OPENING_M, clip_outline_to_line
+from fields.geometry.field_lines import FENCE, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
+from fields.geometry.tolerances import MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -42,7 +43,6 @@ MAX_SHORT_LINE_M = 10.0  # no guidance line is shorter
 MAX_UNKNOWN_FEATURES = 20
 """More points in a field that nothing is known of are measurements; nobody draws so many obstacles without names."""
 MAX_ENTRANCE_INSIDE_M = 5.0
-MAX_LISTED, MAX_EXAMPLES = 12, 3
 UNKNOWN_KINDS = {POINT: "point", LINE: "line"}
 
 
@@ -80,7 +80,7 @@ class AssumedRoles:
         """Sentences on everything but obstacles."""
         parts = []
         for reason, labels in self.ignored.items():
-            examples = join_first([label for label in labels if label.startswith("'")], MAX_EXAMPLES)
+            examples = join_first([label for label in labels if label.startswith("'")])
             parts.append(f"{count_noun(len(labels), reason)}{f' ({examples})' if examples else ''}")
         ignored = f"Without a role and no obstacles by their names or number, so not used: {', '.join(parts)}."
         return [*self.notes, *([ignored] if parts else [])]
@@ -187,7 +187,7 @@ def _assign_candidate(
     """Put a feature where it belongs; False if it lies outside the field or is of no use."""
     distance_m = float(shape.distance(one.geometry))
     use = one.meaning.use
-    if distance_m > MAX_FEATURE_DISTANCE_M:
+    if distance_m > NEAR_FIELD_M:
         return False
     if one.raw.geometry_type == POINT and use in (ENTRANCE, REFILL):
         return _assign_place(one, roles, shape, use)
@@ -227,7 +227,7 @@ def _assign_line(one: _Candidate, roles: AssumedRoles, shape: shapely.Polygon, u
     elif one.meaning.use == OBSTACLE:
         side = clip_outline_to_line(shapely.LineString(shape.exterior.coords), one.geometry)
         is_along = one.meaning.kind == FENCE and side.length >= 0.8 * one.geometry.length
-        if is_along and side.length > shape.exterior.length - MIN_OPENING_M:
+        if is_along and side.length > shape.exterior.length - MACHINE_WIDTH_M:
             roles.ignore("closed fence", one.label)
         elif is_along:
             roles.fences.append(replace(one.raw, properties={"edge": FENCE}))

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import shapely
 
-from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
-from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, MAX_LISTED, describe_assumed_obstacles
+from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value, suggest_name
+from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
 

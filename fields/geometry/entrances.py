@@ -8,8 +8,8 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.tolerances import NEAR_FIELD_M
 
-MAX_OUTSIDE_M = 50.0  # a gate may be drawn on the road beside the field
 MIN_INSIDE_LIMIT_M = 5.0  # tolerance for entrances drawn by hand
 
 
@@ -40,10 +40,8 @@ def check_entrance(field: Field, headland_m: float) -> None:
     place, outline = shapely.Point(field.entrance), shapely.Polygon(field.boundary.exterior)
     distance_m, is_inside = float(outline.exterior.distance(place)), bool(outline.covers(place))
     subject = f"The entrance ({mark_parameter('entrance')}) of field '{field.name}' lies"
-    if not is_inside and distance_m > MAX_OUTSIDE_M:
-        raise FieldError(
-            f"{subject} {distance_m:.0f} m outside; it must be within {MAX_OUTSIDE_M:g} m of the boundary."
-        )
+    if not is_inside and distance_m > NEAR_FIELD_M:
+        raise FieldError(f"{subject} {distance_m:.0f} m outside; it must be within {NEAR_FIELD_M:g} m of the boundary.")
     holes = [(shapely.Polygon(hole), "a hole of the field") for hole in field.boundary.interiors]
     for shape, description in [*holes, *((one.shape, str(one)) for one in field.obstacles)]:
         if shape.contains(place):

@@ -19,6 +19,7 @@ from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
 from fields.geometry.open_edges import MAX_OVERHANG_M, EdgeOverhang, compute_overhang_region
+from fields.geometry.tolerances import EDGE_M
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,7 +28,6 @@ HOLE_NAME = "a hole of the field"
 MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for the field
 FENCED_CAUSES = "Obstacles and fences"
 SMALLER_MARGIN_SHARES = (0.5, 0.25, 0.1, 0.0)  # of a margin that is too wide, tried for advice
-FENCE_HALF_WIDTH_M = 0.001
 MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
 
 
@@ -172,7 +172,7 @@ class Field:
     @property
     def _margin_obstacles(self) -> tuple[Obstacle, ...]:
         """What a margin is kept to, besides holes: obstacles, and fences as thin obstacles."""
-        return (*self.obstacles, *(Obstacle("fence", line, FENCE_HALF_WIDTH_M) for line in self.fences))
+        return (*self.obstacles, *(Obstacle("fence", line, EDGE_M) for line in self.fences))
 
     def compute_ground_with_margin(
         self,
@@ -194,7 +194,7 @@ class Field:
         _check_margin(margin_m, self)
         if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or max_small_m)):
             return self
-        fence_m = max(FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M - margin_m)
+        fence_m = max(EDGE_M, MIN_FENCE_MARGIN_M - margin_m)
         obstacles = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
         margins_m = [margin_m] * (len(self.boundary.interiors) + len(obstacles))
         workable = compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)

@@ -12,14 +12,11 @@ import shapely
 
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.coordinates import FieldFrame, parse_position
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)
-FENCE_TOLERANCE_M = 3.0  # a line this near the outline is meant to lie on it
-MIN_OPENING_M = 3.0  # a tractor needs an opening of this length
-MAX_FEATURE_DISTANCE_M = 50.0  # in a file of several fields, features farther away belong to another field
 
 
 def read_fences(
@@ -49,13 +46,13 @@ def read_fences(
         description = f"line {name}with edge '{edge}' of {label}"
         line = parse_edge_line(raw, frame, description)
         away_m = float(shapely.distance(outline, line))
-        if multiple_fields and away_m > MAX_FEATURE_DISTANCE_M:
+        if multiple_fields and away_m > NEAR_FIELD_M:
             continue
         side = clip_outline_to_line(outline, line)
         if side.length < min(1.0, 0.5 * line.length):
             raise FieldError(
                 f"The {description} does not follow the boundary, which is {away_m:.1f} m away; draw it within "
-                f"{FENCE_TOLERANCE_M:g} m of the boundary or make it an obstacle."
+                f"{MACHINE_WIDTH_M:g} m of the boundary or make it an obstacle."
             )
         if side.length < 0.8 * line.length:
             remarks.append(
@@ -67,12 +64,12 @@ def read_fences(
 
 
 def clip_outline_to_line(outline: shapely.LineString, line: shapely.LineString) -> shapely.Geometry:
-    """The part of an outline within FENCE_TOLERANCE_M of a line."""
+    """The part of an outline within MACHINE_WIDTH_M of a line."""
     return shapely.intersection(outline, _buffer_line(line))
 
 
 def _buffer_line(line: shapely.LineString) -> shapely.Geometry:
-    return line.buffer(FENCE_TOLERANCE_M, cap_style="flat", join_style="mitre")
+    return line.buffer(MACHINE_WIDTH_M, cap_style="flat", join_style="mitre")
 
 
 def parse_edge(edge: object, description: str) -> str:
@@ -114,21 +111,18 @@ def check_fence_opening(
     """Refuse a fence all round without an entrance.
 
     Raises:
-        FieldError: the fence has neither an opening of MIN_OPENING_M nor an entrance.
+        FieldError: the fence has neither an opening of MACHINE_WIDTH_M nor an entrance.
     """
     if not fences or entrance is not None:
         return
     open_outline = shapely.difference(outline.exterior, shapely.buffer(shapely.union_all(fences), 0.01))
     merged = open_outline if open_outline.geom_type == "LineString" else shapely.line_merge(open_outline)
     # An opening across the start of the ring is in two parts until they are merged.
-    if max((part.length for part in shapely.get_parts(merged)), default=0.0) < MIN_OPENING_M:
+    if max((part.length for part in shapely.get_parts(merged)), default=0.0) < MACHINE_WIDTH_M:
         raise FieldError(
             f"The fence round field '{name}' has no opening; add a Point with role 'entrance' as its gate, or a "
-            f"LineString with edge '{OPEN_EDGE}' of {MIN_OPENING_M:g} m or more along it."
+            f"LineString with edge '{OPEN_EDGE}' of {MACHINE_WIDTH_M:g} m or more along it."
         )
-
-
-MAX_SHOWN_LINES = 8
 
 
 @dataclass(frozen=True)
@@ -159,7 +153,7 @@ def read_guidance_lines(
     lines = []
     for place, line in _read_usable_lines(document.guidance_lines, frame):
         keys = document.guidance_lines[place].keys
-        if not multiple_fields or shape.distance(line) <= MAX_FEATURE_DISTANCE_M:
+        if not multiple_fields or shape.distance(line) <= NEAR_FIELD_M:
             lines.append(GuidanceLine(keys[0] if keys else f"line {place + 1}", line))
     return tuple(lines)
 
@@ -172,7 +166,7 @@ def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) 
     """
     matches = [one for one in lines if one.name.lower() == name.strip().lower()]
     if not matches:
-        known_names = join_first([f"'{one.name}'" for one in lines], MAX_SHOWN_LINES) or "none"
+        known_names = join_first([f"'{one.name}'" for one in lines]) or "none"
         raise FieldError(
             f"{label} has no line '{name}' for {mark_parameter('guidance_line')}"
             f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}.",

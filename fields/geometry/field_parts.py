@@ -11,10 +11,8 @@ from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
 from fields.geometry.obstacles import compute_workable_ground
 from fields.geometry.outline_cleaning import find_largest_polygon, list_polygons
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import CURVE_M, GRID_M, MITRE_LIMIT
 
-MITRE_LIMIT = 2.0
-NECK_TOLERANCE_M = 0.05  # of the width of a neck
 MIN_PART_SHARE, MIN_PART_M2 = 0.01, 300.0  # smaller parts are not listed
 LINK_REACH_M = 100.0  # from the shortest line between two parts to the middle of the neck
 
@@ -100,7 +98,7 @@ def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapel
     if not _is_joined(ground, ends):
         nearest = shapely.shortest_line(*(_find_piece(list_polygons(ground), end) for end in ends))
         return Neck(0.0, *nearest.interpolate(0.5, normalized=True).coords[0])
-    while high_m - low_m > 0.5 * NECK_TOLERANCE_M:
+    while high_m - low_m > 0.5 * CURVE_M:
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if _is_joined(_shrink(ground, middle_m), ends) else (low_m, middle_m)
     apart = _shrink(ground, high_m)

@@ -9,11 +9,11 @@ from dataclasses import field as member
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, shorten_value
+from fields.errors import MAX_NAMED, FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import GRID_M, MITRE_LIMIT
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -22,7 +22,6 @@ DEFAULT_RADIUS_M = {"pole": 0.25, "post": 0.25, "mast": 1.0, "tree": 1.0, "manho
 DEFAULT_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge": 2.0, "pipe": 0.5}
 """Sizes of obstacles if their file gives none; assumed, rather too large than too small."""
 MAX_OBSTACLE_M = 1000.0
-MITRE_LIMIT = 2.0
 MIN_REMAINING_SHARE = 0.5  # of the ground; the extra margin is dropped if less would remain
 
 
@@ -157,7 +156,6 @@ def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, 
 
 
 MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
-MAX_NAMED_OBSTACLES = 5
 
 
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
@@ -237,9 +235,7 @@ def select_obstacles(
 
 def _join_names(names: Sequence[str]) -> str:
     """The first few names, and how many more there are."""
-    shown_names = [
-        name if place == 0 else name[0].lower() + name[1:] for place, name in enumerate(names[:MAX_NAMED_OBSTACLES])
-    ]
-    remainder = [f"{len(names) - MAX_NAMED_OBSTACLES} more"] if len(names) > MAX_NAMED_OBSTACLES else []
+    shown_names = [name if place == 0 else name[0].lower() + name[1:] for place, name in enumerate(names[:MAX_NAMED])]
+    remainder = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
     parts = [*shown_names, *remainder]
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -10,9 +10,8 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError
+from fields.geometry.tolerances import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
 
-MACHINE_WIDTH_M = 3.0
-"""Of the narrowest usual implement: it follows no sides shorter than this, and works no ground narrower than this."""
 TURNING_CIRCLE_M = 12.0
 """Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""
 MAX_POINTS = 100
@@ -21,8 +20,6 @@ TOLERANCES_M = (0.05, 0.1, 0.2, 0.4, 0.8)
 """The least is what guidance keeps to; the last is about half a machine, beyond which nothing can be smoothed."""
 MAX_CHANGED_SHARE = 0.1
 """Of the area; an outline that changes by more describes another field."""
-EXACT_M = 1e-6
-MITRE_LIMIT = 2.0
 
 
 def clean_outline(
@@ -114,7 +111,7 @@ def _simplify_on_one_side(core: shapely.Polygon, tolerance_m: float, reach_m: fl
     if line.is_empty:
         return line
     back_m = reach_m - _compute_distance_m(shapely.get_coordinates(core), line)
-    if abs(back_m) <= EXACT_M:
+    if abs(back_m) <= GRID_M:
         return line
     return find_largest_polygon(line.buffer(-back_m if grow else back_m, join_style="mitre", mitre_limit=MITRE_LIMIT))
 

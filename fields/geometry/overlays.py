@@ -12,10 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-GRID_M = 1e-6  # without a grid GEOS leaves slivers along nearly coincident edges
-UNION_TOLERANCE_M = 1e-3  # corners of united areas lie in the union or this near to it
-TINY_M = 1e-6
-SLIVER_M2 = 1e-6  # left by cutting
+from fields.geometry.tolerances import EDGE_M, GRID_M, SLIVER_M2
+
 ROUNDING_SHARE = 1e-7  # of an area: a smaller difference may be rounding
 Areas = npt.NDArray[np.object_]
 
@@ -47,7 +45,7 @@ def _covers_all_areas(union: shapely.Geometry, areas: Areas) -> bool:
     corners = shapely.get_coordinates(areas)
     outside = corners[~shapely.intersects_xy(union, corners)]  # few, so few points must be created
     places = (shapely.points(outside), shapely.point_on_surface(areas))
-    return bool(union.is_valid and all(shapely.dwithin(union, some, UNION_TOLERANCE_M).all() for some in places))
+    return bool(union.is_valid and all(shapely.dwithin(union, some, EDGE_M).all() for some in places))
 
 
 def subtract_area(area: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
@@ -84,7 +82,7 @@ def drop_slivers(parts: Areas, min_width_m: float) -> Areas:
 
     Nothing of that width is lost with them. There are thousands between swaths, which would slow down overlays.
     """
-    return parts[measure_widths_m(parts) >= min_width_m - TINY_M]
+    return parts[measure_widths_m(parts) >= min_width_m - GRID_M]
 
 
 def measure_widths_m(parts: Areas) -> npt.NDArray[np.float64]:
@@ -96,7 +94,7 @@ def measure_widths_m(parts: Areas) -> npt.NDArray[np.float64]:
     off = points - points[first][owner]
     away = np.hypot(*off.T)
     farthest = np.lexsort((away, owner))[np.append(first[1:], len(points)) - 1]
-    along = off[farthest] / np.maximum(away[farthest], TINY_M)[:, None]
+    along = off[farthest] / np.maximum(away[farthest], GRID_M)[:, None]
     aside = along[owner, 0] * off[:, 1] - along[owner, 1] * off[:, 0]
     return np.asarray(np.maximum.reduceat(aside, first) - np.minimum.reduceat(aside, first), dtype=np.float64)
 
@@ -120,5 +118,5 @@ def _adds_up(area: Any, part: Any, inside: Any, outside: Any) -> Any:
         ROUNDING_SHARE * shapely.area(area)
     )
     place = shapely.point_on_surface(inside)
-    lies_in_both = shapely.dwithin(place, part, UNION_TOLERANCE_M) & shapely.dwithin(place, area, UNION_TOLERANCE_M)
+    lies_in_both = shapely.dwithin(place, part, EDGE_M) & shapely.dwithin(place, area, EDGE_M)
     return is_lossless & (shapely.is_empty(inside) | lies_in_both)

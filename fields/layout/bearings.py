@@ -12,13 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.tolerances import PARALLEL_RAD, ROUNDING
+
 FloatArray = npt.NDArray[np.float64]
 
 SIMPLIFY_M = 1.0
 MERGE_RAD = math.radians(1.0)
-PARALLEL_RAD = 1e-6
-TIE_TOLERANCE = 1e-9
-"""Lengths and areas with a smaller relative difference count as equal."""
 EDGES_PER_BATCH = 1000
 """Edges compared with all others at a time, to limit memory."""
 MAX_DIRECTIONS = 24
@@ -42,9 +41,9 @@ def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
     alive = np.ones(len(angle), dtype=bool)
     chosen: list[int] = []
     for i in np.lexsort((angle, -length)).tolist():
-        shorter = length < length[i] * (1.0 - TIE_TOLERANCE)
+        shorter = length < length[i] * (1.0 - ROUNDING)
         if len(chosen) >= 2 * MAX_DIRECTIONS or (
-            len(chosen) >= MAX_DIRECTIONS and length[i] < length[chosen[MAX_DIRECTIONS - 1]] * (1.0 - TIE_TOLERANCE)
+            len(chosen) >= MAX_DIRECTIONS and length[i] < length[chosen[MAX_DIRECTIONS - 1]] * (1.0 - ROUNDING)
         ):
             break
         if alive[i]:
@@ -65,7 +64,7 @@ def list_trial_bearings(boundary: shapely.Polygon) -> list[float]:
     """
     angles = list_candidate_bearings(boundary)
     edge_angle, length = _measure_edge_directions(boundary)
-    longest = sorted(set(np.round(edge_angle[length >= length.max() * (1.0 - TIE_TOLERANCE)], 9).tolist()))
+    longest = sorted(set(np.round(edge_angle[length >= length.max() * (1.0 - ROUNDING)], 9).tolist()))
     step = math.radians(FAN_DEG)
     for first in longest if len(longest) <= MAX_FANS else longest[:1]:
         fan = [(first + step * k) % math.pi for k in range(round(math.pi / step))]
@@ -101,7 +100,7 @@ def _find_rectangle_directions(boundary: shapely.Polygon) -> list[float]:
     across = hull @ np.stack([-np.sin(angle), np.cos(angle)])
     size = np.stack([np.ptp(along, axis=0), np.ptp(across, axis=0)])
     area = size[0] * size[1]
-    is_smallest = np.flatnonzero(area <= area.min() * (1.0 + TIE_TOLERANCE))[:MAX_DIRECTIONS]
+    is_smallest = np.flatnonzero(area <= area.min() * (1.0 + ROUNDING))[:MAX_DIRECTIONS]
     quarter = np.where(size[0] >= size[1], 0.0, math.pi / 2)
     return sorted(((angle + quarter) % math.pi)[is_smallest].tolist())
 

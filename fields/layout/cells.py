@@ -24,10 +24,9 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
-from fields.geometry.overlays import GRID_M
-from fields.layout.parallel_lines import SPAN_TOLERANCE_M, TURN_COST_M, collect_edges, compute_axes
-
-ROUNDING_DEG = 1e-9
+from fields.geometry.tolerances import CURVE_M, EDGE_M, GRID_M, ROUNDING
+from fields.layout.bearings import SIMPLIFY_M
+from fields.layout.parallel_lines import TURN_COST_M, collect_edges, compute_axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class Cell:
 def convert_to_compass_deg(bearing_rad: float) -> float:
     """An undirected mathematical angle (radians) as a bearing clockwise from north, degrees in [0, 180)."""
     bearing = (90.0 - math.degrees(bearing_rad)) % 180.0
-    return 0.0 if 180.0 - bearing < ROUNDING_DEG else bearing
+    return 0.0 if 180.0 - bearing < ROUNDING else bearing
 
 
 FloatArray = npt.NDArray[np.float64]
@@ -68,11 +67,9 @@ REFLEX_RAD = math.radians(20.0)  # beyond a straight angle; a smaller angle hard
 CELL_COST_M = 40.0  # for every cell: the way to it and into its pattern
 NECK_RATIO = 4.0  # a neck is so many times longer along the outline, either way, than across
 MAX_NECK_EDGES = 4  # nearest edges beyond a corner that are tried
-CUT_OVERLAP_M = 1e-3  # a cut across a neck reaches this much over the outline
 MIN_GAIN_SHARE = 0.003  # of the cost: a smaller gain is within the error of the estimate
 MAX_CELLS = 8
 MAX_CORNERS = 16  # of one part, the longest edges first
-SIMPLIFY_M = 1.0
 MIN_CELL_AREA = 6.0  # squared widths: no cell is smaller
 
 
@@ -116,7 +113,7 @@ def estimate_costs_m(
     turned = np.einsum("nij,kmj->knim", edges, np.array([compute_axes(bearing) for bearing in bearings]))
     ds, dq = np.abs(turned[:, :, 1] - turned[:, :, 0]).transpose(2, 0, 1)
     across = np.ptp(turned[..., 1], axis=(1, 2)) / width_m
-    lines = np.maximum(np.ceil(across - SPAN_TOLERANCE_M / width_m), 1.0)
+    lines = np.maximum(np.ceil(across - CURVE_M / width_m), 1.0)
     slant_m = (1.0 + rates.offset) * ds * np.minimum(1.0, dq / width_m)
     ends = 0.5 * (rates.turn_m / width_m * dq + slant_m).sum(axis=1)
     cost: FloatArray = (region.area / width_m + ends) * np.maximum(lines / across, 1.0)
@@ -224,13 +221,13 @@ def _find_far_side(region: shapely.Polygon, place: FloatArray) -> FloatArray | N
     way = np.minimum(way, length.sum() - way)
     is_across = (way > NECK_RATIO * distance) & (distance > 1e-6)
     order = np.flatnonzero(is_across)[np.lexsort((way[is_across], np.round(distance[is_across], 3)))][:MAX_NECK_EDGES]
-    ground = region.buffer(CUT_OVERLAP_M)
+    ground = region.buffer(EDGE_M)
     return next((nearest[k] for k in order.tolist() if ground.covers(shapely.LineString([place, nearest[k]]))), None)
 
 
 def _split_across(region: shapely.Polygon, place: FloatArray, far_side: FloatArray) -> list[shapely.Polygon]:
     """The polygons into which the segment between two places on the outline cuts a region."""
-    beyond = CUT_OVERLAP_M * (far_side - place) / math.dist(place, far_side)
+    beyond = EDGE_M * (far_side - place) / math.dist(place, far_side)
     return _collect_polygons(split(region, shapely.LineString([place - beyond, far_side + beyond])))
 
 

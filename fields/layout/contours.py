@@ -18,6 +18,7 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
 from fields.layout.swaths import (
@@ -38,7 +39,6 @@ STRAIGHT_M = 0.01  # swaths that leave their chord by less are straight
 DISTANCE_TOLERANCE_M = 0.1  # a line that is nearer to the guide by more comes round to it again
 CHECK_EVERY = 5  # points of a swath
 NEWTON_STEPS = 3
-MIN_SWATH_LENGTH_M = 5.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError
 from fields.geometry.field import Field
+from fields.geometry.tolerances import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,9 +60,6 @@ def _find_strip_axes(strip: shapely.Polygon) -> tuple[FloatArray, FloatArray, fl
 
 CORNER_RAD = math.radians(45.0)
 SIMPLIFY_M = 0.03
-MITRE_LIMIT = 2.0
-SWATH_MITRE_LIMIT = 20.0  # sharp corners of a headland do not count as unworked strips
-INSET_SLACK_M = 1e-6
 CORNER_LENGTH_M = 4.0
 MIN_RING_THICKNESS = 0.15  # of the width: a thinner closed pass would work the same line twice
 MIN_RING_LENGTH = 3.0  # widths, of a closed pass
@@ -156,7 +154,7 @@ def _lay_pass_lines(
     boundary: shapely.Polygon, width_m: float, number: int, corner_length_m: float
 ) -> Iterator[tuple[tuple[HeadlandPassSide, ...], bool]]:
     """Sides of every pass of a number, and whether it is closed: rings first, then middles of narrow strips."""
-    middle = _inset_polygon(boundary, (number - 0.5) * width_m - INSET_SLACK_M)
+    middle = _inset_polygon(boundary, (number - 0.5) * width_m - GRID_M)
     wide = [part for part in _sort_polygons(middle) if 2.0 * part.area / part.length >= MIN_RING_THICKNESS * width_m]
     for part in wide:
         for ring in (part.exterior, *part.interiors):
@@ -164,7 +162,7 @@ def _lay_pass_lines(
                 yield _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m), True
     if number == 1:
         return  # no pass where the field is narrower than the implement
-    worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SWATH_MITRE_LIMIT)
+    worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
     unworked = _inset_polygon(boundary, (number - 1) * width_m).difference(worked)
     for part in _sort_polygons(unworked):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None

@@ -12,6 +12,7 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.bearings import list_candidate_bearings, list_trial_bearings
 from fields.layout.cells import PLAIN_RATES, Cell, EffortRates, RegionPart, divide_region, estimate_costs_m
 from fields.layout.parallel_lines import PatternRules, compute_axes, fill_region
@@ -34,7 +35,6 @@ CLOSE_RAD = math.radians(1.0)  # closer ones are the same
 MAX_COST_RATIO = 1.1  # to the cheapest bearing by estimate: others are not laid
 MAX_LAID_BEARINGS, MAX_LAID_SWATHS = 16, 160  # laid to choose among: few swaths allow many bearings
 MIN_LAID_BEARINGS = 3
-MIN_SWATH_LENGTH_M = 5.0
 
 
 def estimate_layout_cost_m(layout: Layout, rates: EffortRates = PLAIN_RATES) -> float:

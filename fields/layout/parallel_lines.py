@@ -11,16 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import CURVE_M, GRID_M
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 TURN_COST_M = 15.0
 """Driving length charged for every piece, because each ends in a turn."""
-SPAN_TOLERANCE_M = 0.05
-"""A lateral span this much beyond a whole number of widths needs no extra line; steering is not more accurate."""
-LENGTH_TOLERANCE_M = 1e-6
 UNCOVERED_COST_FACTOR = 2.0
 """Charge per metre of uncovered swath, which is worked with the headland and its turns."""
 OUTER_LINE_SHIFTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4)
@@ -128,7 +125,7 @@ def _find_crossings(low: FloatArray, high: FloatArray, q: FloatArray) -> tuple[I
 
 def space_lines(low_m: float, high_m: float, width_m: float) -> FloatArray:
     """Lateral positions from low to high, evenly spaced by at most one width (and the span tolerance)."""
-    gaps = max(int(np.ceil((high_m - low_m - SPAN_TOLERANCE_M) / width_m)), 0)
+    gaps = max(int(np.ceil((high_m - low_m - CURVE_M) / width_m)), 0)
     q: FloatArray = np.linspace(low_m, high_m, gaps + 1)
     return q
 
@@ -196,7 +193,7 @@ def _build_pattern(
     q = space_lines(low, high, rules.width_m)
     line, s0, s1 = find_line_chords(edges, side * q)
     s0, s1 = s0 + rules.trim_m, s1 - rules.trim_m
-    is_long_enough = s1 - s0 >= rules.min_length_m - LENGTH_TOLERANCE_M
+    is_long_enough = s1 - s0 >= rules.min_length_m - GRID_M
     line, s0, s1 = line[is_long_enough], s0[is_long_enough], s1[is_long_enough]
     if not len(line):
         return None

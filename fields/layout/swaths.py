@@ -16,8 +16,9 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import CURVE_M, EDGE_M, GRID_M, MITRE_LIMIT
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
 from fields.layout.headland_passes import compute_inner_region
@@ -34,17 +35,11 @@ from fields.layout.parallel_lines import (
 
 FloatArray = npt.NDArray[np.float64]
 
-EDGE_SLACK_M = 1e-6
-"""The region is shrunk this much less, so that a line exactly on its edge counts as inside."""
-MITRE_LIMIT = 2.0
 MAX_LINES = 20_000
-MAX_HEADLAND_M = 1e5
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
 WIDTH_STEP_M = 0.5  # of working widths that are advised
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
-SAME_LINE_M, SAME_CURVE_M = 1e-3, 0.05
-"""Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
 PROMISING_COST_RATIO = 1.25
 """To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""
 
@@ -141,7 +136,7 @@ def measure_min_spacing_m(layout: Layout) -> float:
         if swath.line != before.line + 1:
             continue
         distances_m = _measure_distances_m(before, swath)
-        spread_m = SAME_CURVE_M if before.via_m or swath.via_m else SAME_LINE_M
+        spread_m = CURVE_M if before.via_m or swath.via_m else EDGE_M
         if len(distances_m) and np.ptp(distances_m) < spread_m and distances_m[0] > 0.5 * layout.width_m:
             # at the points of a curve steps sag to either side, so the middle of their distances is that of the lines
             is_curved = before.via_m or swath.via_m
@@ -202,8 +197,8 @@ def lay_swaths(
             field, width_m, headland_m, headland_passes, bearing_deg, min_length_m, min_spacing_m
         )
     edges = collect_edges(region)
-    trim_m = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
-    rules = PatternRules(width_m, trim_m, min_length_m, EDGE_SLACK_M, field.area_m2)
+    trim_m = max(headland_m - width_m / 2.0, 0.0) + GRID_M
+    rules = PatternRules(width_m, trim_m, min_length_m, GRID_M, field.area_m2)
     choice = _choose_pattern(field, edges, rules, bearing_deg)
     if choice is None:
         advice = _advise_on_turning_room(field, edges, rules, bearing_deg)
@@ -224,7 +219,7 @@ def _advise_on_turning_room(field: Field, edges: FloatArray, rules: PatternRules
     for share in SHALLOWER_SHARES:
         shallower = replace(rules, trim_m=share * rules.trim_m)
         if _choose_pattern(field, edges, shallower, bearing_deg) is not None:
-            headland_m = share * (rules.trim_m - EDGE_SLACK_M) + 0.5 * rules.width_m
+            headland_m = share * (rules.trim_m - GRID_M) + 0.5 * rules.width_m
             return f"use a headland ({mark_parameter('headland_m')}) of {headland_m:.1f} m"
     return _advise_on_width(field)
 
@@ -263,7 +258,7 @@ def check_width(field: Field, width_m: float) -> None:
 
 def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
     """The boundary shrunk by half the width; refuses a width with which no track, or too many, would fit."""
-    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    region = field.boundary.buffer(GRID_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
     if region.is_empty:
         fix = _advise_on_width(field)
         raise FieldError(
@@ -330,8 +325,8 @@ def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float 
     """Refuse values out of range."""
     if not (math.isfinite(width_m) and width_m > 0.0):
         raise FieldError(f"The working width is {width_m} m; give a width above 0 m.", parameter="width_m")
-    if not 0.0 <= headland_m <= MAX_HEADLAND_M:
-        raise FieldError(f"The headland is {headland_m:g} m; give 0 to {MAX_HEADLAND_M:g} m.", parameter="headland_m")
+    if not 0.0 <= headland_m <= MAX_LOCAL_M:
+        raise FieldError(f"The headland is {headland_m:g} m; give 0 to {MAX_LOCAL_M:g} m.", parameter="headland_m")
     if bearing_deg is not None and not math.isfinite(bearing_deg):
         raise FieldError(
             f"The bearing is {bearing_deg}; give degrees clockwise from north, or none.", parameter="bearing_deg"

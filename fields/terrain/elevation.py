@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,18 +12,34 @@ import shapely
 
 from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
 from fields.geometry.field import Field
-from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, project
-from fields.terrain.checks import check_coverage, check_slopes, describe_place
-from fields.terrain.elevation_grid import ElevationError, ElevationGrid
+from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, measure_distance_m, project
+from fields.geometry.tolerances import NEAR_FIELD_M
+from fields.terrain.checks import (
+    MIN_SPIKE_M,
+    check_coverage,
+    check_height_range,
+    check_slopes,
+    describe_place,
+    describe_spikes,
+)
+from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, fill_gaps, lay_nodes
 from fields.terrain.point_files import HeightPoints, read_height_points
-from fields.terrain.point_grids import build_point_grid
-from fields.terrain.raster_grids import MARGIN_M, build_raster_grid
-from fields.terrain.rasters import is_raster_file, open_raster
+from fields.terrain.point_grids import MAX_NODE_SPACING_M, MIN_NODE_SPACING_M, build_point_grid
+from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks, is_raster_file, open_raster
 from fields.terrain.slopes import compute_gradients
 from fields.text_files import quote_path
 
-REACH_M = 50.0
-"""Points so near to a field count for heights at its edge."""
+MARGIN_M = 40.0
+"""Ground round a field over which machines may turn; heights there are continued if the raster ends. Chosen: a
+bulb of 12 m radius reaches 33 m ahead."""
+MAX_CELL_M = 100.0
+"""Larger cells say nothing of the slopes of a field; free models of the whole world have cells of 30 and 90 m."""
+WHOLE_TOLERANCE, MAX_SLOPE_ERROR = 1e-6, 0.005
+"""How near to a whole number a height counts as one, and the error of slopes (m/m) from which that is said."""
+SPIKE_CHUNK = 2**16
+EXTRA_CELLS, FILLED_CELLS = 3, 8
+"""Cells (of the grid, if finer) read beyond those needed, for the curve through them; and how far holes are bridged."""
+SPIKE_CELLS = 5
 
 
 def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> ElevationGrid:
@@ -56,7 +73,7 @@ def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Poly
     is_earth = crs is not None and field.crs is not None
     places = project(points.places, str(crs), str(field.crs)) if is_earth else points.places
     places = places - np.asarray(field.origin_m)
-    reach = outline.buffer(REACH_M)
+    reach = outline.buffer(NEAR_FIELD_M)
     shapely.prepare(reach)
     is_near = shapely.contains_xy(reach, places[:, 0], places[:, 1])
     if not is_near.any():
@@ -113,3 +130,202 @@ def choose_crs(path: str, stated: str | None, field: Field, given: str | None) -
             "EPSG:25832 or EPSG:4326."
         )
     return stated or given
+
+
+def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> ElevationGrid:
+    """Heights of a raster on a grid over the outline of a field.
+
+    Args:
+        crs: system of the raster; None if its coordinates are those of a field in local metres.
+
+    Raises:
+        ElevationError: the raster lies elsewhere, has holes in the field, is too large, or too coarse.
+    """
+    label = quote_path(raster.path)
+    cell_m = _measure_cells(raster, field, outline, crs)
+    coarse = _describe_coarse_cells(max(cell_m), label)
+    frame = lay_nodes(outline, min(max(MIN_NODE_SPACING_M, *cell_m), MAX_NODE_SPACING_M), MARGIN_M)
+    at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), field, crs))
+    extra = EXTRA_CELLS * math.ceil(frame.spacing_m / min(cell_m))
+    rows, columns = _choose_window(raster, at_nodes, extra, field, outline, crs)
+    step = math.ceil(math.sqrt((rows.stop - rows.start) * (columns.stop - columns.start) / MAX_CELLS))
+    cells = raster.read_cells(rows, columns, step)
+    remarks = [*raster.remarks, *coarse]
+    if raster.to_place[1, 1] > 0.0:
+        remarks.append(f"Rows of {label} run from south to north; they are read so.")
+    check_height_range(cells, label)
+    remarks += _describe_whole_heights(cells, raster.unit_m, max(step * max(cell_m), frame.spacing_m), label)
+    remarks += _remove_spikes(cells, step * max(cell_m), raster, (rows.start, columns.start, step), field, crs)
+    factors = tuple(max(1, math.floor(frame.spacing_m / (step * size) + 1e-6)) for size in reversed(cell_m))
+    at_cells = (at_nodes - (columns.start, rows.start) + 0.5) / step - 0.5
+    heights, measured = _sample_cells(cells, at_cells, factors)
+    heights, measured = heights.reshape(frame.rows, frame.columns), measured.reshape(frame.rows, frame.columns)
+    if not measured.any():
+        raise ElevationError(
+            f"{label} has no height in field '{field.name}'; give heights of the field, or check its no-data value."
+        )
+    near = measured | frame.find_inside(outline.buffer(MARGIN_M + frame.spacing_m, join_style="mitre"))
+    size = f"{cell_m[0]:.3g} m" if math.isclose(*cell_m, rel_tol=0.02) else f"{cell_m[0]:.3g} by {cell_m[1]:.3g} m"
+    return ElevationGrid(
+        frame.west_m,
+        frame.south_m,
+        frame.spacing_m,
+        fill_gaps(heights, near),
+        measured,
+        f"{label}, cells of {size}, on a grid of {frame.spacing_m:.3g} m",
+        tuple(remarks),
+    )
+
+
+def _describe_coarse_cells(cell_m: float, label: str) -> list[str]:
+    """A remark on cells larger than those of the grid; raises ElevationError for cells that say no slopes."""
+    if cell_m > MAX_CELL_M:
+        raise ElevationError(
+            f"{label} has cells of {cell_m:.3g} m; the slopes of a field need cells of {MAX_CELL_M:.0f} m or less, so "
+            "give a finer raster."
+        )
+    if cell_m <= MAX_NODE_SPACING_M:
+        return []
+    return [f"{label} has cells of {cell_m:.3g} m; slopes shorter than that are not in it."]
+
+
+def _describe_whole_heights(cells: FloatArray, unit_m: float, spacing_m: float, label: str) -> list[str]:
+    """A remark on heights in whole units whose steps would be taken for slopes.
+
+    A step of q rounds heights with a standard deviation of q / sqrt(12), and their difference over two spacings gives
+    a slope with sqrt(2) of that.
+    """
+    units = cells[np.isfinite(cells)] / unit_m
+    if not len(units) or np.ptp(units) < 0.5 or float(np.abs(units - np.rint(units)).max()) > WHOLE_TOLERANCE:
+        return []
+    error = unit_m / math.sqrt(12.0) * math.sqrt(2.0) / (2.0 * spacing_m)
+    if error < MAX_SLOPE_ERROR:
+        return []
+    return [f"Heights of {label} are rounded to {unit_m:.3g} m, so slopes are good to {100.0 * error:.2g} % only; give "
+            "heights with decimals if there are any."]  # fmt: skip
+
+
+def _convert_to_raster(places_m: FloatArray, field: Field, crs: str | None) -> FloatArray:
+    """Places of the field's plane in the system of the raster."""
+    points = places_m + np.asarray(field.origin_m)
+    return points if crs is None or field.crs is None else project(points, field.crs, crs)
+
+
+def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> tuple[float, float]:
+    """Metres from column to column and from row to row at the middle of the field."""
+    x, y = outline.centroid.x, outline.centroid.y
+    cross = np.array([[x - 5.0, y], [x + 5.0, y], [x, y - 5.0], [x, y + 5.0]])
+    cells = raster.find_cells(_convert_to_raster(cross, field, crs))
+    cells_per_m = np.array([cells[1] - cells[0], cells[3] - cells[2]]) / 10.0
+    column_m, row_m = 1.0 / np.hypot(*cells_per_m)
+    return float(column_m), float(row_m)
+
+
+def _choose_window(
+    raster: Raster, at_nodes: FloatArray, extra: int, field: Field, outline: shapely.Polygon, crs: str | None
+) -> tuple[slice, slice]:
+    """Rows and columns of the cells that the nodes need, and `extra` ones round them."""
+    low, high = np.floor(at_nodes.min(axis=0)) - extra, np.ceil(at_nodes.max(axis=0)) + extra + 1
+    most = np.array(raster.shape[::-1])
+    start, stop = np.clip(low, 0, most).astype(int), np.clip(high, 0, most).astype(int)
+    in_field = raster.find_cells(_convert_to_raster(shapely.get_coordinates(outline), field, crs))
+    is_apart = (in_field.max(axis=0) < -0.5) | (in_field.min(axis=0) > most - 0.5)
+    if is_apart.any() or (stop - start < 1).any():
+        raise ElevationError(_explain_other_place(raster, field, outline, crs))
+    return slice(int(start[1]), int(stop[1])), slice(int(start[0]), int(stop[0]))
+
+
+def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> str:
+    """The refusal of a raster of another place, with where it is."""
+    corners = raster.list_corners()
+    units, name = ("", "metres") if crs is None else (" degrees", "longitude and latitude")
+    if crs is None or field.crs is None:
+        middle_m = corners.mean(axis=0) - np.asarray(field.origin_m)
+        far_m = float(np.hypot(*(middle_m - (outline.centroid.x, outline.centroid.y))))
+    else:
+        corners = project(corners, crs, "EPSG:4326")
+        here = field.to_wgs84([[outline.centroid.x, outline.centroid.y]])[0]
+        far_m = measure_distance_m(corners.mean(axis=0), here)
+    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    far = f"{far_m / 1e3:.0f} km" if far_m >= 1e4 else f"{far_m:.0f} m"
+    return (
+        f"{quote_path(raster.path)} covers {west:.6g} to {east:.6g} and {south:.6g} to {north:.6g}{units} ({name}), "
+        f"{far} from field '{field.name}'; give heights of the field, or check the coordinate system of the raster."
+    )
+
+
+def _remove_spikes(
+    cells: FloatArray, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field, crs: str | None
+) -> list[str]:
+    """Set cells that stand out from the median of their neighbours to NaN, in place; remarks on them.
+
+    `window` are the first row and column of the cells in the raster, and how many of its cells each of them is wide.
+    """
+    from scipy.ndimage import uniform_filter
+
+    known = np.isfinite(cells)
+    limit_m = max(MIN_SPIKE_M, cell_m)
+    if not known.any():
+        return []
+    padded = np.pad(
+        np.where(known, cells, np.nan), SPIKE_CELLS // 2, mode="reflect" if min(cells.shape) > 2 else "edge"
+    )
+    level = np.where(known, cells, float(np.nanmedian(cells)))
+    suspects = np.argwhere(known & (np.abs(level - uniform_filter(level, SPIKE_CELLS)) > 0.5 * limit_m))
+    if not len(suspects):
+        return []
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (SPIKE_CELLS, SPIKE_CELLS))
+    deviations = cells[tuple(suspects.T)]
+    for first in range(0, len(suspects), SPIKE_CHUNK):  # as each takes 25 numbers
+        chunk = slice(first, first + SPIKE_CHUNK)
+        around = windows[tuple(suspects[chunk].T)].reshape(-1, SPIKE_CELLS**2)
+        deviations[chunk] -= np.nanmedian(around, axis=1)
+    is_spike = np.abs(deviations) > limit_m
+    spikes, deviations = suspects[is_spike], deviations[is_spike]
+    cells[tuple(spikes.T)] = np.nan
+
+    def name_place(number: int) -> str:
+        row, column = (spikes[number] + 0.5) * window[2] + window[:2]
+        place = np.array([[column, row, 1.0]]) @ raster.to_place.T
+        plane = place if crs is None or field.crs is None else project(place, crs, field.crs)
+        return describe_place(field, *(plane[0] - np.asarray(field.origin_m)).tolist())
+
+    return describe_spikes(deviations, name_place, int(known.sum()), quote_path(raster.path))
+
+
+def _sample_cells(cells: FloatArray, at: FloatArray, factors: tuple[int, ...]) -> tuple[FloatArray, BoolArray]:
+    """Heights (n,) at places (column, row) among the cells, NaN beyond, and whether the cell there has a height.
+
+    Cells are averaged over blocks of `factors` rows and columns; a cubic spline leads through them, which follows
+    planes and paraboloids up to the edge.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    blocks = average_blocks(cells, factors)
+    at = (at + 0.5) / np.array(factors[::-1]) - 0.5
+    if not blocks.size:
+        return np.full(len(at), np.nan), np.zeros(len(at), dtype=np.bool_)
+    known = np.isfinite(blocks)
+    most = np.array(blocks.shape[::-1]) - 1
+    nearest = np.clip(np.floor(at + 0.5), 0, most).astype(int)
+    is_within = ((at >= -0.5) & (at <= most + 0.5)).all(axis=1)
+    measured = is_within & known[nearest[:, 1], nearest[:, 0]]
+    if not known.any():
+        return np.full(len(at), np.nan), measured
+    blocks = fill_gaps(blocks, distance_transform_edt(~known) <= FILLED_CELLS)
+    heights = _evaluate_spline(blocks, np.clip(at, 0, most))
+    is_beyond = ((at < -1e-9) | (at > most + 1e-9)).any(axis=1)
+    return np.where(is_beyond, np.nan, heights), measured
+
+
+def _evaluate_spline(blocks: FloatArray, at: FloatArray) -> FloatArray:
+    """A cubic spline through the centres of cells, of lower degree where there are fewer than four."""
+    from scipy.interpolate import RectBivariateSpline
+
+    rows, columns = blocks.shape
+    if min(rows, columns) < 2:
+        return np.asarray(blocks[np.rint(at[:, 1]).astype(int), np.rint(at[:, 0]).astype(int)])
+    spline = RectBivariateSpline(
+        np.arange(rows), np.arange(columns), blocks, kx=min(3, rows - 1), ky=min(3, columns - 1)
+    )
+    return np.asarray(spline.ev(at[:, 1], at[:, 0]))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
+from fields.units import FOOT_M
 
-FOOT_M, SURVEY_FOOT_M = 0.3048, 1200.0 / 3937.0
+SURVEY_FOOT_M = 1200.0 / 3937.0
 UNIT_NAMES_M = {
     "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01, "centimetre": 0.01,
     "centimetres": 0.01, "centimeter": 0.01, "centimeters": 0.01, "dm": 0.1, "mm": 0.001, "ft": FOOT_M, "foot": FOOT_M,

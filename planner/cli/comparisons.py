@@ -119,7 +119,8 @@ def compare_headlands(
         comparison = compare(questions, executor, progress, render_refusal)
     comparison = replace(comparison, operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
-    print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
+    rankings = [row.ranking for row in comparison.rows if row.ranking is not None]
+    print_remarks(dict.fromkeys(remark for one in rankings for remark in one.field_remarks))
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
         form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
@@ -159,8 +160,8 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
 def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     """Raise RequestError where the only field is refused for one reason, whatever the way."""
 
-    reasons = {each.refusal for each in comparison.plans if not each.field_name}
-    if len(comparison.fields) == 1 and len(reasons) == 1 and not any(each.field_name for each in comparison.plans):
+    reasons = {row.refusal for row in comparison.rows}
+    if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:
         raise RequestError(str(reasons.pop()))
 
 
@@ -207,7 +208,7 @@ def compare_bearings(
     ):
         comparison = compare(orders, executor, progress, render_refusal)
     AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
-    if all(row.plan is None for row in comparison.rows):
+    if all(row.best is None for row in comparison.rows):
         raise typer.Exit(NO_PLAN_STATUS)
 
 

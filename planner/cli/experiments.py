@@ -46,9 +46,6 @@ def design(
         )
 
 
-OptionalNumber = Optional[float]
-
-
 def drive(
     steer: Annotated[float, typer.Option(help="Steering angle, degrees, positive to the right.")],
     ground: Annotated[str, typer.Option(help="asphalt, soil or mud.")] = "asphalt",
@@ -57,16 +54,7 @@ def drive(
     speed_kmh: Annotated[float, typer.Option(help="Speed, km/h.")] = 5.0,
     tractor: TractorOption = "eg105",
     steering: Annotated[str, typer.Option(help="Steering simulator: none, proposed, traditional, unlatched.")] = "none",
-    curve: Annotated[bool, typer.Option("--curve/--no-curve", help="The engine's friction curve on the tyres.")] = True,
-    mass: Annotated[OptionalNumber, typer.Option(help="Centre of mass, metres behind the front axle.")] = None,
-    front_slope: Annotated[
-        OptionalNumber, typer.Option(help="Side force of the front tyres per load and degree.")
-    ] = None,
-    front_limit: Annotated[
-        OptionalNumber, typer.Option(help="Slip angle up to which the side force grows, degrees.")
-    ] = None,
-    rear_slope: Annotated[OptionalNumber, typer.Option(help="As --front-slope, for the rear tyres.")] = None,
-    rear_limit: Annotated[OptionalNumber, typer.Option(help="As --front-limit, for the rear tyres.")] = None,
+    mass: Annotated[Optional[float], typer.Option(help="Centre of mass, metres behind the front axle.")] = None,
     html: Html = None,
     png: Png = None,
     json: AsJson = False,
@@ -84,10 +72,7 @@ def drive(
     )
 
     check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
-    request = SteeredDriveRequest(
-        steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
-        rear_limit,
-    )  # fmt: skip
+    request = SteeredDriveRequest(steer, ground, model, seconds, speed_kmh, tractor, steering, mass)
     warm_up()
     result, path = run_steered_drive(request)
     sheets = (build_drive_sheet(request, result, path),) if html or png else ()

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
-    from reports.plan.many_fields import FieldRecord
+    from reports.plan.many_fields import FieldRow
 
 
 def plan_batch(
@@ -69,7 +69,9 @@ def plan_batch(
     )
     earlier_lines = {} if checkpoint is None else read_answer_file(checkpoint)
     every_plan, with_map = given.choice.simulate_all, html is not None
-    questions = [FieldQuestion(given.build_order(one), every_plan, with_map) for one in share_obstacles(requests)]
+    questions = [
+        FieldQuestion(given.build_order(one), one.width_m, every_plan, with_map) for one in share_obstacles(requests)
+    ]
     keys = [hash_question(question.order, every_plan) for question in questions]
     warm_up()
     with open_stage_bar("Planning fields") as bar, _open_record_printer(form) as show:
@@ -87,13 +89,12 @@ def _collect_records(
     checkpoint: Path | None,
     earlier_lines: Mapping[str, Record],
     bar: StageBar,
-    print_record: Callable[[FieldRecord], None],
-) -> list[FieldRecord]:
+    print_record: Callable[[FieldRow], None],
+) -> list[FieldRow]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
     from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers, restore_record, save_record
-    from reports.plan.many_fields import FieldRecord
 
-    finished: dict[int, FieldRecord] = {}
+    finished: dict[int, FieldRow] = {}
     lines: dict[int, Record] = {}
     for index, (key, question) in enumerate(zip(keys, questions, strict=True)):
         if has_checksum(earlier_lines.get(key, {})):
@@ -105,7 +106,9 @@ def _collect_records(
     writer.replace_records(earlier_lines.values())
     try:
         with executor_choice.open_executor(len(pending)) as executor:
-            answers_by_position = iter_answers(executor, [questions[index] for index in pending], bar.show_work)
+            answers_by_position = iter_answers(
+                executor, [questions[index] for index in pending], bar.show_work, render_refusal
+            )
             while True:
                 bar.count(len(finished), len(questions))
                 while printed_count in finished:
@@ -115,10 +118,7 @@ def _collect_records(
                 if position is None or answer is None:
                     break
                 index = pending[position]
-                question, refusal = questions[index], answer.refusal
-                reason = None if refusal is None else render_refusal(refusal)
-                width_m = question.order.request.width_m
-                finished[index] = FieldRecord(question.field_name, width_m, answer.ranking, reason, answer.map)
+                finished[index] = answer
                 lines[index] = save_record(keys[index], finished[index])
                 writer.append_record(lines[index])
     except BaseException as error:
@@ -130,7 +130,7 @@ def _collect_records(
     return [finished[index] for index in range(len(questions))]
 
 
-def _print_field_remarks(records: Iterable[FieldRecord]) -> None:
+def _print_field_remarks(records: Iterable[FieldRow]) -> None:
     """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
     from reports.plan.shortfall_wording import question_pull
 
@@ -145,7 +145,7 @@ def _print_field_remarks(records: Iterable[FieldRecord]) -> None:
 
 
 @contextmanager
-def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRecord], None]]:
+def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRow], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
     from reports.plan.many_fields import (
         build_many_fields_screen,
@@ -155,9 +155,9 @@ def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRecord], N
         format_many_fields_json,
     )
 
-    records: list[FieldRecord] = []
+    records: list[FieldRow] = []
 
-    def print_row(record: FieldRecord) -> None:
+    def print_row(record: FieldRow) -> None:
         typer.echo(format_many_csv_rows(record), nl=False)
         sys.stdout.flush()
 

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +23,17 @@ from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
 from planner.errors import HeadlandError
 from planner.evaluation.field_physics import get_elevation_name
 from planner.evaluation.time_share import TimeShare, TimeSpentError
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
-from planner.pipeline.planning import plan
+from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
-from strategies.program.supply import Supply
-from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+from vehicle.model.tractor import Implement, resolve_tractor
 
 CACHE_VARIABLE = "HEADLAND_CACHE"
 
@@ -118,33 +117,23 @@ class FieldTime:
     cut_note: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class FieldTimeTask:
-    """One fleet on one field, the input of `compute_field_time`."""
-
-    field: Field
-    request: PlanRequest
-    tractor: Tractor
-    implement: Implement
-    supply: Supply | None = None
-
-    @cached_property
-    def key(self) -> str:
-        """A hash of the inputs that determine the result, without names, and without places where no heights are."""
-        elevation_name = get_elevation_name(self.request, self.field)
-        request = replace(self.request, field=ANONYMOUS, tractor=ANONYMOUS, elevation=None)
-        nameless = replace(self.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
-        if elevation_name is None:
-            nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
-        files = hash_height_files(elevation_name), hash_strategies(request.strategies)
-        return hash_content(nameless, request, self.tractor, self.implement, self.supply, files, worker=__name__)
+def hash_field_time_order(order: WorkOrder) -> str:
+    """A hash of the inputs that determine a field time, without names, and without places where no heights are."""
+    assert isinstance(order.field, Field)
+    elevation_name = get_elevation_name(order.request, order.field)
+    request = replace(order.request, field=ANONYMOUS, tractor=ANONYMOUS, elevation=None)
+    nameless = replace(order.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
+    if elevation_name is None:
+        nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
+    files = hash_height_files(elevation_name), hash_strategies(request.strategies)
+    return hash_content(nameless, request, order.tractor, order.implement, order.supply, files, worker=__name__)
 
 
 FieldTimeTable = tuple[tuple[FieldTime | None, ...], ...]
 """By fleet and field; None if the fleet's implement is not suitable for the field."""
 
 
-def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]) -> list[list[FieldTimeTask | None]]:
+def build_field_time_orders(day: DayFile, farm: FarmFile, fields: Sequence[Field]) -> list[list[WorkOrder | None]]:
     """The simulations of a day, by fleet and field."""
     rows = []
     for fleet in day.fleets:
@@ -156,12 +145,12 @@ def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]
         plan_implement = plan_inputs.implement or Implement()
         rows.append(
             [
-                FieldTimeTask(
-                    field,
+                WorkOrder(
                     replace(unpriced, field=field.name, elevation_crs=day_field.elevation_crs),
+                    field,
                     machine,
                     plan_implement,
-                    plan_inputs.supply,
+                    supply=plan_inputs.supply,
                 )
                 if is_suitable(day_field, implement)
                 else None
@@ -172,7 +161,7 @@ def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]
 
 
 def compute_field_times(
-    rows: Sequence[Sequence[FieldTimeTask | None]],
+    rows: Sequence[Sequence[WorkOrder | None]],
     cache: FieldTimeCache,
     executor: Executor,
     progress: Progress | None = None,
@@ -181,52 +170,52 @@ def compute_field_times(
 ) -> tuple[FieldTimeTable, bool]:
     """All field times, and whether new ones could be cached.
 
-    Cached times are not simulated again, and equal tasks of several fleets only once. `progress` is called with (done,
+    Cached times are not simulated again, and equal orders of several fleets only once. `progress` is called with (done,
     all), `report_work` with the names of the fields at work. A fleet's plan of a field takes at most about
     `field_minutes` of computing; but for plans that this cuts short, the result depends on neither executor nor cache.
     """
-    keys = [[None if task is None else task.key for task in row] for row in rows]
-    task_by_key = {
-        key: task
+    keys = [[None if order is None else hash_field_time_order(order) for order in row] for row in rows]
+    order_by_key = {
+        key: order
         for names, row in zip(keys, rows, strict=True)
-        for key, task in zip(names, row, strict=True)
-        if key is not None and task is not None
+        for key, order in zip(names, row, strict=True)
+        if key is not None and order is not None
     }
     known_times = {
-        key: field_time for key in task_by_key if (field_time := _unpack_field_time(cache.read(key))) is not None
+        key: field_time for key in order_by_key if (field_time := _unpack_field_time(cache.read(key))) is not None
     }
-    missing_keys = [key for key in task_by_key if key not in known_times]
+    missing_keys = [key for key in order_by_key if key not in known_times]
     is_cached = True
-    missing_tasks = [(task_by_key[key], field_minutes) for key in missing_keys]
+    missing_calls = [(order_by_key[key], field_minutes) for key in missing_keys]
 
     def report_fields(indices: list[int]) -> None:
-        report_work([missing_tasks[index][0].field.name for index in indices])
+        report_work([missing_calls[index][0].request.field_name for index in indices])
 
     for done, (index, field_time) in enumerate(
-        iter_completed(executor, compute_field_time, missing_tasks, report_fields), start=1
+        iter_completed(executor, compute_field_time, missing_calls, report_fields), start=1
     ):
         known_times[missing_keys[index]] = field_time
         if field_time.is_lasting:
             is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
         if progress:
-            progress(len(task_by_key) - len(missing_keys) + done, len(task_by_key))
+            progress(len(order_by_key) - len(missing_keys) + done, len(order_by_key))
     return tuple(tuple(None if key is None else known_times[key] for key in row) for row in keys), is_cached
 
 
-def count_uncached_field_times(rows: Sequence[Sequence[FieldTimeTask | None]], cache: FieldTimeCache) -> int:
+def count_uncached_field_times(rows: Sequence[Sequence[WorkOrder | None]], cache: FieldTimeCache) -> int:
     """Number of field times that have to be simulated."""
-    keys = {task.key for row in rows for task in row if task is not None}
+    keys = {hash_field_time_order(order) for row in rows for order in row if order is not None}
     return sum(_unpack_field_time(cache.read(key)) is None for key in keys)
 
 
-def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD_MINUTES) -> FieldTime:
+def compute_field_time(order: WorkOrder, field_minutes: float = DEFAULT_FIELD_MINUTES) -> FieldTime:
     """The quickest plan of a fleet on a field, with fewer tractors if not all can work together.
 
     After `field_minutes` of computing it is the best of those found so far.
     """
     share = TimeShare(60.0 * field_minutes)
     try:
-        found = _search_field_time(task, share)
+        found = _search_field_time(order, share)
     except TimeSpentError:
         found = FieldTime(reason=f"no plan was found in {field_minutes:g} min of computing")
     if not share.is_cut:
@@ -238,20 +227,13 @@ def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD
     return replace(found, is_lasting=False, cut_note=note)
 
 
-def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
+def _search_field_time(order: WorkOrder, share: TimeShare) -> FieldTime:
     """The field time within a share of computing; raises TimeSpentError where that ends before there is a plan."""
     reason = ""
-    for count in range(task.request.tractors[0], 0, -1):
+    for count in range(order.request.tractors[0], 0, -1):
         try:
-            result = plan(
-                replace(task.request, tractors=(count,)),
-                field=task.field,
-                tractor=task.tractor,
-                implement=task.implement,
-                supply=task.supply,
-                executor=SerialExecutor(),
-                time_share=share,
-            )
+            one = replace(order, request=replace(order.request, tractors=(count,)))
+            result = plan_order(one, executor=SerialExecutor(), time_share=share)
         except HeadlandError as refusal:
             return FieldTime(reason=str(refusal), is_lasting=refusal.parameter not in HEIGHT_PARAMETERS)
         best, run = result.ranking.best, result.run

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.geometry.field import Field
+from fields.units import DAY_S, HOUR_S
 from planner.day.field_times import FieldTime, FieldTimeTable
 from planner.day.input_file import SUN, DayField, DayFile, get_fleet_machines, get_start_s, place_hours_in_day
 from planner.day.optimization.problem import DayProblem, RainOnsets
@@ -25,8 +26,7 @@ from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
-from planner.request.option_texts import DAY_S
-from planner.risk.costs import HOUR_S, CostTerms, compute_paid_per_sample, compute_travel_cost
+from planner.risk.costs import CostTerms, compute_paid_per_sample, compute_travel_cost
 from planner.risk.leg_graph import LegGraph
 from planner.risk.monte_carlo import SampledOutcomes, compute_wilson_interval, sample_outcomes
 from planner.risk.rain import RainForecast, parse_rain

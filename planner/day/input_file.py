@@ -19,17 +19,18 @@ from pydantic import (
     model_validator,
 )
 
+from fields.errors import MAX_FAULTS
 from fields.geometry.chosen_obstacles import parse_obstacle_place
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from fields.text_files import explain_parse_error, read_text
+from fields.units import DAY_S
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
 from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
 from planner.request.option_texts import (
-    DAY_S,
     MAX_TRACTORS,
     convert_time_to_text,
     format_clock,
@@ -43,7 +44,6 @@ from vehicle.model.validation_messages import describe_validation_errors
 YARD = "yard"
 EXAMPLE = "example"
 SUN = "sun"
-MAX_FAULTS = 30
 MAX_ROAD_KM = 1000.0
 MAX_NIGHT_WINDOW_S = DAY_S // 2
 

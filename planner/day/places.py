@@ -12,15 +12,14 @@ import numpy.typing as npt
 
 from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
+from fields.units import DAY_S, KILO, MINUTE_S
 from planner.day.input_file import YARD, DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
-from planner.request.option_texts import DAY_S
 from reports.day.schedule_results import MapPlace
 
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
-MINUTES_PER_DAY = 1440
 
 
 def compute_sun_hours(day: date, lon: float, lat: float, utc_offset_h: float) -> tuple[int, int] | None:
@@ -46,12 +45,11 @@ def compute_sun_hours(day: date, lon: float, lat: float, utc_offset_h: float) ->
     if reach <= -1.0:
         return None
     half_min = 4.0 * math.degrees(math.acos(min(reach, 1.0)))
-    noon_min = MINUTES_PER_DAY / 2 - 4.0 * lon - equation_min + 60.0 * utc_offset_h
+    noon_min = 0.5 * DAY_S / MINUTE_S - 4.0 * lon - equation_min + MINUTE_S * utc_offset_h
     rise_s, set_s = (60 * round(noon_min + sign * half_min) % DAY_S for sign in (-1.0, 1.0))
     return rise_s, set_s
 
 
-M_PER_KM = 1000.0
 Array = npt.NDArray[np.float64]
 LonLat = tuple[float, float]
 
@@ -159,7 +157,7 @@ def _measure_straight_km(start: DayPlace, end: DayPlace) -> float:
             raise RequestError(
                 f"The road between {end.name!r} and {start.name!r} is missing; give it under [[roads]], or {wanted}."
             )
-    km = measure_distance_m(start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)) / M_PER_KM
+    km = measure_distance_m(start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)) / KILO
     if km > MAX_ROAD_KM and YARD in (start.name, end.name):
         field = end.name if start.name == YARD else start.name
         raise RequestError(

@@ -22,8 +22,7 @@ from planner.day.field_times import (
     DEFAULT_FIELD_MINUTES,
     FieldTimeCache,
     FieldTimeTable,
-    FieldTimeTask,
-    build_field_time_tasks,
+    build_field_time_orders,
     compute_field_times,
     count_uncached_field_times,
 )
@@ -45,6 +44,7 @@ from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, build_map_places, compute_road_km, locate_fields, locate_yard
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.pull_check import compute_pull_figures
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.worker_tasks import Progress
@@ -111,11 +111,11 @@ class PreparedDay:
     places: tuple[DayPlace, ...]
     road_km: Array
     frame: DayHours
-    tasks: list[list[FieldTimeTask | None]]
+    orders: list[list[WorkOrder | None]]
 
     def count_uncached_field_times(self, cache: FieldTimeCache) -> int:
         """Number of field times that are not in the cache."""
-        return count_uncached_field_times(self.tasks, cache)
+        return count_uncached_field_times(self.orders, cache)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +142,8 @@ def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     road_km[: len(places), : len(places)] = compute_road_km(day, places, farm.times.road_factor)
     # The sun rises and sets as at the yard, else as at the last field with a known place.
     sun_place = next((place.lon_lat for place in reversed(places) if place.lon_lat is not None), None)
-    frame, tasks = build_day_hours(day, farm, sun_place), build_field_time_tasks(day, farm, fields)
-    return PreparedDay(day, farm, fields, places, road_km, frame, tasks)
+    frame, orders = build_day_hours(day, farm, sun_place), build_field_time_orders(day, farm, fields)
+    return PreparedDay(day, farm, fields, places, road_km, frame, orders)
 
 
 def _read_day_field(day_field: DayField) -> Field:
@@ -192,7 +192,7 @@ def plan_day(
     """
     prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
     cache, executor = cache or FieldTimeCache(None), executor or SerialExecutor()
-    table, is_cached = compute_field_times(prepared.tasks, cache, executor, progress, field_minutes, report_work)
+    table, is_cached = compute_field_times(prepared.orders, cache, executor, progress, field_minutes, report_work)
     problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
     solution = solve_day(problem, seed=seed)
     fleet_samples = _sample_fleet_days(prepared, table, problem, solution.routes, samples, seed)
@@ -426,13 +426,13 @@ def _list_worked_shortfalls(solved: _SolvedDay) -> list[str]:
 def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
     """What is said of fleets that work somewhere and whose tractors cannot pull their implement, or seem too weak."""
     questions: list[str] = []
-    for fleet, route, tasks in zip(
-        solved.prepared.day.fleets, solved.solution.routes, solved.prepared.tasks, strict=True
+    for fleet, route, orders in zip(
+        solved.prepared.day.fleets, solved.solution.routes, solved.prepared.orders, strict=True
     ):
-        task = next((tasks[number] for number in route if tasks[number] is not None), None)
-        if task is not None:
+        order = next((orders[number] for number in route if orders[number] is not None), None)
+        if order is not None:
             farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
-            pull = compute_pull_figures(task.request, task.tractor, farm_tractor)
+            pull = compute_pull_figures(order.request, order.tractor, farm_tractor)
             question = question_pull(pull, suggests_options=False)
             is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible
             questions += [f"{fleet.name}: {question}"] if is_shown else []

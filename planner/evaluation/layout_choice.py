@@ -22,6 +22,7 @@ from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import cut_into_steps
+from fields.units import KILO
 from planner.errors import FieldError, RequestError, mark_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics
@@ -55,7 +56,6 @@ Report = Callable[[int, int], None]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 STEP_M = 4.0
 LEAST_MPS, HALVINGS = 0.2, 30
-ML_PER_L = 1000.0
 Floats = npt.NDArray[np.float64]
 
 
@@ -256,7 +256,7 @@ class SlopeCosts:
             np.array([rules.turn_speed_mps]), np.zeros(1), np.array([rules.turn_speed_mps]), False
         )
         swath_l = [self._compute_fuel_l(metres, slopes, speeds, True) for slopes, speeds in directions]
-        return ML_PER_L * (0.5 * sum(swath_l) + off_work_s * turn)
+        return KILO * (0.5 * sum(swath_l) + off_work_s * turn)
 
     def limit_speeds(self, slopes: Floats, speed_mps: float) -> Floats:
         """Speeds (n,) up to `speed_mps` at which the power of the engine suffices on slopes (n,), positive uphill."""

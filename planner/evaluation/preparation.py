@@ -17,6 +17,7 @@ from fields.layout.bearings import find_handedness
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide, lay_headland_passes
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, check_width, compute_free_space
+from fields.units import MPS_PER_KMH
 from planner.errors import attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
@@ -41,7 +42,6 @@ from planner.evaluation.work_order import (
 )
 from planner.farm.settings import Yard
 from planner.farm.workday import build_workday
-from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria

@@ -9,7 +9,8 @@ from typing import TypeVar
 
 import shapely
 
-from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
+from fields.geometry.field import MIN_FENCE_MARGIN_M
+from fields.geometry.tolerances import EDGE_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
@@ -54,9 +55,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         costs=context.costs,
         body=body,
         ground=build_ground(shapely.difference(_compute_allowed(context, 0.0, spare_m), taken), cap_m),
-        proof_ground=build_ground(
-            shapely.difference(_compute_allowed(context, TOLERANCE_M, FENCE_HALF_WIDTH_M), taken), cap_m
-        ),
+        proof_ground=build_ground(shapely.difference(_compute_allowed(context, TOLERANCE_M, EDGE_M), taken), cap_m),
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,

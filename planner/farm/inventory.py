@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError, field_validator, model_validator
 
+from fields.errors import MAX_FAULTS
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_text
 from planner.errors import RequestError, shorten_value, suggest_name
@@ -21,7 +22,6 @@ from vehicle.model.tractor import list_tractor_names
 from vehicle.model.validation_messages import describe_validation_errors
 
 Machine = TypeVar("Machine", FarmTractor, FarmImplement)
-MAX_FAULTS = 30
 OLD_UNCERTAINTY_SECTION = "chances"
 DEFAULT_TRACTORS = (FarmTractor(name="Yanmar EG105", file="eg105"),)
 DEFAULT_IMPLEMENTS = (FarmImplement(name="cultivator", width_m=3.0),)

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from planner.request.option_texts import DAY_S, convert_time_to_text, parse_clock
+from fields.units import DAY_S
+from planner.request.option_texts import convert_time_to_text, parse_clock
 from planner.request.plan_request import MAX_PRICE
 
 SOURCE_KEY = "source"

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.geometry.field import Field
+from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import RequestError
 from planner.farm.settings import FarmTimes, Yard
-from planner.request.option_texts import DAY_S, MPS_PER_KMH
 
 MAX_ROAD_KM = 200.0  # straight line; longer roads indicate wrong degrees
 

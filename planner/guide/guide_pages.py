@@ -7,10 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
+from itertools import groupby
+from typing import Any
 
 from planner.errors import RequestError, suggest_name
-from planner.guide.implements_page import build_implements_page
-from planner.guide.options_page import build_options_page
+from planner.request.options import RequestOption, list_options
+from planner.request.plan_request import PlanRequest
+from vehicle.energy.draft import DraftRule, load_draft_rules
 
 TOPICS = (
     "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "implements", "weather", "refills",
@@ -19,11 +22,88 @@ TOPICS = (
 )  # fmt: skip
 """In the order in which people need them."""
 OPTIONS_TOPIC, IMPLEMENTS_TOPIC = "options", "implements"
-BUILT_PAGES = {OPTIONS_TOPIC: build_options_page, IMPLEMENTS_TOPIC: build_implements_page}
-"""Topics whose pages are made: from the request model, and from the table of drafts."""
 FILE_TYPES = {".png": "image/png", ".conf": "text/plain", ".service": "text/plain", "": "text/plain"}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?://|#)([^)\s]+)\)")
 MAX_QUERY_CHARACTERS = 80
+IMPLEMENTS_INTRODUCTION = """# Implements and their draft
+
+`headland plan --draft NAME --depth-cm DEPTH` plans with one of these implements; a farm file names it under
+`[[implements]]` as `draft = "plough"` and `depth_cm = 20.0`. Without a name, `till` is the cultivator, and `sow` the
+drill of its width. Draft is F (A + B v + C v2) W T (ASABE D497): v in km/h, W in the unit of the row, T the depth in cm
+where one stands here; see [soil and energy](soil-and-energy.md). Depths are usual ones with the range that can be asked
+for, and units lie as far apart as is usual; neither is the standard's.
+
+| name | implement | depth, cm | unit | A, B, C | F fine, medium, coarse | range, % |
+|---|---|---|---|---|---|---|
+"""
+
+
+def build_implements_page() -> str:
+    """Markdown with a line per implement, in the order of the table."""
+    return IMPLEMENTS_INTRODUCTION + "".join(_build_implement_row(rule) for rule in load_draft_rules().values())
+
+
+def _build_implement_row(rule: DraftRule) -> str:
+    depth = (
+        f"{rule.depth_cm:g} ({rule.min_depth_cm:g} to {rule.max_depth_cm:g})" if rule.follows_depth else "whole depth"
+    )
+    unit = "m" if rule.unit == "m" else f"{rule.unit.removesuffix('s')}, {rule.spacing_m:g} m apart"
+    cells = (
+        f"`{rule.name}`",
+        rule.implement,
+        depth,
+        unit,
+        f"{rule.a:g}, {rule.b:g}, {rule.c:g}",
+        f"{rule.fine:g}, {rule.medium:g}, {rule.coarse:g}",
+        f"{rule.range_pct:g}",
+    )
+    return f"| {' | '.join(cells)} |\n"
+
+
+OPTIONS_INTRODUCTION = """# Options of a plan
+
+`headland plan` takes these options; jobs of `/api/v1/plans` take the same names with underscores; Python takes the
+parameters of `PlanRequest`, in SI units. A farm file may set those marked with *.
+"""
+
+
+def build_options_page() -> str:
+    """Markdown with a table per panel of `headland plan --help`."""
+    options = sorted(list_options(PlanRequest), key=lambda option: _list_panels().index(option.rules.panel))
+    parts = [OPTIONS_INTRODUCTION]
+    for panel, members in groupby(options, key=lambda option: option.rules.panel):
+        parts.append(f"## {panel or 'Field'}\n\n| option | parameter | default | meaning |\n|---|---|---|---|")
+        parts.append("\n".join(_build_option_row(option) for option in members) + "\n")
+    return "\n".join(parts)
+
+
+def _list_panels() -> list[str]:
+    """Panels in the order in which the model names them."""
+    return list(dict.fromkeys(option.rules.panel for option in list_options(PlanRequest)))
+
+
+def _build_option_row(option: RequestOption) -> str:
+    cells = (
+        f"`{_name_option(option.name)}`{' *' if option.rules.from_farm else ''}",
+        f"`{option.parameter}`",
+        _format_default(option.default),
+        option.format_help(_name_option),
+    )
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _name_option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _format_default(default: Any) -> str:
+    if default is None or default == () or default is False:
+        return ""
+    return f"`{','.join(map(str, default)) if isinstance(default, tuple) else default}`"
+
+
+BUILT_PAGES = {OPTIONS_TOPIC: build_options_page, IMPLEMENTS_TOPIC: build_implements_page}
+"""Topics whose pages are made: from the request model, and from the table of drafts."""
 
 
 @dataclass(frozen=True)

@@ -9,21 +9,18 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
-from fields.terrain.elevation_grid import ElevationGrid
-from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from planner.errors import HeadlandError, RequestError, mark_parameter
-from planner.evaluation.context import PlanningContext
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import collect_answers
-from planner.pipeline.many_fields import FieldQuestion, draw_best_plan, plan_here
-from planner.pipeline.ranking import locate_cut_off_ground
+from planner.pipeline.many_fields import FieldQuestion, answer_question
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_checks import FULL_CIRCLE_DEG
 from planner.request.plan_request import CONTOUR, HEADLAND_ORDERS_BY_OPERATION, STRAIGHT, PlanRequest
-from reports.plan.bearing_report import BearingComparison, BearingRow
-from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison
-from reports.plan.plan_wording import describe_machines
+from reports.plan.bearing_report import BearingChoice, BearingComparison
+from reports.plan.comparison import ComparisonRow
+from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
 from strategies.path_planning.turn_kinds import CORNERS
 
 USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
@@ -55,40 +52,28 @@ def list_headland_questions(
 ) -> list[FieldQuestion]:
     """Every field with every way to work its headland, field by field. Raises RequestError."""
     return [
-        FieldQuestion(replace(each, request=request), simulate_all, with_maps)
+        FieldQuestion(replace(each, request=request), _build_choice(request), simulate_all, with_maps, True)
         for each in orders
         for request in choices.list_requests(each.request)
     ]
 
 
-def answer_headland_question(
-    question: FieldQuestion, describe_refusal: Callable[[HeadlandError], str] = str
-) -> ComparedPlan:
-    """Plan one field with one way to work its headland, in the current process."""
-    request = question.order.request
-    choice = HeadlandChoice(request.corners, request.headland_order, request.headland_passes, request.width_m)
-    try:
-        result = plan_here(question.order, question.simulate_all)
-    except HeadlandError as refusal:
-        return ComparedPlan(request.field_name, choice, refusal=describe_refusal(refusal))
-    ranking = result.ranking
-    best = ranking.best
-    return ComparedPlan(
-        request.field_name,
-        choice,
-        plan=best,
-        refusal=None if best is not None else ranking.refusal,
-        field_name=ranking.field_name,
-        area_ha=ranking.area_ha,
-        headland_m=result.context.layout.headland_m,
-        currency=ranking.currency,
-        machines=describe_machines(ranking),
-        remarks=tuple(result.context.layout.field.remarks),
-        meets_request=ranking.is_recommended,
-        parts=ranking.parts,
-        cut_off=locate_cut_off_ground(result.context.layout.field),
-        map=draw_best_plan(result) if question.with_map else None,
-    )
+def _build_choice(request: PlanRequest) -> HeadlandChoice:
+    return HeadlandChoice(request.corners, request.headland_order, request.headland_passes, request.width_m)
+
+
+def answer_all(
+    questions: Sequence[FieldQuestion],
+    executor: Executor,
+    progress: Progress | None = None,
+    describe_refusal: Callable[[HeadlandError], str] = str,
+) -> tuple[ComparisonRow[Any], ...]:
+    """The rows of a comparison, planned on an executor; `progress` is called with (done, total).
+
+    What cannot be planned has its reason, as `describe_refusal` words it. Raises WorkerError if processes keep ending.
+    """
+    tasks = [(question, describe_refusal) for question in questions]
+    return tuple(collect_answers(executor, answer_question, tasks, progress))
 
 
 def compare_headlands(
@@ -97,13 +82,8 @@ def compare_headlands(
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
 ) -> HeadlandComparison:
-    """Answer all questions on an executor; `progress` is called with (done, total).
-
-    A way that cannot be planned has its reason, as `describe_refusal` words it. Raises WorkerError if processes keep
-    ending.
-    """
-    tasks = [(question, describe_refusal) for question in questions]
-    return HeadlandComparison(tuple(collect_answers(executor, answer_headland_question, tasks, progress)))
+    """Answer all questions of `list_headland_questions`; see `answer_all`."""
+    return HeadlandComparison(answer_all(questions, executor, progress, describe_refusal))
 
 
 def list_bearing_requests(request: PlanRequest, bearings_deg: Sequence[float]) -> list[PlanRequest]:
@@ -125,63 +105,27 @@ def list_bearing_requests(request: PlanRequest, bearings_deg: Sequence[float]) -
     ]
 
 
-def measure_layout_slopes(context: PlanningContext) -> tuple[float, float]:
-    """The largest slope across swaths (m/m), and the share of their metres near the fall line of steeper ground.
-
-    Raises RequestError without heights.
-    """
-    terrain = context.physics.terrain
-    if terrain is None:
-        raise RequestError(
-            f"Bearings are compared on slopes, and no heights are known; give {mark_parameter('elevation')}.",
-            parameter="elevation",
-        )
-    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
-    lines = [swath.points_m for swath in context.layout.swaths]
-    return measure_cross_slope(lines, grid), measure_fall_line_share(lines, grid)
-
-
-def plan_bearing(order: WorkOrder) -> BearingRow | HeadlandError:
-    """The best plan of one request of a comparison, or its refusal, in the current process."""
-    request = order.request
-    try:
-        result = plan_here(order)
-    except HeadlandError as refusal:
-        return refusal
-    context, best = result.context, result.ranking.best
-    cross_slope, erosion_share = measure_layout_slopes(context)
-    reason = next((plan.reason for plan in result.ranking.plans if plan.reason), None)
-    return BearingRow(
-        request.bearing_deg,
-        request.swaths,
-        context.layout.bearing_deg,
-        100.0 * cross_slope,
-        erosion_share,
-        best,
-        None if best is not None else reason or "no plan is feasible",
-        is_chosen=request.bearing_deg is None and request.swaths == STRAIGHT,
-    )
-
-
 def compare_bearings(
     orders: Sequence[WorkOrder],
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
 ) -> BearingComparison:
-    """Plan every request of a comparison on an executor; `progress` is called with (done, total).
+    """Plan every request of `list_bearing_requests`; see `answer_all`.
 
-    `describe_refusal` words why a request cannot be planned. Raises RequestError without heights, the refusal that all
-    requests share, as it is of the field or its heights, and WorkerError if processes keep ending.
+    Raises RequestError without heights, and the refusal that all requests share, as it is of the field or its heights.
     """
-    answers = collect_answers(executor, plan_bearing, [(each,) for each in orders], progress)
-    refusals = [answer for answer in answers if isinstance(answer, HeadlandError)]
-    if len(refusals) == len(orders) and len({str(refusal) for refusal in refusals}) == 1:
-        raise refusals[0]
-    rows = tuple(
-        BearingRow(each.request.bearing_deg, each.request.swaths, reason=describe_refusal(answer))
-        if isinstance(answer, HeadlandError)
-        else answer
-        for each, answer in zip(orders, answers, strict=True)
-    )
-    return BearingComparison(orders[0].request.field_name, rows)
+    questions = [
+        FieldQuestion(each, BearingChoice(each.request.bearing_deg, each.request.swaths), with_layout=True)
+        for each in orders
+    ]
+    rows = answer_all(questions, executor, progress, describe_refusal)
+    refusals = {row.refusal for row in rows}
+    if None not in refusals and len(refusals) == 1:
+        raise RequestError(str(refusals.pop()))
+    if all(row.layout is None or row.layout.cross_slope_pct is None for row in rows):
+        raise RequestError(
+            f"Bearings are compared on slopes, and no heights are known; give {mark_parameter('elevation')}.",
+            parameter="elevation",
+        )
+    return BearingComparison(rows)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from fields.units import MPS_PER_KMH
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
-from planner.request.option_texts import MPS_PER_KMH
 from planner.request.options import convert_options_to_parameters, list_given_parameters
 from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates

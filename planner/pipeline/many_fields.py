@@ -24,8 +24,11 @@ from fields.documents.sources import list_field_files, parse_field_reference
 from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
+from fields.terrain.elevation_grid import ElevationGrid
+from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from fields.text_files import read_text
 from planner.errors import FieldError, HeadlandError, RequestError, mark_parameter
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
@@ -34,10 +37,11 @@ from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan_order
+from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanRanking
 from reports.common.rendering import make_json_safe
-from reports.plan.many_fields import FieldRecord
+from reports.plan.comparison import ComparisonRow, LayoutFigures
+from reports.plan.many_fields import FieldRow
 from reports.plan.small_map import SmallMap, build_small_map
 
 KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
@@ -48,14 +52,17 @@ MAX_FIELDS = 100_000
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
-    """A field with the order of its plans; `simulate_all` also simulates plans that cannot win.
+    """A field with the order of its plans, and the label of its answer; `simulate_all` also simulates plans that cannot
+    win.
 
-    With `with_map` the answer has a small map of the best plan.
+    With `with_map` the answer has a small map of the best plan, with `with_layout` figures of the layout.
     """
 
     order: WorkOrder
+    label: Any
     simulate_all: bool = False
     with_map: bool = False
+    with_layout: bool = False
 
     @property
     def field_name(self) -> str:
@@ -63,22 +70,36 @@ class FieldQuestion:
         return self.order.request.field_name
 
 
-@dataclass(frozen=True, eq=False)
-class FieldAnswer:
-    """The ranking of a field's plans with a small map of the best, or the refusal."""
-
-    ranking: PlanRanking | None
-    refusal: HeadlandError | None = None
-    map: SmallMap | None = None
-
-
-def answer_question(question: FieldQuestion) -> FieldAnswer:
-    """Answer one question in the current process."""
+def answer_question(
+    question: FieldQuestion, describe_refusal: Callable[[HeadlandError], str] = str
+) -> ComparisonRow[Any]:
+    """Answer one question in the current process; a refusal is as `describe_refusal` words it."""
     try:
         result = plan_here(question.order, question.simulate_all)
     except HeadlandError as refusal:
-        return FieldAnswer(None, refusal)
-    return FieldAnswer(result.ranking, map=draw_best_plan(result) if question.with_map else None)
+        return ComparisonRow(question.field_name, question.label, refusal=describe_refusal(refusal))
+    return ComparisonRow(
+        question.field_name,
+        question.label,
+        result.ranking,
+        layout=measure_layout(result.context) if question.with_layout else None,
+        map=draw_best_plan(result) if question.with_map else None,
+    )
+
+
+def measure_layout(context: PlanningContext) -> LayoutFigures:
+    """The figures of a layout that comparisons show."""
+    layout, terrain = context.layout, context.physics.terrain
+    figures = LayoutFigures(layout.headland_m, layout.bearing_deg, locate_cut_off_ground(layout.field))
+    if terrain is None:
+        return figures
+    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    lines = [swath.points_m for swath in layout.swaths]
+    return replace(
+        figures,
+        cross_slope_pct=100.0 * measure_cross_slope(lines, grid),
+        erosion_share=measure_fall_line_share(lines, grid),
+    )
 
 
 def draw_best_plan(result: PlanningResult) -> SmallMap | None:
@@ -99,7 +120,8 @@ def iter_answers(
     executor: Executor,
     questions: Sequence[FieldQuestion],
     report_work: Callable[[list[str]], None] = lambda names: None,
-) -> Iterator[tuple[int, FieldAnswer]]:
+    describe_refusal: Callable[[HeadlandError], str] = str,
+) -> Iterator[tuple[int, FieldRow]]:
     """Yield (index, answer) as questions are answered; raises WorkerError if processes keep ending.
 
     `report_work` is called with the names of the fields at work.
@@ -109,7 +131,7 @@ def iter_answers(
     return iter_completed(
         executor,
         answer_question,
-        [(question,) for question in questions],
+        [(question, describe_refusal) for question in questions],
         lambda indices: report_work([questions[index].field_name for index in indices]),
     )
 
@@ -139,7 +161,7 @@ class AnswerFileError(RequestError):
     """The answer file is not one, or was changed."""
 
 
-def save_record(key: str, record: FieldRecord) -> Record:
+def save_record(key: str, record: FieldRow) -> Record:
     """A record as plain values for the answer file, with the key of its question and a checksum.
 
     By the checksum `read_answer_file` detects changes.
@@ -148,9 +170,9 @@ def save_record(key: str, record: FieldRecord) -> Record:
     return {**saved, CHECKSUM_FIELD: _compute_checksum(saved)}
 
 
-def restore_record(saved: Mapping[str, Any]) -> FieldRecord:
+def restore_record(saved: Mapping[str, Any]) -> FieldRow:
     """The record of a line of the answer file that this Headland wrote."""
-    return TypeAdapter(FieldRecord).validate_python(saved)
+    return TypeAdapter(FieldRow).validate_python(saved)
 
 
 def has_checksum(record: Mapping[str, Any]) -> bool:

@@ -12,6 +12,7 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
+from fields.units import MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
@@ -21,7 +22,7 @@ from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
-from planner.request.option_texts import MPS_PER_KMH, format_clock
+from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
@@ -42,7 +43,6 @@ from strategies.names import STRATEGY_NAMES
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
-MINUTE_S = 60.0
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
 MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works

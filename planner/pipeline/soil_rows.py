@@ -15,7 +15,7 @@ from reports.diagnosis.log_checks import describe_unsaved
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, NAMED, Diagnosis, Finding
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
-from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, SoilRow, load_soils
+from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, Soil, load_soils
 
 USUAL_TABLE = Path("soils.csv")
 DIGITS = 4  # of a value: its interval is far wider
@@ -80,7 +80,7 @@ def _check_place(line: SoilLine, ground: str) -> None:
             )
 
 
-def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> SoilRow:
+def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
     """What logs taught of a soil: named effects of the ground that are the same all over the logs.
 
     Raises:
@@ -104,7 +104,7 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> SoilRow:
     runs = count_noun(len(diagnosis.names), "run")
     source = f"diagnosis of {runs} ({diagnosis.minutes:.0f} min) of {diagnosis.tractor.name}"
     cells = {"name": line.name, "moisture_pct": line.moisture_pct, "ground": diagnosis.ground, "source": source}
-    return SoilRow.model_validate(cells | values)
+    return Soil.model_validate(cells | values)
 
 
 def _is_of_soil(finding: Finding) -> bool:
@@ -124,14 +124,14 @@ def _explain_nothing(levels: set[str]) -> str:
     return f"these logs name nothing of a soil ({known}); drive at several speeds, working and not."
 
 
-def format_soil_table(row: SoilRow, path: Path) -> str:
+def format_soil_table(row: Soil, path: Path) -> str:
     """The table with the line added; its other lines stay as they are, apart from columns that the new one needs."""
     new = {name: f"{value}" for name, value in row.model_dump(exclude_none=True, exclude_defaults=True).items()}
     text = read_text(path, "a CSV table", VehicleError) if path.exists() else ""
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     columns = list(lines.fieldnames or ())
     rows = list(lines)
-    known = sorted(SoilRow.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
+    known = sorted(Soil.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
     columns += [name for name in known if name in new and name not in columns]
     out = io.StringIO()
     writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
+from planner.request.option_texts import MAX_TRACTORS, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
 FULL_CIRCLE_DEG = 360.0

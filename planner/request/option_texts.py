@@ -7,11 +7,10 @@ from collections.abc import Iterable
 from datetime import date, time
 from typing import Any
 
+from fields.units import DAY_S
 from planner.errors import RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
-DAY_S = 24 * 3600
-MPS_PER_KMH = 1.0 / 3.6
 MAX_TRACTORS = 50
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic.dataclasses import dataclass
 
 from fields.raw_document import name_field
+from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.request import option_checks
 from planner.request.option_texts import (
-    DAY_S,
-    MPS_PER_KMH,
     format_later_clock,
     parse_cell_bearings,
     parse_clock,

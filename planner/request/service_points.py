@@ -8,14 +8,13 @@ from dataclasses import replace
 import shapely
 
 from fields.geometry.field import Field
+from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
 from vehicle.missions.plan import Plan
-
-MAX_DISTANCE_M = 50.0  # a hose or a loader reaches into the field from a place no farther off
 
 
 def locate_service_point(
@@ -41,10 +40,10 @@ def locate_service_point(
     if place is None:
         return replace(supply, served_at=HEADLAND, place=None)
     distance_m = float(field.boundary.distance(shapely.Point(place)))
-    if distance_m > MAX_DISTANCE_M:
+    if distance_m > NEAR_FIELD_M:
         raise RequestError(
             f"The place to refill or charge lies {distance_m:.0f} m from the field; it must be within "
-            f"{MAX_DISTANCE_M:g} m of it."
+            f"{NEAR_FIELD_M:g} m of it."
         )
     return replace(supply, served_at=PLACE, place=place)
 
@@ -96,13 +95,13 @@ def export_supply(supply: Supply) -> dict[str, float | str | None]:
     values: dict[str, float | str | None]
     if isinstance(supply, BatterySupply):
         drive = supply.meter.drive
-        is_charged = drive.change_s is None
+        is_charged = drive.battery.change_s is None
         values = {
-            "battery_kwh": drive.battery_kwh,
+            "battery_kwh": drive.battery.capacity_kwh,
             "usable_kwh": drive.usable_kwh,
-            "charger_kw": drive.charger_kw if is_charged else None,
-            "connect_s": drive.connect_s if is_charged else None,
-            "change_s": drive.change_s,
+            "charger_kw": drive.battery.charger_kw if is_charged else None,
+            "connect_s": drive.battery.connect_s if is_charged else None,
+            "change_s": drive.battery.change_s,
         }
     else:
         values = {"capacity": supply.capacity, "rate_per_m2": supply.rate_per_m2, "refill_s": supply.stop_s}
@@ -151,17 +150,17 @@ def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
     """What every plan assumes about charging, one sentence each."""
     drive = supply.meter.drive
     way = (
-        f"is charged with {drive.charger_kw:g} kW ({drive.connect_s:g} s to connect)"
-        if drive.change_s is None
-        else f"is changed for a full one in {drive.change_s:g} s"
+        f"is charged with {drive.battery.charger_kw:g} kW ({drive.battery.connect_s:g} s to connect)"
+        if drive.battery.change_s is None
+        else f"is changed for a full one in {drive.battery.change_s:g} s"
     )
     amount = (
         "A stop charges what the work up to the next stop needs; after the last track nothing is charged."
-        if drive.change_s is None
+        if drive.battery.change_s is None
         else "After the last track it is not changed."
     )
     return (
-        f"Every tractor starts with a battery of {drive.battery_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it above "
-        f"the reserve; it {way}, {describe_service_point(supply)}.",
+        f"Every tractor starts with a battery of {drive.battery.capacity_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it "
+        f"above the reserve; it {way}, {describe_service_point(supply)}.",
         amount,
     )

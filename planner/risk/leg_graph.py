@@ -25,7 +25,7 @@ from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import REC_SPEED, STANDING, WAITING
 
-WORK_PASS, TURN_OVER_ONE, TURN_OVER_MORE = 0, 1, 2
+WORK_PASS, TURN_OVER_ONE, TURN_OVER_MORE = range(3)
 CRUISE_SHARE = 0.97  # of the planned speed: above it a tractor is neither braking nor starting
 DEFAULT_RESTART_S = 1.0  # lost by starting to 5 km/h at 0.7 m/s2, if a run does not show it
 MAX_ACCELERATION_S = 15.0

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from fields.units import PCT
 from planner.farm.random_inputs import (
+    MAX_SLIP_PCT,
     RANDOM_INPUTS,
     UncertaintySettings,
     build_certain_settings,
@@ -19,8 +21,9 @@ from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
 from planner.risk.rain import RainForecast
 from planner.risk.random_events import StopEvents, create_generator, draw_lognormal, draw_stop_events
 from vehicle.missions.run import SimulationRun
+from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
-MAX_SLIP_SHARE = 0.9
+MAX_SLIP_SHARE = MAX_SLIP_PCT / PCT
 Array = npt.NDArray[np.float64]
 
 
@@ -251,7 +254,6 @@ def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[
     return links_to, links_from
 
 
-Z95 = 1.959963984540054
 QUANTILES = (0.50, 0.80, 0.95)
 VARIANCE_SAMPLES = 2000
 SAME_VARIANCE_S2 = 1e-9
@@ -338,7 +340,7 @@ def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_varianc
     )
 
 
-def compute_wilson_interval(hits: int, trials: int, z: float = Z95) -> tuple[float, float]:
+def compute_wilson_interval(hits: int, trials: int, z: float = INTERVAL_SIGMAS) -> tuple[float, float]:
     """Wilson score interval of a share (Wilson 1927); by default 95 %."""
     share, square = hits / trials, z * z / trials
     middle = (share + 0.5 * square) / (1.0 + square)

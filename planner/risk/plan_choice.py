@@ -10,14 +10,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from fields.units import MINUTE_S
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, SUREST
 from reports.common.plan_results import MODEL_ERROR_SHARE, is_share_different
-from reports.common.wording import format_price, format_price_change
+from reports.common.wording import LEAST_COST, format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
-MIN_AMOUNT = 0.005
-MINUTE_S = 60.0
 ABOUT_EQUAL = " (about equal)"
 
 
@@ -258,7 +257,7 @@ def _describe_certainty(plan: PlanFigures, limit_text: str, objective: str) -> s
 
 def _describe_cost(plan: PlanFigures, unit: str) -> str:
     """The expected cost, and what is paid of it if ground may be late."""
-    if abs(plan.expected - plan.paid) < MIN_AMOUNT:
+    if abs(plan.expected - plan.paid) < LEAST_COST:
         return f"{format_price(plan.expected)}{unit}"
     return f"{format_price(plan.expected)}{unit} expected ({format_price(plan.paid)}{unit} paid)"
 

@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.text_files import parse_number, parse_table, read_table_text
+from fields.units import DAY_S, HOUR_S, PCT
 from planner.errors import RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import DAY_S, parse_clock
+from planner.request.option_texts import parse_clock
 from planner.risk.random_events import create_generator
 
-HOUR_S = 3600.0
 MAX_HOURS = 1000.0
 MAX_MEMBERS = 100_000
-FULL_PCT = 100.0
 RAIN_FORMATS = "a time (17:00), times with percentages (16:30=20,17:00=50,18:00=30), a rate (0.2/h) or a CSV file"
 Array = npt.NDArray[np.float64]
 
@@ -107,11 +106,9 @@ def _parse_percentages(text: str, start_s: int | None) -> RainForecast:
     for part in text.split(","):
         clock_text, _, share = part.partition("=")
         onsets_s.append(_compute_onset_s(clock_text.strip(), start_s))
-        probabilities.append(
-            _parse_number(share.strip().removesuffix("%"), "percentage", shorten_value(part)) / FULL_PCT
-        )
-    total = FULL_PCT * sum(probabilities)
-    if not 0.0 < total <= FULL_PCT + 1e-6:
+        probabilities.append(_parse_number(share.strip().removesuffix("%"), "percentage", shorten_value(part)) / PCT)
+    total = PCT * sum(probabilities)
+    if not 0.0 < total <= PCT + 1e-6:
         raise RequestError(
             f"{mark_parameter('rain')} percentages add up to {total:g}; they must add up to 100, or less if it may "
             "stay dry."
@@ -143,7 +140,7 @@ def _parse_member(value: str, described: str, start_s: int | None) -> float:
 def _parse_number(value: str, quantity: str, location: str) -> float:
     """A number that is not negative."""
     number = parse_number(value)
-    upper_limit = MAX_HOURS if quantity != "percentage" else FULL_PCT
+    upper_limit = MAX_HOURS if quantity != "percentage" else PCT
     if not 0.0 <= number <= upper_limit:
         raise RequestError(
             f"{mark_parameter('rain')} has the {quantity} {shorten_value(value)} in {location}; give a number from 0 "

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fields.units import HOUR_S
 from planner.farm.random_inputs import UncertaintySettings, compute_log_deviation
 
-HOUR_S = 3600.0
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 

@@ -18,9 +18,10 @@ import numpy.typing as npt
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
+from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
-from planner.task_logs.formats.isoxml_logs import SECONDS_PER_DAY, TLG_EPOCH
+from planner.task_logs.formats.isoxml_logs import DEGREES_PER_UNIT, TLG_EPOCH
 from planner.task_logs.runs.run_records import WGS84, Array, Mask
 from vehicle.missions.plan import LEAVE
 from vehicle.records import WORKING
@@ -34,7 +35,6 @@ START_DATE_AND_S = (date(2026, 5, 4), 8.0 * 3600.0)
 DDI_COLUMNS = ("0043", "0074", "0075", "0076", "0077", "0078", "008D", "018D")
 FIX_QUALITY = 4
 Numbers = npt.NDArray[np.int64]
-DEGREES_PER_UNIT = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
     day = (START_DATE_AND_S[0] - TLG_EPOCH).days
     rows, previous = [], np.full(values.shape[1], -1)
     for seconds, (lon, lat), current in zip(time_s.tolist(), lonlat.tolist(), values, strict=True):
-        days, second_of_day = divmod(START_DATE_AND_S[1] + seconds, SECONDS_PER_DAY)
+        days, second_of_day = divmod(START_DATE_AND_S[1] + seconds, DAY_S)
         head = struct.pack(
             "<IHiiB",
             round(1e3 * second_of_day),

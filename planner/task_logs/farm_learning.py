@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from fields.text_files import count_noun, quote_path, read_text
+from fields.units import MPS_PER_KMH
 from planner.errors import RequestError
 from planner.evaluation.preparation import MAX_REVERSE_SPEED_MPS
 from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.farm.inventory import FarmFile, load_farm, parse_farm
 from planner.farm.machines import FarmImplement
-from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import MAX_SPEED_KMH, MIN_SPEED_KMH
 from planner.task_logs.observations import IntervalEstimate, RunObservations
 from planner.task_logs.runs.run_files import load_imported_runs

@@ -17,10 +17,11 @@ import shapely
 from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases, find_true_segments
 from planner.task_logs.runs.run_records import Array, ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
+from vehicle.model.effect_kinds import INTERVAL_COVERAGE
 
 BOOTSTRAP_SAMPLES, BOOTSTRAP_SEED = 1_000, 1
 MIN_BOOTSTRAP_RUNS = 5
-INTERVAL_QUANTILES = (0.025, 0.975)
+INTERVAL_QUANTILES = (0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE)
 Statistic = Callable[[Array], float | np.floating[Any]]
 
 

@@ -13,13 +13,11 @@ import numpy as np
 import shapely
 
 from fields.terrain.elevation_grid import ElevationGrid
-from fields.terrain.point_grids import build_point_grid, level_tracks
+from fields.terrain.point_grids import TRACK_CELL_M, build_point_grid, level_tracks
 from fields.text_files import count_noun
 from planner.task_logs.runs.run_records import Array, ProjectedRun, reproject_run
 from vehicle.identification.errors import LogError
 
-CELL_M = 5.0
-"""Size of the square cells of which driven ground is made."""
 MIN_REPORTED_OFFSET_M = 0.05
 REACH_M = 12.0
 """Ground so near to the points of runs counts as driven, where the outline of the field is unknown."""
@@ -86,5 +84,5 @@ def _find_region(runs: Sequence[ProjectedRun], crs: str, places: Array) -> shape
     known = [outline for outline in outlines if outline is not None]
     if len(known) == len(runs):
         return shapely.union_all(known)
-    cells = np.unique(np.floor(places / CELL_M), axis=0)
-    return shapely.union_all(shapely.buffer(shapely.points((cells + 0.5) * CELL_M), REACH_M))
+    cells = np.unique(np.floor(places / TRACK_CELL_M), axis=0)
+    return shapely.union_all(shapely.buffer(shapely.points((cells + 0.5) * TRACK_CELL_M), REACH_M))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fields.units import KMH_PER_MPS
 from vehicle.missions.plan import GATE_MARGIN_M, Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
 from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
@@ -21,7 +22,7 @@ from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 SCHEDULE_SLACKS = (1.0, 2.0)  # times the usual time between two tractors, tried in this order
 MAX_REPAIRS, MAX_SCHEDULED_REPAIRS = 40, 6  # of a plan without a schedule, and of one with; more rarely help
 CONFLICT_CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
-SLOW_WORK_SHARE, KMH_PER_MPS = 0.8, 3.6  # of the planned speed: less is told
+SLOW_WORK_SHARE = 0.8  # of the planned speed: less is told
 MIN_MOVING_MPS = 0.05  # less is said to be standing
 
 Simulate = Callable[[Plan], SimulationRun]

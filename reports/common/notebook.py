@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.rendering import ReportError, render_template
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ MOST_SUMMARY_CHARS = 280
 MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
 PICTURE_COLOURS = 64
 PICTURE_DPIS = (120, 90, 60, 30)  # the sharpest that is small enough is taken
-FIGURE_INCHES = (7.5, 5.0)
+FIGURE_INCHES = (COLUMN_INCHES, 5.0)
 NOT_DRAWN = "There is nothing to draw"
 
 Draw = Callable[["Axes"], None]

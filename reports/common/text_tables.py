@@ -16,6 +16,7 @@ from reports.common.language import mark_text, translate, translate_count, trans
 from reports.common.notebook import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
+MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
 LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
 MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14

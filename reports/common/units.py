@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fields.units import FOOT_M
 from reports.common.language import US, get_units
 
-FOOT_M = 0.3048
 ACRE_M2 = 4046.8564224
 NO_VALUE = "-"
 _LEAST_ACRES = 0.1  # less is in square feet

@@ -7,14 +7,15 @@ import re
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 
+from fields.units import DAY_S
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import PlanRanking
 from reports.common.units import NO_VALUE as NO_VALUE
 from reports.common.units import format_area as format_area
 
+SURE_SHARE = 0.995  # a probability that is written as 100 % is not said again
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
-DAY_S = 86_400
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"
 

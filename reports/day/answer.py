@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.wording import LEAST_COST, NO_VALUE, format_percent, format_price, round_up_to_minute
+from reports.common.text_tables import MOST_NAMED
+from reports.common.wording import LEAST_COST, NO_VALUE, SURE_SHARE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult
-
-MOST_REASONS = 3  # fields that are not done, with their reason
-SURE_SHARE = 0.995
 
 
 def list_day_sentences(result: DayResult) -> list[str]:
@@ -88,9 +86,9 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     left = result.unworked_fields
     sentences = [
         translate("{field} is not worked: {reason}.", field=one.field, reason=translate_sentence(one.reason))
-        for one in left[:MOST_REASONS]
+        for one in left[:MOST_NAMED]
     ]
-    more = len(left) - MOST_REASONS
+    more = len(left) - MOST_NAMED
     if more > 0:
         sentences.append(translate_count("{count} more is not worked.", "{count} more are not worked.", more))
     return sentences

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from reports.common.drawing_sizes import PAGE_INCHES
 from reports.common.notebook import ResultView, ShownTable, build_view, encode_figure, render_fragment
 from reports.common.rendering import EXPORT_DECIMALS, make_json_safe
 from reports.day.answer import list_day_sentences
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 MOST_JOBS = 30  # in a fragment; to_pandas has all
-DAY_INCHES = (10.0, 4.0)
+DAY_INCHES = (PAGE_INCHES, 4.0)
 
 
 @build_view.register

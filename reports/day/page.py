@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fields.units import HOUR_S
 from reports.common import palette
+from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES
 from reports.common.notebook import create_figure
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, format_percent, format_price
@@ -29,13 +31,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-GANTT_WIDTH_INCHES, ROW_INCHES, HEAD_INCHES = 10.0, 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
+ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
-HOUR_S = 3600.0
 STEPS_H = (0.25, 0.5, 1, 2, 3, 6, 12, 24)
 WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
 LONGEST_NAME_CHARS = 22  # letters of a name beside a row
-FOOT_INCHES = 0.24  # inches below for the legend
 GANTT_LEGEND = (
     "Grey: road, folding and unfolding. Thin line: end in 95 % of the samples. "
     "Pale: breaks (above), hours of the field (below)."
@@ -50,8 +50,8 @@ def draw_gantt(result: DayResult) -> Figure:
     line behind a bar of a field reaches to its end in 95 % of the samples.
     """
     rows = len(result.fleets), len(result.fields)
-    height = ROW_INCHES * sum(rows) + 2 * HEAD_INCHES + FOOT_INCHES
-    figure = create_figure(GANTT_WIDTH_INCHES, height)
+    height = ROW_INCHES * sum(rows) + 2 * HEAD_INCHES + LINE_INCHES
+    figure = create_figure(PAGE_INCHES, height)
     machines, fields = figure.subplots(2, 1, sharex=True, height_ratios=[max(count, 1) for count in rows])
     span_start_s, span_end_s = _compute_time_span(result)
     for axes, names, title in (
@@ -60,7 +60,7 @@ def draw_gantt(result: DayResult) -> Figure:
         _draw_time_grid(axes, names, title, result, (span_start_s, span_end_s))
     _draw_machines(machines, result, span_end_s - span_start_s)
     _draw_fields(fields, result, span_end_s - span_start_s)
-    bottom = (0.5 + FOOT_INCHES) / height
+    bottom = (0.5 + LINE_INCHES) / height
     figure.subplots_adjust(left=0.17, right=0.98, top=1.0 - 0.42 / height, bottom=bottom, hspace=1.1 / height * 2)
     figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=palette.INK_COLOUR, va="center")
     return figure

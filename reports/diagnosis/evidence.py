@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from reports.common.drawing_sizes import BAR_FRAME, CURVE_FRAME
 from reports.common.effect_names import get_effect_label
 from reports.common.rendering import make_json_safe
 from reports.common.wording import format_number
@@ -24,8 +26,6 @@ from vehicle.identification.diagnosis.results import (
     ResidualPlot,
 )
 
-CURVE_WIDTH, CURVE_HEIGHT, CURVE_LEFT, CURVE_BOTTOM, CURVE_TOP = 720.0, 300.0, 64.0, 44.0, 12.0
-CHART_WIDTH, CHART_HEIGHT, CHART_LEFT, CHART_RIGHT, CHART_TOP, CHART_BOTTOM = 360.0, 200.0, 40.0, 8.0, 12.0, 40.0
 BAR_GAP_SHARE = 0.1  # of a bin, at both sides of its two bars
 SHADE_QUANTILE = 0.95  # of the errors before, and of slopes: a single bad square would leave all others pale
 MIN_SPLIT_SQUARES = 4  # fewer say nothing of steep ground and of the rest
@@ -132,13 +132,8 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
     lows, highs = unit * bins.lows, unit * bins.highs
     low, high = float(lows.min()), float(highs.max())
     top = 1.05 * max(float(np.nanmax([before, after])), 1e-6)
-    bottom = CHART_HEIGHT - CHART_BOTTOM
-
-    def scale_x(value: float) -> float:
-        return CHART_LEFT + (value - low) / (high - low) * (CHART_WIDTH - CHART_LEFT - CHART_RIGHT)
-
-    def scale_y(value: float) -> float:
-        return CHART_TOP + (top - value) / top * (bottom - CHART_TOP)
+    scale_x = partial(BAR_FRAME.scale_x, low=low, high=high)
+    scale_y = partial(BAR_FRAME.scale_y, low=0.0, high=top)
 
     bars = []
     for number in range(len(lows)):
@@ -152,7 +147,7 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
                     "x": f"{left + (right - left) * BAR_GAP_SHARE + place * width:.1f}",
                     "y": f"{y:.1f}",
                     "width": f"{width:.1f}",
-                    "height": f"{bottom - y:.1f}",
+                    "height": f"{BAR_FRAME.bottom - y:.1f}",
                     "value": f"{float(values[number]):.3f}",
                     "words": (
                         f"{format_number(float(lows[number]), 2)} to {format_number(float(highs[number]), 2)}: "
@@ -164,11 +159,7 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
         "kind": kind,
         "title": f"{'Across' if kind == 'cross' else 'Along'} the path, {title}",
         "axis": axis,
-        "width": CHART_WIDTH,
-        "height": CHART_HEIGHT,
-        "left": CHART_LEFT,
-        "right": CHART_WIDTH - CHART_RIGHT,
-        "bottom": bottom,
+        "frame": BAR_FRAME,
         "bars": bars,
         "xticks": [(f"{scale_x(value):.1f}", text) for value, text in choose_ticks(low, high)],
         "yticks": [(f"{scale_y(value):.1f}", text) for value, text in choose_ticks(0.0, top)],
@@ -268,13 +259,8 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
     lowest_at, highest_at = min(lowest_at, *limits, highest_at), max(highest_at, *limits, lowest_at)
     if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
         lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
-
-    def scale_x(value: float) -> float:
-        return CURVE_LEFT + (value - lowest_at) / (highest_at - lowest_at) * (CURVE_WIDTH - CURVE_LEFT - 20.0)
-
-    def scale_y(value: float) -> float:
-        return CURVE_TOP + (high - value) / (high - low) * (CURVE_HEIGHT - CURVE_TOP - CURVE_BOTTOM)
-
+    scale_x = partial(CURVE_FRAME.scale_x, low=lowest_at, high=highest_at)
+    scale_y = partial(CURVE_FRAME.scale_y, low=low, high=high)
     series = []
     for name, values, errors in (
         ("before", curve.before, curve.before_error),
@@ -291,12 +277,8 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
         ]
         series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
     return {
-        "width": CURVE_WIDTH,
-        "height": CURVE_HEIGHT,
+        "frame": CURVE_FRAME,
         "zero": scale_y(0.0),
-        "left": CURVE_LEFT,
-        "right": CURVE_WIDTH - 20.0,
-        "bottom": CURVE_HEIGHT - CURVE_BOTTOM,
         "series": series,
         "regressor": curve.regressor,
         "quantity": curve.quantity,

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence, format_sentence
+from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, WrappedSentence, format_sentence
 from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from vehicle.identification.diagnosis.demo_logs import HiddenEffect
 
 
-MOST_EFFECTS, MOST_LISTED_RUNS = 6, 3
+MOST_EFFECTS = 6
 MORE_HINT = "Add --explain (every effect, every run, how to read it), --html report.html (pictures)."
 
 
@@ -363,7 +363,7 @@ def _describe_worst_runs(diagnosis: Diagnosis) -> str:
         return ""
     parts = [
         f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
-        for run in runs[:MOST_LISTED_RUNS]
+        for run in runs[:MOST_NAMED]
     ]
-    parts += [f"{len(runs) - MOST_LISTED_RUNS} more" if len(runs) > MOST_LISTED_RUNS else ""]
+    parts += [f"{len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""]
     return f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(part for part in parts if part)}."

@@ -25,6 +25,7 @@ from reports.common.plan_results import (
 )
 from reports.common.wording import (
     LEAST_COST,
+    SURE_SHARE,
     capitalize_first,
     format_area,
     format_deadline,
@@ -47,7 +48,6 @@ from reports.plan.plan_wording import (
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
-SURE_SHARE = 0.995  # from here on it is not said again of an alternative
 LEAST_SPAN_S = 1.0  # less time is none
 NEXT_TRACTORS = (
     mark_text("a second"), mark_text("a third"), mark_text("a fourth"), mark_text("a fifth"), mark_text("a sixth"),

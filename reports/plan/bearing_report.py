@@ -3,77 +3,56 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate
-from reports.common.plan_results import PlanResult
 from reports.common.rendering import EXPORT_DECIMALS, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.units import VOLUME
 from reports.common.wording import NO_VALUE, format_duration, format_number
+from reports.plan.comparison import Comparison, ComparisonRow
 from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
 
 CONTOUR = "contour"
 
 
 @dataclass(frozen=True)
-class BearingRow:
-    """One bearing, or swaths along contours, with its best plan or the reason why there is none.
-
-    `requested_deg` is None where planning chose, `bearing_deg` is that of the layout. `cross_slope_pct` is the largest
-    slope across swaths; headland passes run in all directions. `erosion_share` is the share of swath metres near the
-    fall line of steeper ground. `is_chosen` marks the bearing that a plan has by itself.
-    """
+class BearingChoice:
+    """A bearing, None where planning chooses, and the form of swaths: straight, or along contours."""
 
     requested_deg: float | None
     form: str
-    bearing_deg: float | None = None
-    cross_slope_pct: float | None = None
-    erosion_share: float | None = None
-    plan: PlanResult | None = None
-    reason: str | None = None
-    is_chosen: bool = False
 
     @property
-    def time_s(self) -> float | None:
-        """Seconds until the field is worked, missed ground included."""
-        return None if self.plan is None else self.plan.finished_s
-
-    def get_figure(self, key: str) -> Any:
-        """A figure of the plan; None without a plan."""
-        return None if self.plan is None else getattr(self.plan, key)
-
-    @property
-    def rollover_deg(self) -> float | None:
-        """The least margin to rolling over, degrees; None where the tractor file does not tell."""
-        place = self.get_figure("rollover")
-        return None if place is None else place.amount
+    def is_chosen(self) -> bool:
+        """Whether a plan has this bearing by itself."""
+        return self.requested_deg is None and self.form != CONTOUR
 
 
-@dataclass(frozen=True)
-class BearingComparison:
-    """Bearings of one field in the order asked for."""
-
-    field: str
-    rows: tuple[BearingRow, ...]
-
-    def find_least(self, key: str) -> BearingRow | None:
-        """The row whose plan has the least of a figure; None where no row has it."""
-        values = [row.get_figure(key) for row in self.rows]
-        known = [(value, number) for number, value in enumerate(values) if value is not None]
-        return self.rows[min(known)[1]] if known else None
+BearingRow = ComparisonRow[BearingChoice]
+BearingComparison = Comparison[BearingChoice]
 
 
 def name_row(row: BearingRow) -> str:
     """A bearing in words."""
-    if row.form == CONTOUR:
+    if row.label.form == CONTOUR:
         return translate("along contours")
-    bearing = row.bearing_deg if row.requested_deg is None else row.requested_deg
+    laid_deg = None if row.layout is None else row.layout.bearing_deg
+    bearing = laid_deg if row.label.requested_deg is None else row.label.requested_deg
     degrees = NO_VALUE if bearing is None else f"{format_number(bearing, 0)}°"
-    return translate("{bearing} (chosen)", bearing=degrees) if row.is_chosen else degrees
+    return translate("{bearing} (chosen)", bearing=degrees) if row.label.is_chosen else degrees
+
+
+def _get_layout_figure(row: BearingRow, key: str) -> float | None:
+    return None if row.layout is None else getattr(row.layout, key)
+
+
+def _get_rollover_deg(row: BearingRow) -> float | None:
+    """The least margin to rolling over, degrees; None where the tractor file does not tell."""
+    place = row.get_figure("rollover")
+    return None if place is None else place.amount
 
 
 def describe_bearings(comparison: BearingComparison) -> list[str]:
@@ -81,15 +60,15 @@ def describe_bearings(comparison: BearingComparison) -> list[str]:
     quickest = comparison.find_least("finished_s")
     if quickest is None:
         return [translate("No bearing works; the reasons are below.")]
-    time = format_duration(quickest.time_s)
+    time = format_duration(quickest.get_figure("finished_s"))
     sentences = [translate("Quickest is {bearing}: {time}.", bearing=name_row(quickest), time=time)]
     thriftiest = comparison.find_least("fuel_l")
     if thriftiest is not None:
         fuel = VOLUME.format(thriftiest.get_figure("fuel_l"), 1)
         sentences.append(translate("Least fuel takes {bearing}: {fuel}.", bearing=name_row(thriftiest), fuel=fuel))
     thriftiest = comparison.find_least("energy_kwh")
-    if thriftiest is not None and thriftiest.plan is not None:
-        energy = format_energy(thriftiest.plan)
+    if thriftiest is not None and thriftiest.best is not None:
+        energy = format_energy(thriftiest.best)
         sentences.append(
             translate("Least energy takes {bearing}: {energy}.", bearing=name_row(thriftiest), energy=energy)
         )
@@ -103,7 +82,7 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     columns = (
         TableColumn(translate("Bearing"), is_text=True, is_unbroken=True),
         TableColumn(translate("Time")),
-        TableColumn(name_energy_column([row.plan for row in comparison.rows if row.plan is not None])),
+        TableColumn(name_energy_column([row.best for row in comparison.rows if row.best is not None])),
         TableColumn(translate("Cross slope %")),
         TableColumn(translate("To roll-over °")),
         TableColumn(translate("Erosion %")),
@@ -111,11 +90,11 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     rows = tuple(
         (
             name_row(row),
-            format_duration(row.time_s),
-            NO_VALUE if row.plan is None else format_energy_cell(row.plan),
-            format_number(row.cross_slope_pct, 1),
-            format_number(row.rollover_deg, 0),
-            format_number(None if row.erosion_share is None else 100.0 * row.erosion_share, 0),
+            format_duration(row.get_figure("finished_s")),
+            NO_VALUE if row.best is None else format_energy_cell(row.best),
+            format_number(_get_layout_figure(row, "cross_slope_pct"), 1),
+            format_number(_get_rollover_deg(row), 0),
+            format_number(None if (share := _get_layout_figure(row, "erosion_share")) is None else 100.0 * share, 0),
         )
         for row in comparison.rows
     )
@@ -142,13 +121,22 @@ def format_bearing_json(comparison: BearingComparison) -> str:
     ``fuel_l``, ``energy_kwh``, ``cross_slope_pct``, ``rollover_deg``, ``erosion_share``, ``missed_m2``, ``strategy``
     and ``reason``.
     """
-    first_keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s")
-    last_keys = ("cross_slope_pct", "rollover_deg", "erosion_share", "reason")
     rows = [
-        {key: getattr(row, key) for key in first_keys}
-        | {key: row.get_figure(key) for key in ("fuel_l", "energy_kwh")}
-        | {key: getattr(row, key) for key in last_keys}
-        | {key: row.get_figure(key) for key in ("missed_m2", "strategy")}
+        {
+            "requested_deg": row.label.requested_deg,
+            "form": row.label.form,
+            "bearing_deg": _get_layout_figure(row, "bearing_deg"),
+            "is_chosen": row.label.is_chosen,
+            "time_s": row.get_figure("finished_s"),
+            "fuel_l": row.get_figure("fuel_l"),
+            "energy_kwh": row.get_figure("energy_kwh"),
+            "cross_slope_pct": _get_layout_figure(row, "cross_slope_pct"),
+            "rollover_deg": _get_rollover_deg(row),
+            "erosion_share": _get_layout_figure(row, "erosion_share"),
+            "reason": row.reason,
+            "missed_m2": row.get_figure("missed_m2"),
+            "strategy": row.get_figure("strategy"),
+        }
         for row in comparison.rows
     ]
-    return format_json({"field": comparison.field, "bearings": rows}, EXPORT_DECIMALS, is_ascii=False)
+    return format_json({"field": comparison.rows[0].requested_field, "bearings": rows}, EXPORT_DECIMALS, is_ascii=False)

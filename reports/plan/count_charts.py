@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
@@ -17,8 +18,7 @@ _TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 
 _VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
 _SHARE_TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
-_WIDTH, _TIME_HEIGHT, _RISK_HEIGHT, _RISK_BETWEEN = 720.0, 340.0, 420.0, 30.0  # of pictures, and between two curves
-_LEFT, _RIGHT, _ABOVE, _BELOW, _INSET = 86.0, 16.0, 18.0, 56.0, 20.0  # room around curves, and at their ends
+_BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class _ChartBand:
 
     @property
     def box(self) -> MapExtent:
-        return MapExtent(_LEFT, self.south, _WIDTH - _RIGHT, self.north)
+        return MapExtent(TIME_FRAME.left, self.south, TIME_FRAME.right, self.north)
 
     def scale_y(self, value: float) -> float:
         return round(self.north - (self.north - self.south) * value / self.top, 1)
@@ -40,11 +40,9 @@ class _ChartBand:
 def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
     """The x of every number of tractors, fewest first."""
     counts = sorted({plan.tractors for plan in plans})
-    span, inner = counts[-1] - counts[0], _WIDTH - _LEFT - _RIGHT - 2.0 * _INSET
-    return {
-        count: round(_LEFT + _INSET + (inner * (count - counts[0]) / span if span else inner / 2), 1)
-        for count in counts
-    }
+    first = TIME_FRAME.left + _INSET
+    span, inner = counts[-1] - counts[0], TIME_FRAME.right - _INSET - first
+    return {count: round(first + (inner * (count - counts[0]) / span if span else inner / 2), 1) for count in counts}
 
 
 def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
@@ -54,7 +52,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         return None
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
     top = max([get_ranked_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
-    band, places = _ChartBand(_ABOVE, _TIME_HEIGHT - _BELOW, top), _place_counts(plans)
+    band, places = _ChartBand(TIME_FRAME.top, TIME_FRAME.bottom, top), _place_counts(plans)
     names = list(dict.fromkeys(plan.strategy for plan in plans))
     front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
     deadline = None
@@ -63,8 +61,8 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     step_s = next((step for step in _TIME_STEPS_S if top / step <= 6), 86400 * math.ceil(top / 86400 / 6))
     return {
         "box": band.box,
-        "width": _WIDTH,
-        "height": _TIME_HEIGHT,
+        "width": TIME_FRAME.width,
+        "height": TIME_FRAME.height,
         "points": _place_points(
             plans, names, [(places[plan.tractors], band.scale_y(get_ranked_s(plan))) for plan in plans]
         ),
@@ -82,7 +80,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
     """Points to draw, the best last; a point that would hide another is moved right, not as far as the next count."""
     columns = sorted({x for x, _ in places})
-    room = min((right - left for left, right in pairwise(columns)), default=_WIDTH / 4)
+    room = min((right - left for left, right in pairwise(columns)), default=TIME_FRAME.width / 4)
     step = min(_POINT_DISTANCE, 0.6 * room / max(sum(x == column for x, _ in places) for column in columns))
     points: list[dict[str, Any]] = []
     for plan, (x, y) in zip(plans, places, strict=True):
@@ -112,11 +110,11 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     judged = [(plan, plan.finish_probability) for plan in plans if plan.finish_probability is not None]
     if judged:
         curves.insert(0, ("In time, %", 1.0, [(share, format_percent(share)) for share in _SHARE_TICKS], judged))
-    places, between = _place_counts(plans), _RISK_BETWEEN * (len(curves) - 1)
-    height = (_RISK_HEIGHT - _ABOVE - _BELOW - between) / len(curves)
+    places, between = _place_counts(plans), _BETWEEN * (len(curves) - 1)
+    height = (RISK_FRAME.bottom - RISK_FRAME.top - between) / len(curves)
     bands = []
     for number, (name, most, curve_ticks, points) in enumerate(curves):
-        south = _ABOVE + number * (height + _RISK_BETWEEN)
+        south = RISK_FRAME.top + number * (height + _BETWEEN)
         band = _ChartBand(south, south + height, most)
         bands.append(
             {
@@ -131,7 +129,7 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
             }
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]
-    return {"width": _WIDTH, "height": _RISK_HEIGHT, "bands": bands, "counts": counts}
+    return {"width": RISK_FRAME.width, "height": RISK_FRAME.height, "bands": bands, "counts": counts}
 
 
 def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:

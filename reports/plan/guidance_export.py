@@ -11,7 +11,6 @@ from rich.console import Group, RenderableType
 from fields.errors import mark_parameter
 from fields.formats.format_records import list_records
 from fields.formats.guidance import (
-    MAX_CURVE_ERROR_M,
     MAX_DESIGNATOR_BYTES,
     MAX_SEGMENTS,
     FileContents,
@@ -21,6 +20,7 @@ from fields.formats.guidance import (
     cut_curves_into_segments,
     simplify_to_ascii,
 )
+from fields.geometry.tolerances import CURVE_M
 from reports.common.rendering import ReportError, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 
@@ -139,7 +139,7 @@ def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]
         segment_count = sum(line.driving_position in cut_positions for line in written.lines)
         sentences.append(
             f"Curves cut into straight lines: {len(cut_positions)}, into {segment_count} lines within "
-            f"{MAX_CURVE_ERROR_M * 100:.0f} cm (letters after their numbers); --curves writes them whole."
+            f"{CURVE_M * 100:.0f} cm (letters after their numbers); --curves writes them whole."
         )
     if not written.format.takes_curves and not all(line.is_straight for line in written.lines):
         sentences.append(CURVES_WARNING)

@@ -7,24 +7,20 @@ charged at the plan's own rate, and so is finished ground that is driven over wh
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import PurePath
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
-    FieldPartPlan,
     PlanResult,
-    UnworkedPiece,
     get_paid_cost,
-    get_ranked_cost,
     get_stated_cost,
     get_stated_end_s,
     get_stated_s,
 )
 from reports.common.units import format_area, format_width
+from reports.plan.comparison import Comparison, ComparisonRow
 from reports.plan.plan_wording import describe_part, format_ground_place
-from reports.plan.small_map import SmallMap
 
 YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
 
@@ -39,47 +35,7 @@ class HeadlandChoice:
     width_m: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedPlan:
-    """The best plan of a field with one way to work its headland, or why there is none.
-
-    `requested_field` is the field as named in the request; `map` is a small map of the plan where one was asked for.
-    `meets_request` is False where the plan is no recommendation: for deadline, rain, budget, share worked or pull.
-    `parts` and `cut_off` are the ground that it does not reach: parts with plans of their own, and all that obstacles
-    cut off, at the place of its largest piece.
-    """
-
-    requested_field: str
-    choice: HeadlandChoice
-    plan: PlanResult | None = None
-    refusal: str | None = None
-    field_name: str = ""
-    area_ha: float = 0.0
-    headland_m: float | None = None
-    currency: str | None = None
-    machines: str | None = None
-    remarks: tuple[str, ...] = ()
-    meets_request: bool = True
-    parts: tuple[FieldPartPlan, ...] = ()
-    cut_off: UnworkedPiece | None = None
-    map: SmallMap | None = field(default=None, repr=False)
-
-    @property
-    def charged_cost(self) -> float:
-        """The stated cost with missed ground finished at the plan's own rate."""
-        assert self.plan is not None
-        return get_ranked_cost(self.plan)
-
-    @property
-    def cut_off_m2(self) -> float:
-        """Ground that the plan does not reach."""
-        return sum(part.ground.m2 for part in self.parts) or (0.0 if self.cut_off is None else self.cut_off.m2)
-
-    @property
-    def overlap_m2(self) -> float:
-        """Ground worked more than once."""
-        assert self.plan is not None
-        return 100.0 * (self.plan.overlap_pct or 0.0) * self.area_ha
+HeadlandRow = ComparisonRow[HeadlandChoice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +47,7 @@ class HeadlandTotals:
     """
 
     choice: HeadlandChoice
-    plans: tuple[ComparedPlan, ...]
+    plans: tuple[HeadlandRow, ...]
     field_count: int
     names_width: bool = False
     operations_per_year: int = 1
@@ -99,7 +55,7 @@ class HeadlandTotals:
     @cached_property
     def driven(self) -> tuple[PlanResult, ...]:
         """The plans of the fields that have one."""
-        return tuple(each.plan for each in self.plans if each.plan is not None)
+        return tuple(each.best for each in self.plans if each.best is not None)
 
     @property
     def is_complete(self) -> bool:
@@ -109,7 +65,7 @@ class HeadlandTotals:
     @property
     def area_ha(self) -> float:
         """Hectares of the fields that have a plan."""
-        return sum(each.area_ha for each in self.plans if each.plan is not None)
+        return sum(each.area_ha for each in self.plans if each.best is not None)
 
     @property
     def time_s(self) -> float:
@@ -132,7 +88,7 @@ class HeadlandTotals:
     @property
     def charged_cost(self) -> float:
         """The costs with missed ground finished, by which ways are compared."""
-        return sum(each.charged_cost for each in self.plans if each.plan is not None)
+        return sum(each.charged_cost for each in self.plans)
 
     @property
     def cost_per_ha(self) -> float | None:
@@ -147,7 +103,7 @@ class HeadlandTotals:
     @property
     def overlap_m2(self) -> float:
         """Ground worked more than once."""
-        return sum(each.overlap_m2 for each in self.plans if each.plan is not None)
+        return sum(each.overlap_m2 for each in self.plans)
 
     @property
     def over_finished_m2(self) -> float:
@@ -183,44 +139,43 @@ class HeadlandTotals:
 
 
 @dataclass(frozen=True, eq=False)
-class HeadlandComparison:
+class HeadlandComparison(Comparison[HeadlandChoice]):
     """Every way to work the headland on every field, in the order of the request; see HeadlandTotals."""
 
-    plans: tuple[ComparedPlan, ...]
     operations_per_year: int = 1
 
     @cached_property
     def choices(self) -> tuple[HeadlandChoice, ...]:
         """The ways compared."""
-        return tuple(dict.fromkeys(each.choice for each in self.plans))
+        return tuple(dict.fromkeys(each.label for each in self.rows))
 
     @cached_property
     def fields(self) -> tuple[str, ...]:
         """The fields as requested."""
-        return tuple(dict.fromkeys(each.requested_field for each in self.plans))
+        return tuple(dict.fromkeys(each.requested_field for each in self.rows))
 
     @cached_property
     def totals(self) -> tuple[HeadlandTotals, ...]:
         """One entry per way: those that work everywhere by cost, then those that work on most fields."""
-        return tuple(self.sum_over_fields(self.plans))
+        return tuple(self.sum_over_fields(self.rows))
 
     @cached_property
     def best(self) -> HeadlandTotals | None:
         """The cheapest way that works on every field that any way works on; None where no plan works."""
-        workable = {each.requested_field for each in self.plans if each.plan is not None}
+        workable = {each.requested_field for each in self.rows if each.best is not None}
         first = self.totals[0] if self.totals else None
         return first if first is not None and workable and len(first.driven) == len(workable) else None
 
     @property
     def currency(self) -> str | None:
         """The currency of the costs."""
-        return next((each.currency for each in self.plans if each.currency), None)
+        return next((each.ranking.currency for each in self.rows if each.ranking and each.ranking.currency), None)
 
-    def sum_over_fields(self, plans: Iterable[ComparedPlan]) -> list[HeadlandTotals]:
+    def sum_over_fields(self, plans: Iterable[HeadlandRow]) -> list[HeadlandTotals]:
         """Totals of some plans by way, the best first."""
-        by_choice: dict[HeadlandChoice, list[ComparedPlan]] = {}
+        by_choice: dict[HeadlandChoice, list[HeadlandRow]] = {}
         for each in plans:
-            by_choice.setdefault(each.choice, []).append(each)
+            by_choice.setdefault(each.label, []).append(each)
         has_widths = len({choice.width_m for choice in self.choices}) > 1
         totals = [
             HeadlandTotals(choice, tuple(some), len(some), has_widths, self.operations_per_year)
@@ -232,15 +187,15 @@ class HeadlandComparison:
     def totals_by_field(self) -> Mapping[str, list[HeadlandTotals]]:
         """The ways on each field, the best first."""
         return {
-            name: self.sum_over_fields(each for each in self.plans if each.requested_field == name)
+            name: self.sum_over_fields(each for each in self.rows if each.requested_field == name)
             for name in self.fields
         }
 
     @cached_property
     def field_names(self) -> Mapping[str, str]:
         """The fields as their files name them, by their names in the request."""
-        names = {each.requested_field: each.field_name for each in self.plans if each.field_name}
-        return {name: names.get(name) or PurePath(name).name for name in self.fields}
+        names = {each.requested_field: each.field_name for each in self.rows}
+        return names | {each.requested_field: each.field_name for each in self.rows if each.ranking is not None}
 
 
 def _sum_known(amounts: Iterable[float | None]) -> float | None:
@@ -290,7 +245,7 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
     for name, totals in comparison.totals_by_field.items():
         for one in totals:
             if not one.driven:
-                reason = (one.plans[0].refusal or translate("no plan is feasible")).rstrip(".")
+                reason = (one.plans[0].reason or translate("no plan is feasible")).rstrip(".")
                 ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
     names = comparison.field_names
     count = len(comparison.choices)
@@ -315,14 +270,16 @@ def list_cut_off(comparison: HeadlandComparison) -> list[str]:
     return sentences
 
 
-def _describe_cut_off(each: ComparedPlan) -> list[str]:
+def _describe_cut_off(each: HeadlandRow) -> list[str]:
     """Where ground is cut off, why, and what would work it."""
-    if each.parts or each.cut_off is None:
-        return [translate_sentence(describe_part(part)) for part in each.parts]
+    parts = () if each.ranking is None else each.ranking.parts
+    cut_off = None if each.layout is None else each.layout.cut_off
+    if parts or cut_off is None:
+        return [translate_sentence(describe_part(part)) for part in parts]
     sentence = translate(
         "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A smaller "
         "--margin may open a way.",
-        area=format_area(each.cut_off.m2),
-        place=format_ground_place(each.cut_off),
+        area=format_area(cut_off.m2),
+        place=format_ground_place(cut_off),
     )
     return [sentence]

@@ -15,6 +15,7 @@ from reports.plan.headland_report import (
     tabulate_fields,
     tabulate_ways,
 )
+from reports.plan.plan_wording import describe_machines
 
 
 def render_headland_page(comparison: HeadlandComparison) -> str:
@@ -22,12 +23,13 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
     names = list(comparison.field_names.values())
     fields = tabulate_fields(comparison)
     head, rows = _tabulate(comparison, comparison.totals, comparison.best)
-    maps = [each.map for each in comparison.plans if each.map is not None]
+    rankings = [each.ranking for each in comparison.rows if each.ranking is not None]
+    maps = [each.map for each in comparison.rows if each.map is not None]
     return render_template(
         "headland_comparison.html.j2",
         {
             "title": f"Headlands compared: {names[0] if len(names) == 1 else f'{len(names)} fields'}",
-            "machines": "; ".join(dict.fromkeys(each.machines for each in comparison.plans if each.machines)),
+            "machines": "; ".join(dict.fromkeys(filter(None, map(describe_machines, rankings)))),
             "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
             "head": head,
             "rows": rows,
@@ -39,7 +41,7 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
             "fields": [_build_section(comparison, field) for field in comparison.fields],
             "has_missed": any(one["missed"] for one in maps),
             "has_driven_over": any(one["driven_over"] for one in maps),
-            "remarks": list(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks)),
+            "remarks": list(dict.fromkeys(remark for one in rankings for remark in one.field_remarks)),
         },
     )
 

@@ -16,9 +16,9 @@ from reports.common.wording import NO_VALUE, format_money, format_number, format
 from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
     YEAR_KEYS,
-    ComparedPlan,
     HeadlandChoice,
     HeadlandComparison,
+    HeadlandRow,
     HeadlandTotals,
     describe_choice,
     list_cut_off,
@@ -49,7 +49,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
     """Which way is worth it, by how much, and where: the first sentence is the answer."""
     best = comparison.best
     if best is None:
-        has_any = any(each.plan is not None for each in comparison.plans)
+        has_any = any(each.best is not None for each in comparison.rows)
         return [
             translate("No way to work the headland works on every field; the best of each field is below.")
             if has_any
@@ -78,7 +78,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
 def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
     """The first sentence: the best way and what it saves against the next and the dearest."""
     others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
-    names = [comparison.field_names[each.requested_field] for each in best.plans if each.plan is not None]
+    names = [comparison.field_names[each.requested_field] for each in best.plans if each.best is not None]
     times = best.operations_per_year
     yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
     ground = ", ".join([FIELD_AREA.format(best.area_ha, 2), *yearly])
@@ -362,7 +362,7 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
             }
             for one in comparison.totals
         ],
-        "fields": [_build_field_entry(each) for each in comparison.plans],
+        "fields": [_build_field_entry(each) for each in comparison.rows],
     }
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
@@ -376,17 +376,17 @@ def _build_choice_entry(choice: HeadlandChoice) -> dict[str, Any]:
     }
 
 
-def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
+def _build_field_entry(each: HeadlandRow) -> dict[str, Any]:
     return {
         "requested_field": each.requested_field,
-        "field": each.field_name or None,
+        "field": None if each.ranking is None else each.field_name,
         "area_ha": each.area_ha or None,
-        **_build_choice_entry(each.choice),
-        "headland_m": each.headland_m,
-        "plan": None if each.plan is None else build_plan_entry(each.plan),
-        "meets_request": None if each.plan is None else each.meets_request,
-        "parts": [build_part_entry(part) for part in each.parts],
-        "refusal": each.refusal,
+        **_build_choice_entry(each.label),
+        "headland_m": None if each.layout is None else each.layout.headland_m,
+        "plan": None if each.best is None else build_plan_entry(each.best),
+        "meets_request": None if each.best is None else each.meets_request,
+        "parts": [build_part_entry(part) for part in (() if each.ranking is None else each.ranking.parts)],
+        "refusal": each.reason,
     }
 
 
@@ -398,22 +398,22 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
         *YEAR_KEYS, "cut_off_m2",
     )  # fmt: skip
     rows = []
-    for each in comparison.plans:
+    for each in comparison.rows:
         (totals,) = comparison.sum_over_fields([each])
         values: dict[str, Any] = {
             "requested_field": each.requested_field,
-            "field": each.field_name or None,
+            "field": None if each.ranking is None else each.field_name,
             "area_ha": each.area_ha or None,
-            **_build_choice_entry(each.choice),
-            "headland_m": each.headland_m,
+            **_build_choice_entry(each.label),
+            "headland_m": None if each.layout is None else each.layout.headland_m,
             "currency": comparison.currency,
-            "reason": each.refusal,
+            "reason": each.reason,
             "operations_per_year": comparison.operations_per_year,
             **totals.year,
         }
-        if each.plan is not None:
-            values |= {key: getattr(each.plan, key) for key in HEADLAND_CSV_KEYS}
-            values |= {key: getattr(each.plan, key) or values[key] for key in ("headland_order", "headland_passes")}
+        if each.best is not None:
+            values |= {key: getattr(each.best, key) for key in HEADLAND_CSV_KEYS}
+            values |= {key: getattr(each.best, key) or values[key] for key in ("headland_order", "headland_passes")}
             values |= {key: getattr(totals, key) for key in ("overlap_m2", "cost_per_ha", "cut_off_m2")}
         values = make_json_safe(values, EXPORT_DECIMALS)
         rows.append([format_csv_cell(values.get(key)) for key in head])

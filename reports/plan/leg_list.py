@@ -10,12 +10,10 @@ from rich.text import Text
 
 from reports.common.plan_drives import DriverLeg
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
 _COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_MOST_NAMED_TRACTORS = 4  # if more tractors are waited for, only their number is shown
-_MOST_NAMED_TRACKS = 3  # if more finished tracks are crossed, only their number is shown
 _LEAST_REVERSING_M = 0.5
 _LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
@@ -28,20 +26,24 @@ def describe_leg(leg: DriverLeg) -> str:
     if leg.reversing_m >= (_LONG_REVERSING_M if is_named else _LEAST_REVERSING_M):
         parts.append(f"reversing {format_number(leg.reversing_m, 0)} m")
     tracks = [name for name in leg.over_finished if name != "headland"]
-    places = [_name_few("track", tracks, _MOST_NAMED_TRACKS)] if tracks else []
+    places = [_name_few("track", tracks)] if tracks else []
     places += ["headland"] if len(tracks) < len(leg.over_finished) else []
     return ", ".join([*parts, *([f"over finished {' and '.join(places)}"] if places else [])])
 
 
-def _name_few(noun: str, names: Sequence[object], most: int) -> str:
+def _name_few(noun: str, names: Sequence[object]) -> str:
     """``track 3``, ``tracks 3, 4 and 5``; where there are more, how many."""
-    return f"{len(names)} {noun}s" if len(names) > most else f"{noun}{'s' if len(names) > 1 else ''} {join_list(names)}"
+    return (
+        f"{len(names)} {noun}s"
+        if len(names) > MOST_NAMED
+        else f"{noun}{'s' if len(names) > 1 else ''} {join_list(names)}"
+    )
 
 
 def _describe_purpose(leg: DriverLeg) -> str:
     """What a leg is for."""
     if leg.kind == "wait":
-        awaited = _name_few("tractor", leg.for_tractors, _MOST_NAMED_TRACTORS)
+        awaited = _name_few("tractor", leg.for_tractors)
         return f"wait for {awaited}" if leg.for_tractors else "wait"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"

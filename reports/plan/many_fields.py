@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -13,41 +12,20 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import PlanRanking, PlanResult, get_paid_cost, get_stated_cost, get_stated_end_s
+from reports.common.plan_results import get_paid_cost, get_stated_cost, get_stated_end_s
 from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.units import FIELD_AREA, LENGTH, format_width, is_us
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_money, format_number, format_price
+from reports.plan.comparison import ComparisonRow
 from reports.plan.figures import FIGURES
 from reports.plan.ranking_export import build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
 from reports.plan.shortfall_wording import list_shortfall_sentences
-from reports.plan.small_map import SmallMap
 
 MOST_ROWS = 9  # of the first screen
 
 
-@dataclass(frozen=True, eq=False)
-class FieldRecord:
-    """The answer for one field at one width: the ranking of its plans, or the `refusal`, a sentence.
-
-    `requested_field` is the field as named in the request, `map` a small map of the best plan for the page.
-    """
-
-    requested_field: str
-    width_m: float
-    ranking: PlanRanking | None = None
-    refusal: str | None = None
-    map: SmallMap | None = field(default=None, repr=False)
-
-    @cached_property
-    def best(self) -> PlanResult | None:
-        """The best plan; None where there is none."""
-        return None if self.ranking is None else self.ranking.best
-
-    @property
-    def field_name(self) -> str:
-        """The field as its file names it, else the last part of the requested name."""
-        return PurePath(self.requested_field).name if self.ranking is None else self.ranking.field_name
+FieldRow = ComparisonRow[float]  # a field at one working width, m
 
 
 def format_many_csv_head() -> str:
@@ -56,12 +34,12 @@ def format_many_csv_head() -> str:
     return format_csv([[first, "requested_field", *others]])
 
 
-def format_many_csv_rows(record: FieldRecord) -> str:
+def format_many_csv_rows(record: FieldRow) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
     ranking, columns = record.ranking, list_csv_columns()
     if ranking is None:
         entries: list[dict[str, Any]] = [{"feasible": False, "reason": record.refusal}]
-        request_values: dict[str, Any] = {"width_m": record.width_m}
+        request_values: dict[str, Any] = {"width_m": record.label}
     else:
         entries = [build_plan_entry(plan) for plan in ranking.plans]
         request_values = {**ranking.scenario, "area_ha": ranking.area_ha}
@@ -69,10 +47,10 @@ def format_many_csv_rows(record: FieldRecord) -> str:
     return format_csv([first, record.requested_field, *others] for first, *others in rows)
 
 
-def format_many_fields_json(records: Sequence[FieldRecord]) -> str:
+def format_many_fields_json(records: Sequence[FieldRow]) -> str:
     """``fields``: the records without maps, in the order of the request; ``totals``: one per width."""
     shown = [
-        {"requested_field": record.requested_field, "width_m": record.width_m, "refusal": record.refusal,
+        {"requested_field": record.requested_field, "width_m": record.label, "refusal": record.refusal,
          "ranking": None if record.ranking is None else build_ranking_entry(record.ranking)}
         for record in records
     ]  # fmt: skip
@@ -115,11 +93,11 @@ class FieldsTotal:
         return self.cost / self.area_ha
 
 
-def sum_over_fields(records: Sequence[FieldRecord]) -> list[FieldsTotal]:
+def sum_over_fields(records: Sequence[FieldRow]) -> list[FieldsTotal]:
     """One total for every width with a plan, in the order of the request."""
     totals = []
-    for width_m in dict.fromkeys(record.width_m for record in records):
-        some = [record for record in records if record.width_m == width_m]
+    for width_m in dict.fromkeys(record.label for record in records):
+        some = [record for record in records if record.label == width_m]
         plans = [record.best for record in some if record.best is not None]
         areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
         figures = [
@@ -146,7 +124,7 @@ _PLAN_DROPS = {
 """Figures of the best plans, each with the order in which it is dropped."""
 
 
-def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
+def tabulate_records(records: Sequence[FieldRow]) -> RecordsTable:
     """The best plan of every record, with totals where there are several fields."""
     figures = [FIGURES[key] for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
     columns = (
@@ -162,7 +140,7 @@ def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
         cells[0] = translate("none") if best is None else cells[0]
         area = NO_VALUE if ranking is None else format_number(ranking.area_ha, 2)
         headland, bearing = format_number(scenario.get("headland_m"), 1), format_number(scenario.get("bearing_deg"), 0)
-        rows.append((record.field_name, area, f"{record.width_m:g}", headland, bearing, *cells))
+        rows.append((record.field_name, area, f"{record.label:g}", headland, bearing, *cells))
     total_rows = tuple(
         (translate("Total"), format_number(one.area_ha, 2), f"{one.width_m:g}", "", "", "", "",
          format_duration(one.time_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
@@ -172,12 +150,12 @@ def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
     return RecordsTable(columns, (*rows, *total_rows), total_rows)
 
 
-def has_probability(records: Sequence[FieldRecord]) -> bool:
+def has_probability(records: Sequence[FieldRow]) -> bool:
     """Whether it is known of a best plan how sure it is to be done in time."""
     return any(record.best is not None and record.best.finish_probability is not None for record in records)
 
 
-def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
+def build_many_fields_table(records: Sequence[FieldRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
     table = tabulate_records(records)
     styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
@@ -192,7 +170,7 @@ def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
     return Group(*parts)
 
 
-def describe_records(records: Sequence[FieldRecord]) -> list[str]:
+def describe_records(records: Sequence[FieldRow]) -> list[str]:
     """What the table holds, and what its costs are where there are samples or a currency."""
     sentences = ["The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."]
     if any(one.fields > 1 for one in sum_over_fields(records)):
@@ -208,7 +186,7 @@ def describe_records(records: Sequence[FieldRecord]) -> list[str]:
     return sentences
 
 
-def list_records_without_plan(records: Sequence[FieldRecord], *, names_file: bool = True) -> list[str]:
+def list_records_without_plan(records: Sequence[FieldRow], *, names_file: bool = True) -> list[str]:
     """A sentence for every field at a width that has no plan, named as requested, or without its folder."""
     sentences = []
     for record in records:
@@ -226,7 +204,7 @@ def list_records_without_plan(records: Sequence[FieldRecord], *, names_file: boo
     return sentences
 
 
-def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
+def list_shortfalls(records: Sequence[FieldRow]) -> list[str]:
     """A sentence for every field at a width whose best plan is no recommendation."""
     return [
         _describe_field(record.field_name, record, sentence)
@@ -236,11 +214,11 @@ def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
     ]
 
 
-def _describe_field(name: str, record: FieldRecord, reason: str) -> str:
-    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.width_m), reason=reason)
+def _describe_field(name: str, record: FieldRow, reason: str) -> str:
+    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.label), reason=reason)
 
 
-def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
+def build_many_fields_screen(records: Sequence[FieldRow], *, with_next: bool = True) -> RenderableType:
     """What the fields come to at each width, the plan of every field, and what to type next."""
     faults = [*list_shortfalls(records), *list_records_without_plan(records, names_file=False)]
     legend = translate("The recommended plan of each field; times and costs are as simulated.")
@@ -259,7 +237,7 @@ def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool 
     )
 
 
-def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
+def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
     """What the fields that have a plan come to, a sentence for every width, and how many have none."""
     fields = len({record.requested_field for record in records})
     is_assumed = any(record.ranking is not None and record.ranking.prices_assumed for record in records)
@@ -293,14 +271,14 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
     )
 
 
-def find_currency(records: Sequence[FieldRecord]) -> str:
+def find_currency(records: Sequence[FieldRow]) -> str:
     """The currency of the costs; "" where none is known."""
     return next((one.ranking.currency for one in records if one.ranking is not None and one.ranking.currency), "")
 
 
-def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
+def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
     """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
-    has_widths = len({record.width_m for record in records}) > 1
+    has_widths = len({record.label for record in records}) > 1
     last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
     width = translate("Width {unit}", unit=LENGTH.unit) if is_us() else translate("Width")
     columns = (
@@ -317,7 +295,7 @@ def _build_screen_table(records: Sequence[FieldRecord]) -> FittedTable:
     for record in records:
         area_ha = None if record.ranking is None else record.ranking.area_ha
         size = format_number(FIELD_AREA.convert(area_ha), 2)
-        size = format_width(record.width_m).partition(" ")[0] if has_widths else size
+        size = format_width(record.label).partition(" ")[0] if has_widths else size
         cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
         if record.best is not None:
             cells = [figure.format(record.best) for figure in figures]

@@ -11,7 +11,7 @@ from reports.common.wording import format_money, format_tractor_count, insert_no
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES
 from reports.plan.many_fields import (
-    FieldRecord,
+    FieldRow,
     describe_records,
     list_many_sentences,
     list_records_without_plan,
@@ -27,10 +27,10 @@ PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tra
 """Columns in the order of the page, on which those to the right may be hidden; the layout is in CSV and JSON."""
 
 
-def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
+def render_many_fields_page(records: Sequence[FieldRow]) -> str:
     """The page as HTML text; records with a plan may have a small map."""
     table = tabulate_records(records)
-    has_widths = len({record.width_m for record in records}) > 1
+    has_widths = len({record.label for record in records}) > 1
     anchors = [f"field-{number}" if record.best else "" for number, record in enumerate(records)]
     sections = [
         _build_section(record, record.ranking, record.best, anchor, has_widths)
@@ -64,7 +64,7 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
 
 
 def _build_section(
-    record: FieldRecord, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
+    record: FieldRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
     cost = format_money(get_stated_cost(best), ranking.currency)
@@ -76,7 +76,7 @@ def _build_section(
         rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
-        "name": ranking.field_name + (f", {record.width_m:g} m" if names_width else ""),
+        "name": ranking.field_name + (f", {record.label:g} m" if names_width else ""),
         "anchor": anchor,
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),

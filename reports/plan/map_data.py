@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from reports.common.drawing_sizes import HATCH_SHARE
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_drives import PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking
@@ -120,7 +121,6 @@ MOST_FIRST_KNOTS = 30_000  # of the plan shown first
 MOST_OTHER_KNOTS = 60_000  # of all other plans together
 _MARGIN_SHARE = 0.04  # of the larger side of the map
 MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
-_HATCH_SPACING_PCT = 1.1  # between lines over unworked ground, in hundredths of the larger side of the map
 
 
 def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
@@ -220,7 +220,7 @@ def _build_plan_drawing(
     longest = max(len(xy) for xy in drive.xy) - 1
     size = box.size or 1.0
     marks, label = place_leg_marks(drive, size), place_unworked_label(drive, box)
-    lines = build_hatching(drive.unworked, _HATCH_SPACING_PCT * size / 100)
+    lines = build_hatching(drive.unworked, HATCH_SHARE * size)
     return {
         "title": drive.title,
         "step": drive.step_s,

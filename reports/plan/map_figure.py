@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from reports.common import palette
+from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
 from reports.common.notebook import create_figure
 from reports.common.plan_drives import PlanDrive, Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from matplotlib.patches import PathPatch
 
 
-_HATCH_SPACING_SHARE = 0.011  # of the larger side, between two lines over unworked ground
 _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
 
 
@@ -95,7 +95,7 @@ def draw_unworked(axes: Axes, drive: PlanDrive, box: MapExtent) -> None:
     from matplotlib.collections import LineCollection
 
     if drive.unworked:
-        lines = [*build_hatching(drive.unworked, _HATCH_SPACING_SHARE * (box.size or 1.0))]
+        lines = [*build_hatching(drive.unworked, HATCH_SHARE * (box.size or 1.0))]
         lines += [np.vstack([ring, ring[:1]]) for ring in drive.unworked]
         hatching = LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4)
         axes.add_collection(hatching, autolim=False)
@@ -180,9 +180,9 @@ _FAULT_LOOK: dict[str, Any] = {
     "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
     "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
 }  # fmt: skip
-_LETTERS_PER_INCH, _TITLE_INCHES = 11.0, 0.24  # of a title of 11 points; height of its lines
+_LETTERS_PER_INCH = 11.0  # of a title of 11 points; height of its lines
 _EDGE_INCHES = 0.2  # margin around everything
-_WIDEST_INCHES, _TALLEST_INCHES, _NARROWEST_INCHES = 10.0, 9.0, 4.5  # of a map, inches
+_TALLEST_INCHES, _NARROWEST_INCHES = 9.0, 4.5  # of a map, inches
 _SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
 _MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
 _LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
@@ -270,7 +270,7 @@ class _FigureLayout:
     @property
     def title_height(self) -> float:
         """Height of the title."""
-        return _EDGE_INCHES + _TITLE_INCHES * len(self.title)
+        return _EDGE_INCHES + LINE_INCHES * len(self.title)
 
     @property
     def lists_height(self) -> float:
@@ -289,7 +289,7 @@ def _plan_layout(drive: PlanDrive, field_name: str) -> _FigureLayout:
     box = compute_extent(drive)
     size = box.size or 1.0
     across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
-    scale = min((_WIDEST_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
+    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
     across, up = round(float(across_m * scale), 4), round(float(up_m * scale), 4)
     width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
     lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
+from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 12  # of plans in a fragment; to_pandas has all
 MOST_TITLE_CHARS = 80  # above a drawing
-MAP_INCHES, LEAST_MAP_INCHES = 7.5, 3.0  # width of a map, and its least height
+LEAST_MAP_INCHES = 3.0  # width of a map, and its least height
 TEXT_COLUMNS = ("field", "strategy", "turn", "reason", "remark")
 Files = Mapping[str, Callable[[], str | bytes]]
 
@@ -77,7 +78,7 @@ def build_answer_view(ranking: PlanRanking, picture: Callable[[], PlanDrive], fi
         html=lambda: render_ranking_fragment(ranking, picture()),
         table=lambda: build_ranking_frame(ranking),
         draw=draw,
-        figure_inches=(MAP_INCHES, MAP_INCHES),
+        figure_inches=(COLUMN_INCHES, COLUMN_INCHES),
         files=files,
     )
 
@@ -115,7 +116,7 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
             ]
         ),
         draw=lambda axes: draw_drive(axes, drive, drive.title),
-        figure_inches=(MAP_INCHES, MAP_INCHES),
+        figure_inches=(COLUMN_INCHES, COLUMN_INCHES),
     )
 
 
@@ -213,8 +214,8 @@ def _shorten_title(title: str) -> str:
 def _encode_map(drive: PlanDrive) -> str:
     """The map as PNG in base64, its height by the shape of the field; its title is text above it."""
     box = compute_extent(drive)
-    height = MAP_INCHES * min(box.height / (box.width or 1.0), 1.3) + 1.4
-    return encode_picture(lambda axes: draw_drive(axes, drive), (MAP_INCHES, max(height, LEAST_MAP_INCHES)))
+    height = COLUMN_INCHES * min(box.height / (box.width or 1.0), 1.3) + 1.4
+    return encode_picture(lambda axes: draw_drive(axes, drive), (COLUMN_INCHES, max(height, LEAST_MAP_INCHES)))
 
 
 def draw_times(axes: Axes, ranking: PlanRanking) -> None:

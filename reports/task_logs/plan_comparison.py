@@ -10,7 +10,9 @@ import numpy as np
 import shapely
 from rich.console import Group, RenderableType
 
+from fields.units import KMH_PER_MPS
 from reports.common import palette
+from reports.common.drawing_sizes import COLUMN_INCHES, PAGE_INCHES
 from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
@@ -24,11 +26,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-KMH_PER_MPS = 3.6
 PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
-# From _WIDE_INCHES on three columns of the legend fit.
-_WIDEST_INCHES, _TALLEST_INCHES, _NARROWEST_INCHES, _WIDE_INCHES = 10.0, 8.0, 5.5, 7.5
+# From COLUMN_INCHES on three columns of the legend fit.
+_TALLEST_INCHES, _NARROWEST_INCHES = 8.0, 5.5
 _MARKED_PIECES = 3
 _UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
 ComparisonRow = tuple[str, str, str, str]
@@ -142,7 +143,7 @@ def draw_comparison(comparison: PlanComparison) -> Figure:
     lines = (*comparison.planned.work_lines, *comparison.as_driven.work_lines, *comparison.as_driven.idle_lines)
     box = bound_points([*comparison.boundary[:1], *lines])
     size = box.size or 1.0
-    scale = min(_WIDEST_INCHES / (1.06 * size), _TALLEST_INCHES / (1.2 * size)) if size else 1.0
+    scale = min(PAGE_INCHES / (1.06 * size), _TALLEST_INCHES / (1.2 * size)) if size else 1.0
     across, up = (box.width + 0.06 * size) * scale, (box.height + 0.16 * size) * scale
     figure = create_figure(max(across, _NARROWEST_INCHES), up + 1.2, layout="constrained")
     axes = figure.add_subplot()
@@ -161,7 +162,7 @@ def draw_comparison(comparison: PlanComparison) -> Figure:
     _draw_lines(axes, comparison.planned, PLANNED_COLOUR, "planned", 2.2, 0.45)
     _draw_lines(axes, comparison.as_driven, DRIVEN_COLOUR, "driven", 0.9, 1.0)
     draw_scale_and_north(axes, box)
-    columns = 3 if across > _WIDE_INCHES else 2
+    columns = 3 if across > COLUMN_INCHES else 2
     draw_legend(figure, axes, loc="outside lower center", ncols=columns, fontsize=9)
     figure.suptitle(escape_figure_formula(f"{comparison.name}: planned and driven"), fontsize=11, x=0.02, ha="left")
     return figure

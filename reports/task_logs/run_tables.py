@@ -8,12 +8,12 @@ from dataclasses import asdict
 
 from rich.console import Group, RenderableType
 
+from fields.units import KMH_PER_MPS
 from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent
 from reports.task_logs.run_results import ImportedRun, LearnedOutcome
 
-KMH_PER_MPS = 3.6
 _NUMBER_PATTERN = re.compile(r"\d+(?:\.\d+)?")
 _RUN_COLUMNS = (
     TableColumn("Run", is_text=True), TableColumn("Date", is_unbroken=True),

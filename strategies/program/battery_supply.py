@@ -43,7 +43,7 @@ class BatterySupply(Supply):
     @property
     def service(self) -> str:
         """What a stop is for: CHARGE or CHANGE."""
-        return CHARGE if self.meter.drive.change_s is None else CHANGE
+        return CHARGE if self.meter.drive.battery.change_s is None else CHANGE
 
     @property
     def load_text(self) -> str:
@@ -77,7 +77,7 @@ class BatterySupply(Supply):
         for number, (_, load) in enumerate(pairwise(loads), start=1):
             needed = load + self.trip_kwh * (1 if number == len(loads) - 1 else 2)
             room = self.usable_kwh - level
-            amount = room if self.meter.drive.change_s is not None else min(max(needed - level, 0.0), room)
+            amount = room if self.meter.drive.battery.change_s is not None else min(max(needed - level, 0.0), room)
             amounts.append(amount)
             level += amount - needed
         return amounts

@@ -22,13 +22,13 @@ from fields.documents.reader import read_field
 from fields.errors import FieldError
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
+from fields.units import MPS_PER_KMH
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.layout_choice import estimate_finish_s
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import get_finished_field_s
 from strategies.path_planning.errors import StrategyError

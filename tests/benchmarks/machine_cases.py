@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 from fields.geometry.field import Field
+from fields.units import MPS_PER_KMH
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
@@ -17,7 +18,6 @@ from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
-from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from tests.benchmarks.machine_faults import (
     find_faults,

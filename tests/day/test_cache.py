@@ -14,12 +14,13 @@ from fields.geometry.field import Field
 from planner.day.field_times import (
     FieldTime,
     FieldTimeCache,
-    FieldTimeTask,
     compute_field_times,
     count_uncached_field_times,
     find_cache_folder,
+    hash_field_time_order,
     pack_field_time,
 )
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
 from planner.request.plan_request import PlanRequest
@@ -43,41 +44,54 @@ GRAPH = LegGraph(
 
 
 @pytest.fixture
-def task() -> FieldTimeTask:
+def task() -> WorkOrder:
     field = Field("one", shapely.box(0, 0, 40, 80))
-    return FieldTimeTask(field, PlanRequest(field="one", tractors=(1,)), load_tractor("eg105"), Implement())
+    return WorkOrder(PlanRequest(field="one", tractors=(1,)), field, load_tractor("eg105"), Implement())
 
 
-def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: FieldTimeTask) -> None:
+def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: WorkOrder) -> None:
     cache = FieldTimeCache(tmp_path / "deep" / "down")
     kept = FieldTime("split-field", 2, 1.0 / 3.0, 99.1, None, GRAPH)
-    assert cache.write(task.key, pack_field_time(kept))
+    assert cache.write(hash_field_time_order(task), pack_field_time(kept))
     ((found,),), written = compute_field_times([[task]], cache, SerialExecutor())
     assert written and found is not None and found.graph is not None
     assert pack_field_time(found) == pack_field_time(kept)
     assert found.graph.links == GRAPH.links and found.graph.driven_s.tolist() == GRAPH.driven_s.tolist()
-    assert [path.name for path in (tmp_path / "deep" / "down").iterdir()] == [f"{task.key}.json"]
+    assert [path.name for path in (tmp_path / "deep" / "down").iterdir()] == [f"{hash_field_time_order(task)}.json"]
 
 
-def test_the_name_is_that_of_the_content(task: FieldTimeTask) -> None:
+def test_the_name_is_that_of_the_content(task: WorkOrder) -> None:
     renamed = replace(task.field, name="two", crs="EPSG:32632", origin_m=(5.0, 6.0), remarks=("Hm.",))
-    assert replace(task, field=renamed).key == task.key
-    assert replace(task, request=replace(task.request, field="two")).key == task.key
+    assert hash_field_time_order(replace(task, field=renamed)) == hash_field_time_order(task)
+    assert hash_field_time_order(replace(task, request=replace(task.request, field="two"))) == hash_field_time_order(
+        task
+    )
     wider = replace(task, field=Field("one", shapely.box(0, 0, 40.001, 80)))
     more = replace(task, request=replace(task.request, tractors=(2,)))
     other = replace(task, tractor=load_tractor("mr1000a"))
     longer = replace(task, implement=Implement(length_m=0.8))
-    assert len({task.key, wider.key, more.key, other.key, longer.key}) == 5
+    assert (
+        len(
+            {
+                hash_field_time_order(task),
+                hash_field_time_order(wider),
+                hash_field_time_order(more),
+                hash_field_time_order(other),
+                hash_field_time_order(longer),
+            }
+        )
+        == 5
+    )
     assert hash_content("a", ["b"]) != hash_content("a", "b") and len(hash_code()) == 64
 
 
-def test_heights_count_by_what_their_file_holds(tmp_path: Path, task: FieldTimeTask) -> None:
+def test_heights_count_by_what_their_file_holds(tmp_path: Path, task: WorkOrder) -> None:
     def find_key(name: Path, x_m: float = 0.0) -> str:
         field = replace(task.field, elevation=str(name), origin_m=(x_m, 0.0))
-        return replace(task, field=field).key
+        return hash_field_time_order(replace(task, field=field))
 
     first, copy, folder = (tmp_path / name for name in ("a.asc", "b.asc", "agopengps"))
-    keys = [task.key, find_key(first)]
+    keys = [hash_field_time_order(task), find_key(first)]
     for text in ("100", "101"):
         first.write_text(text)
         copy.write_text(text)
@@ -94,7 +108,7 @@ def test_heights_count_by_what_their_file_holds(tmp_path: Path, task: FieldTimeT
     assert find_key(folder) == keys[-1] and len(set(keys)) == len(keys)
 
 
-def test_a_refusal_of_heights_is_not_kept_and_shows_no_folder(tmp_path: Path, task: FieldTimeTask) -> None:
+def test_a_refusal_of_heights_is_not_kept_and_shows_no_folder(tmp_path: Path, task: WorkOrder) -> None:
     lost = replace(task, field=replace(task.field, elevation=str(tmp_path / "lost.tif")))
     cache = FieldTimeCache(tmp_path / "cache")
     ((refused,),), is_cached = compute_field_times([[lost]], cache, SerialExecutor())
@@ -168,8 +182,8 @@ def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() 
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])
-def test_what_is_not_whole_is_not_there(tmp_path: Path, task: FieldTimeTask, text: str) -> None:
-    (tmp_path / f"{task.key}.json").write_text(text)
+def test_what_is_not_whole_is_not_there(tmp_path: Path, task: WorkOrder, text: str) -> None:
+    (tmp_path / f"{hash_field_time_order(task)}.json").write_text(text)
     assert count_uncached_field_times([[task]], FieldTimeCache(tmp_path)) == 1
 
 

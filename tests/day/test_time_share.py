@@ -13,7 +13,7 @@ import planner.evaluation.time_share as shares
 from fields import write_field
 from fields.geometry.field import Field
 from planner.cli.common.progress import StageBar
-from planner.day.field_times import FieldTimeCache, FieldTimeTask, compute_field_time, compute_field_times
+from planner.day.field_times import FieldTimeCache, compute_field_time, compute_field_times
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.evaluation.preparation import prepare_context
@@ -45,9 +45,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[CountedClock]:
     yield counted
 
 
-def build_task(width_m: float = 40.0) -> FieldTimeTask:
+def build_task(width_m: float = 40.0) -> WorkOrder:
     field = Field(f"field of {width_m:g} m", shapely.box(0, 0, width_m, 60))
-    return FieldTimeTask(field, REQUEST, load_tractor("eg105"), Implement())
+    return WorkOrder(REQUEST, field, load_tractor("eg105"), Implement())
 
 
 def test_half_a_share_is_kept_for_what_follows(clock: CountedClock) -> None:

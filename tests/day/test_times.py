@@ -12,12 +12,13 @@ import shapely
 
 from fields import read_field, write_field
 from fields.geometry.field import Field
-from planner.day.field_times import FieldTime, FieldTimeTask, compute_field_time
+from planner.day.field_times import FieldTime, compute_field_time
 from planner.day.formulation import PLANNING_SAMPLES, build_day_hours, build_problem, estimate_mean_time_and_cost
 from planner.day.input_file import DayFile, parse_day
 from planner.day.optimization.solver import solve_day
 from planner.day.planning import prepare_day
 from planner.errors import RequestError
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.farm.random_inputs import UncertaintySettings, build_certain_settings
 from planner.request.plan_request import PlanRequest
@@ -41,7 +42,7 @@ name = "one"
 def test_refills_count_in_the_time_of_a_field() -> None:
     field = Field("one", shapely.box(0, 0, 30, 70))
     asked = PlanRequest(field="one", tractors=(1,), strategies=("split-field",), no_headland=True, width_m=6.0)
-    dry = FieldTimeTask(field, asked, load_tractor("eg105"), Implement())
+    dry = WorkOrder(asked, field, load_tractor("eg105"), Implement())
     tank = replace(dry, supply=Supply(capacity=900.0, rate_per_m2=1.0, stop_s=100.0))
     plain, carrying = compute_field_time(dry), compute_field_time(tank)
     assert plain.refills is None and carrying.refills is not None and carrying.refills >= 1
@@ -139,7 +140,7 @@ def test_a_field_of_the_day_names_its_heights(tmp_path: Path) -> None:
     (tmp_path / "dtm.asc").write_text("ncols", encoding="ascii")
     prepared = prepare_day(day, farm)
     assert prepared.fields[0].elevation == str(tmp_path / "dtm.asc")
-    ((task,),) = prepared.tasks
+    ((task,),) = prepared.orders
     assert task is not None and task.request.elevation_crs == "EPSG:25832"
     refused = compute_field_time(task)
     assert "does not begin like an ASCII grid" in refused.reason and not refused.is_lasting

@@ -138,7 +138,7 @@ class TestPoints:
         points = [feature(point(5 + 9 * (at % 20), 5 + 9 * (at // 20)), name=f"P{at}") for at in range(200)]
         field = with_field(tmp_path, *points, feature(point(100, 50), name="Mast"))
         assert summarise(field) == [("mast", "Mast", 1.0)]
-        assert any("200 measurements ('P0', 'P1', 'P2' and 197 more)" in remark for remark in field.remarks)
+        assert any("200 measurements ('P0', 'P1', 'P2', 'P3', 'P4' and 195 more)" in remark for remark in field.remarks)
         assert len(with_field(tmp_path, *points[:MAX_UNKNOWN_FEATURES]).obstacles) == MAX_UNKNOWN_FEATURES
         assert len(with_field(tmp_path, *points[: MAX_UNKNOWN_FEATURES + 1]).obstacles) == 0
 

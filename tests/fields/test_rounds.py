@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, lay_swaths, list_sample_names, read_field
+from fields.geometry.tolerances import CURVE_M
 from fields.layout.headland_passes import HeadlandPass, compute_inner_region, find_centre_line, lay_headland_passes
-from fields.layout.parallel_lines import SPAN_TOLERANCE_M
 from tests.examples import count_examples
 
 
@@ -54,7 +54,7 @@ class TestRectangle:
     @given(a=st.floats(60, 300), b=st.floats(60, 300), width=st.floats(1.5, 6), count=st.integers(1, 4))
     @settings(max_examples=count_examples(40))
     def test_nothing_is_left(self, a: float, b: float, width: float, count: int) -> None:
-        """But for a strip of the SPAN_TOLERANCE_M that gains no line of its own."""
+        """But for a strip of the CURVE_M that gains no line of its own."""
         field = rectangle(a, b)
         layout = lay_swaths(field, width, 0.0, headland_passes=count)
         lines = [lap.line for lap in lay_headland_passes(field, width, count)]
@@ -62,7 +62,7 @@ class TestRectangle:
         tracks = [shapely.LineString([track.start_m, track.end_m]) for track in layout.swaths]
         worked = shapely.union(swept(lines, width), swept(tracks, width), grid_size=1e-6)
         missed = shapely.difference(field.boundary, worked, grid_size=1e-6).area
-        assert missed < 1e-4 * field.area_m2 + SPAN_TOLERANCE_M * max(a, b)
+        assert missed < 1e-4 * field.area_m2 + CURVE_M * max(a, b)
         assert shapely.difference(worked, field.boundary, grid_size=1e-6).area < 1e-4 * field.area_m2
 
 

@@ -22,7 +22,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.comparisons import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
-from reports.plan.bearing_report import BearingComparison, BearingRow, describe_bearings
+from reports.plan.bearing_report import BearingChoice, BearingComparison, BearingRow, describe_bearings
 from strategies.path_planning.errors import StrategyError
 from vehicle.model.terrain import Terrain
 from vehicle.records import WORKING
@@ -97,7 +97,8 @@ def test_bearings_compared_end_with_the_chosen_one_and_contours() -> None:
 
 
 def test_no_bearing_that_works_is_said() -> None:
-    comparison = BearingComparison("cone", (BearingRow(0.0, "straight", reason="too steep"),))
+    row = BearingRow("cone", BearingChoice(0.0, "straight"), refusal="too steep")
+    comparison = BearingComparison((row,))
     assert describe_bearings(comparison) == ["No bearing works; the reasons are below."]
 
 

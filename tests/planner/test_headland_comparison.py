@@ -22,9 +22,9 @@ from planner.pipeline.comparisons import (
     HeadlandChoices,
     compare_headlands,
     list_headland_questions,
-    locate_cut_off_ground,
 )
 from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
 from reports.plan.headland_comparison import HeadlandComparison
 from tests.drawn_fields import write_farm
@@ -131,11 +131,11 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
 @pytest.mark.slow
 def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> None:
     """0.144 and 0.108 ha; 6 and 9 m of headland; 40 per hour; every square metre is worked or missed."""
-    assert [each.area_ha for each in comparison.plans] == pytest.approx([0.144, 0.144, 0.108, 0.108])
-    assert [each.headland_m for each in comparison.plans] == [6.0, 9.0, 6.0, 9.0]
-    for each in comparison.plans:
-        plan = each.plan
-        assert plan is not None and plan.headland_order == "last" and plan.headland_passes == each.choice.passes
+    assert [each.area_ha for each in comparison.rows] == pytest.approx([0.144, 0.144, 0.108, 0.108])
+    assert [each.layout and each.layout.headland_m for each in comparison.rows] == [6.0, 9.0, 6.0, 9.0]
+    for each in comparison.rows:
+        plan = each.best
+        assert plan is not None and plan.headland_order == "last" and plan.headland_passes == each.label.passes
         assert plan.missed_m2 is not None and plan.worked_pct is not None and plan.cost is not None
         field_m2 = 1e4 * each.area_ha
         assert 0.01 * plan.worked_pct * field_m2 + plan.missed_m2 == pytest.approx(field_m2)
@@ -145,14 +145,14 @@ def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> 
         assert each.map is not None and each.map["driven_over"] and each.map["lanes"]
     rings_m = 2 * (48 + 30) - 8 * 1.5 + 2 * (48 + 30) - 8 * 4.5  # two rings, and (30 - 12) / 3 tracks of 36 m
     least_s = (rings_m + 6 * 36) / (5.0 / 3.6)
-    assert least_s < (comparison.plans[0].plan.time_s or 0.0) < 4.0 * least_s  # type: ignore[union-attr]
+    assert least_s < (comparison.rows[0].best.time_s or 0.0) < 4.0 * least_s  # type: ignore[union-attr]
 
 
 @pytest.mark.slow
 def test_sums_add_up(comparison: HeadlandComparison) -> None:
     for totals in comparison.totals:
-        plans = [each for each in comparison.plans if each.choice == totals.choice]
-        results = [each.plan for each in plans if each.plan is not None]
+        plans = [each for each in comparison.rows if each.label == totals.choice]
+        results = [each.best for each in plans if each.best is not None]
         assert len(results) == 2 and totals.is_complete and totals.area_ha == pytest.approx(0.252)
         assert totals.missed_m2 == pytest.approx(sum(one.missed_m2 or 0.0 for one in results))
         assert totals.over_finished_m2 == pytest.approx(sum(one.over_finished_m2 or 0.0 for one in results))
@@ -172,9 +172,9 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     path.write_text(shapely.to_geojson(bell), encoding="utf-8")
     request = PlanRequest(str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0)
     questions = list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",)))
-    (each,) = compare_headlands(questions, SerialExecutor()).plans
-    assert each.choice.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
-    assert [part.neck_width_m for part in each.parts] == [pytest.approx(4.0, abs=0.1)]
+    (each,) = compare_headlands(questions, SerialExecutor()).rows
+    assert each.ranking is not None and each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
+    assert [part.neck_width_m for part in each.ranking.parts] == [pytest.approx(4.0, abs=0.1)]
 
 
 def test_all_that_obstacles_cut_off_is_at_the_place_of_most() -> None:

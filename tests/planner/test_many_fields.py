@@ -15,7 +15,6 @@ from planner.farm.inventory import load_example_farm
 from planner.pipeline.executors import SerialExecutor, connect_cluster
 from planner.pipeline.many_fields import (
     AnswerFile,
-    FieldAnswer,
     FieldQuestion,
     expand_field_names,
     hash_question,
@@ -25,6 +24,7 @@ from planner.pipeline.many_fields import (
 )
 from planner.request.option_texts import parse_widths
 from planner.request.plan_request import PlanRequest
+from reports.plan.many_fields import FieldRow
 from reports.plan.ranking_export import format_ranking_json
 from tests.drawn_fields import feature, point, rectangle, write_farm, write_features
 
@@ -53,14 +53,14 @@ def farm(tmp_path: Path) -> Path:
 def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
     return [
         FieldQuestion(
-            WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",)))
+            WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",))), width
         )
         for field in expand_field_names([f"{farm}#*"], local=True)
         for width in widths
     ]
 
 
-def told(answer: FieldAnswer) -> str:
+def told(answer: FieldRow) -> str:
     return str(answer.refusal) if answer.ranking is None else format_ranking_json(answer.ranking)
 
 
@@ -198,7 +198,7 @@ def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, 
 def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_digest(farm: Path) -> None:
     (question,) = questions(farm, 3.0)[:1]
     times = load_example_farm().times
-    late = FieldQuestion(replace(question.order, times=times))
+    late = FieldQuestion(replace(question.order, times=times), question.label)
     assert hash_question(question.order) != hash_question(late.order)
     assert hash_question(question.order) != hash_question(question.order, True)
     ((_, answer),) = iter_answers(SerialExecutor(), [late])

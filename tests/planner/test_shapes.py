@@ -115,7 +115,7 @@ def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
         list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",))),
         SerialExecutor(),
     )
-    assert comparison.plans[0].field_name == "North"
+    assert comparison.rows[0].field_name == "North"
     assert hash_question(WorkOrder(request)) == hash_question(WorkOrder(request))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from reports.common.plan_results import PlanRanking, PlanResult, PullFigures, Shortfall, SlopePlace
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
-from reports.plan.many_fields import FieldRecord
+from reports.plan.many_fields import FieldRow
 
 HOUR_S = 3600.0
 STRATEGIES = ("split-field", "row-by-row-optimised", "interleaved")
@@ -119,14 +119,14 @@ RANKINGS = {
 }  # fmt: skip
 
 
-def build_records(count: int = 3) -> list[FieldRecord]:
+def build_records(count: int = 3) -> list[FieldRow]:
     """Records of many fields, the last without a plan."""
     records = [
-        FieldRecord(f"farm.geojson#{number}", 3.0, replace(DEADLINE, field_name=f"field {number}"))
+        FieldRow(f"farm.geojson#{number}", 3.0, replace(DEADLINE, field_name=f"field {number}"))
         for number in range(1, count)
     ]
     refusal = "Field 'strip' is nowhere wider than the working width of 3 m; use a narrower implement."
-    return [*records, FieldRecord("farm.geojson#strip", 3.0, refusal=refusal)]
+    return [*records, FieldRow("farm.geojson#strip", 3.0, refusal=refusal)]
 
 
 def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:

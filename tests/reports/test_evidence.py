@@ -102,6 +102,6 @@ class TestEvidence:
         at = np.array([-0.5, 0.0, 0.5])
         drawn = build_curve_drawing(ResidualPlot("lateral", "turning", at, at, at, at, at, limit=0.75))
         assert [text for _, text in drawn["limits"]] == ["0.75", "0.75"]
-        assert [x for x, _ in drawn["limits"]] == pytest.approx([drawn["left"], drawn["right"]])
+        assert [x for x, _ in drawn["limits"]] == pytest.approx([drawn["frame"].left, drawn["frame"].right])
         one_side = build_curve_drawing(ResidualPlot("speed", "turning", at + 0.5, at, at, at, at, limit=2.0))
         assert len(one_side["limits"]) == 1 and one_side["series"][0]["points"][-1]["x"] < one_side["limits"][0][0]

@@ -28,7 +28,7 @@ from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
-from reports.plan.many_fields import FieldRecord, build_many_fields_screen
+from reports.plan.many_fields import FieldRow, build_many_fields_screen
 from reports.plan.many_fields_page import render_many_fields_page
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
@@ -232,7 +232,7 @@ def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
 
 def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() -> None:
     (good, _) = build_records(2)
-    bad = FieldRecord("farm.geojson#north", 3.0, replace(RANKINGS["cut off"], field_name="north"))
+    bad = FieldRow("farm.geojson#north", 3.0, replace(RANKINGS["cut off"], field_name="north"))
     records = [good, bad]
     text = " ".join(print_screen(build_many_fields_screen(records)).split())
     assert (

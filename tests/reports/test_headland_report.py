@@ -15,10 +15,11 @@ from rich.console import Console
 
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, UnworkedPiece
+from reports.plan.comparison import LayoutFigures
 from reports.plan.headland_comparison import (
-    ComparedPlan,
     HeadlandChoice,
     HeadlandComparison,
+    HeadlandRow,
     list_cut_off,
     list_missing,
     name_choice,
@@ -30,7 +31,7 @@ from reports.plan.headland_report import (
     format_headland_csv,
     format_headland_json,
 )
-from reports.plan.many_fields import FieldRecord, build_many_fields_table, sum_over_fields
+from reports.plan.many_fields import FieldRow, build_many_fields_table, sum_over_fields
 from reports.plan.many_fields_page import render_many_fields_page
 from reports.plan.small_map import build_small_map
 
@@ -49,8 +50,15 @@ def make_plan(time_s: float, missed_m2: float, field_m2: float, **figures: Any) 
     )  # fmt: skip
 
 
-def compare(name: str, choice: HeadlandChoice, plan: PlanResult | None, area_ha: float, **more: Any) -> ComparedPlan:
-    return ComparedPlan(f"farm.geojson#{name}", choice, plan, field_name=name, area_ha=area_ha, currency="EUR", **more)
+def compare(name: str, choice: HeadlandChoice, plan: PlanResult | None, area_ha: float, **more: Any) -> HeadlandRow:
+    ranking = PlanRanking(name, area_ha, 1, () if plan is None else (plan,), currency="EUR", **more)
+    return HeadlandRow(f"farm.geojson#{name}", choice, ranking)
+
+
+def replace_plan(row: HeadlandRow, plan: PlanResult) -> HeadlandRow:
+    """The row with another plan."""
+    assert row.ranking is not None
+    return replace(row, ranking=replace(row.ranking, plans=(plan,)))
 
 
 @pytest.fixture
@@ -69,9 +77,7 @@ def comparison() -> HeadlandComparison:
 def test_ways_that_cost_nothing_cost_the_same(comparison: HeadlandComparison) -> None:
     free = HeadlandComparison(
         tuple(
-            replace(each, plan=replace(each.plan, cost=0.0, finished_cost=0.0))
-            for each in comparison.plans
-            if each.plan
+            replace_plan(each, replace(each.best, cost=0.0, finished_cost=0.0)) for each in comparison.rows if each.best
         )
     )
     assert describe_comparison(free)[0].startswith("All ways cost the same within 0.00 EUR on 2 fields")
@@ -79,9 +85,9 @@ def test_ways_that_cost_nothing_cost_the_same(comparison: HeadlandComparison) ->
 
 def test_roads_and_breaks_of_a_farm_are_no_field_work(comparison: HeadlandComparison) -> None:
     """East begins after 10 minutes of road and has a break of 45 minutes."""
-    first = comparison.plans[0]
-    assert first.plan is not None
-    on_farm = replace(first, plan=replace(first.plan, ready_s=600.0, done_s=3600.0 + 600.0 + 2700.0))
+    first = comparison.rows[0]
+    assert first.best is not None
+    on_farm = replace_plan(first, replace(first.best, ready_s=600.0, done_s=3600.0 + 600.0 + 2700.0))
     before, after = (HeadlandComparison(plans).sum_over_fields(plans)[0] for plans in ((first,), (on_farm,)))
     assert before.time_s == after.time_s == 3600.0
 
@@ -141,27 +147,27 @@ def test_first_screen_at_80_columns(comparison: HeadlandComparison) -> None:
 
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_no_line_is_too_long_with_fuel(comparison: HeadlandComparison, width: int) -> None:
-    plans = tuple(replace(each, plan=replace(each.plan, fuel_l=12.4)) for each in comparison.plans if each.plan)
+    plans = tuple(replace_plan(each, replace(each.best, fuel_l=12.4)) for each in comparison.rows if each.best)
     lines = print_table(build_headland_table(HeadlandComparison(plans)), width)
     assert max(map(len, lines)) <= width
     assert width < 80 or any("l/" in line for line in lines)
-    part = (replace(plans[0], plan=replace(comparison.plans[0].plan, fuel_l=None)), *plans[1:])  # type: ignore[type-var]
+    part = (replace_plan(plans[0], replace(comparison.rows[0].best, fuel_l=None)), *plans[1:])  # type: ignore[type-var]
     assert " l/" not in " ".join(print_table(build_headland_table(HeadlandComparison(part)), 120))
 
 
 def test_a_year_is_every_operation_on_all_fields(comparison: HeadlandComparison) -> None:
     """Three times 9240 s are 7.7 h and 277.20 EUR; square costs 36 EUR more in a year. Risked money is not paid."""
     plans = tuple(
-        replace(
-            each, plan=replace(each.plan, fuel_l=10.0, paid_cost=each.plan.cost, expected_cost=1.1 * each.plan.cost)
+        replace_plan(
+            each, replace(each.best, fuel_l=10.0, paid_cost=each.best.cost, expected_cost=1.1 * each.best.cost)
         )
-        for each in comparison.plans
-        if each.plan and each.plan.cost
+        for each in comparison.rows
+        if each.best and each.best.cost
     )
     yearly = HeadlandComparison(plans, operations_per_year=3)
     round_, square = yearly.totals
     assert list(round_.year.values()) == pytest.approx([7.7, 60.0, None, 277.2]) and round_.time_s == 9240.0
-    answer = describe_comparison(HeadlandComparison(comparison.plans, operations_per_year=3))
+    answer = describe_comparison(HeadlandComparison(comparison.rows, operations_per_year=3))
     assert answer[0].startswith("Worth it on 2 fields (3.00 ha, 3 operations a year): round corners")
     assert "36 EUR (11.1 %) less than square" in answer[0]
     assert describe_comparison(yearly)[1] == "With 3 operations a year it takes 7.70 h, 60 l, 277 EUR."
@@ -170,7 +176,7 @@ def test_a_year_is_every_operation_on_all_fields(comparison: HeadlandComparison)
     assert data["totals"][1]["cost_per_year"] == pytest.approx(square.year["cost_per_year"]) == pytest.approx(324.0)
     rows = list(csv.DictReader(io.StringIO(format_headland_csv(yearly))))
     assert [float(row["cost_per_year"]) for row in rows] == pytest.approx([108.0, 97.2, 216.0, 180.0])
-    nothing = ComparedPlan("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
+    nothing = HeadlandRow("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
     assert set(HeadlandComparison((nothing,)).totals[0].year.values()) == {None}
 
 
@@ -206,7 +212,8 @@ def test_ground_that_is_cut_off_is_explained_once_for_every_width(comparison: He
     assert "Cut off" in print_table(build_headland_table(only_wide), 80)
     assert json.loads(format_headland_json(only_wide))["fields"][0]["parts"][0]["neck_width_m"] == 4.0
     assert [row["cut_off_m2"] for row in csv.DictReader(io.StringIO(format_headland_csv(only_wide)))] == ["3600.0"] * 2
-    small = HeadlandComparison((compare("east", SQUARE, plan, 1.0, cut_off=UnworkedPiece(120.0, 7.0, 8.0)),))
+    layout = LayoutFigures(6.0, 0.0, cut_off=UnworkedPiece(120.0, 7.0, 8.0))
+    small = HeadlandComparison((replace(compare("east", SQUARE, plan, 1.0), layout=layout),))
     (told,) = list_cut_off(small)
     assert told.startswith("east: Obstacles cut off 120 m2, the most at x 7 m, y 8 m: too small")
     assert list_cut_off(comparison) == []
@@ -214,8 +221,8 @@ def test_ground_that_is_cut_off_is_explained_once_for_every_width(comparison: He
 
 def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) -> None:
     """East: square 36 EUR, round 40 EUR; west: 72 and 60."""
-    dear = replace(comparison.plans[1], plan=make_plan(4000.0, 0.0, 10_000.0))
-    changed = HeadlandComparison((comparison.plans[0], dear, *comparison.plans[2:]))
+    dear = replace_plan(comparison.rows[1], make_plan(4000.0, 0.0, 10_000.0))
+    changed = HeadlandComparison((comparison.rows[0], dear, *comparison.rows[2:]))
     assert changed.best is not None and changed.best.choice == ROUND
     assert "On east square corners, headland first, 3 passes is better by 4.00 EUR (10.0 %)." in describe_comparison(
         changed
@@ -224,7 +231,7 @@ def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) 
 
 def test_many_fields_with_another_best_way_are_counted(comparison: HeadlandComparison) -> None:
     """Three fields on which square saves 4 EUR each, and one on which round saves 24."""
-    plans: list[ComparedPlan] = []
+    plans: list[HeadlandRow] = []
     for name in ("a", "b", "c"):
         plans.append(compare(name, SQUARE, make_plan(3600.0, 0.0, 10_000.0), 1.0))
         plans.append(compare(name, ROUND, make_plan(4000.0, 0.0, 10_000.0), 1.0))
@@ -257,8 +264,8 @@ def test_a_way_that_costs_nearly_the_same_is_said_so(comparison: HeadlandCompari
 
 
 def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandComparison) -> None:
-    failed = ComparedPlan("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
-    partial = HeadlandComparison((*comparison.plans[:3], failed))
+    failed = HeadlandRow("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
+    partial = HeadlandComparison((*comparison.rows[:3], failed))
     assert [one.choice for one in partial.totals] == [SQUARE, ROUND] and partial.best is partial.totals[0]
     assert list_missing(partial) == ["west: round, last, 2 passes: No path leads from track 1."]
     assert describe_comparison(partial)[0].startswith("Only this way works: square corners")
@@ -272,10 +279,10 @@ def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandCompa
     assert list_missing(nothing)[0].startswith("farm.geojson#west: round, last, 2 passes: ")
     split = HeadlandComparison(
         (
-            comparison.plans[0],
-            replace(failed, requested_field="farm.geojson#east", choice=ROUND),
-            comparison.plans[3],
-            replace(failed, choice=SQUARE),
+            comparison.rows[0],
+            replace(failed, requested_field="farm.geojson#east", label=ROUND),
+            comparison.rows[3],
+            replace(failed, label=SQUARE),
         )
     )
     assert split.best is None and describe_comparison(split)[0].startswith("No way to work the headland works on every")
@@ -291,23 +298,23 @@ def test_a_small_map_is_small_and_in_its_frame(listed_drive: PlanDrive) -> None:
     assert 0 < x < drawn["width"] and 0 < y < drawn["height"]
 
 
-def make_record(name: str, area_ha: float, plan: PlanResult, drawing: dict[str, Any] | None) -> FieldRecord:
+def make_record(name: str, area_ha: float, plan: PlanResult, drawing: dict[str, Any] | None) -> FieldRow:
     scenario = {"tractor": "Yanmar EG105", "width_m": 3.0, "headland_m": 9.0, "bearing_deg": 90.0}
     plans = (replace(plan, rank=1, headland_passes=3, headland_order="last"),)
     ranking = PlanRanking(name, area_ha, 1, plans, currency="EUR", scenario=scenario)
-    return FieldRecord(f"farm.geojson#{name}", 3.0, ranking, map=drawing)
+    return FieldRow(f"farm.geojson#{name}", 3.0, ranking, map=drawing)
 
 
 @pytest.fixture
-def records(drive: PlanDrive) -> list[FieldRecord]:
+def records(drive: PlanDrive) -> list[FieldRow]:
     return [
         make_record("east", 1.0, make_plan(3600.0, 0.0, 10_000.0), build_small_map(drive)),
         make_record("west", 2.0, make_plan(5400.0, 600.0, 20_000.0), build_small_map(drive)),
-        FieldRecord("farm.geojson#tiny", 3.0, refusal="It is too small."),
+        FieldRow("farm.geojson#tiny", 3.0, refusal="It is too small."),
     ]
 
 
-def test_totals_of_fields_leave_out_what_has_no_plan(records: list[FieldRecord]) -> None:
+def test_totals_of_fields_leave_out_what_has_no_plan(records: list[FieldRow]) -> None:
     """Three hectares in 9000 s for 90 EUR; 600 m2 of 30,000 are missed."""
     (total,) = sum_over_fields(records)
     assert (total.fields, total.area_ha, total.time_s, total.missed_m2) == (2, 3.0, 9000.0, 600.0)
@@ -334,7 +341,7 @@ class TestPages:
         self, browser: Any, comparison: HeadlandComparison, listed_drive: PlanDrive, tmp_path: Path
     ) -> None:
         drawing = build_small_map(listed_drive, [np.array([[100.0, 30.0], [110.0, 30.0], [110.0, 31.0]])])
-        page = render_headland_page(HeadlandComparison(tuple(replace(each, map=drawing) for each in comparison.plans)))
+        page = render_headland_page(HeadlandComparison(tuple(replace(each, map=drawing) for each in comparison.rows)))
         shown = open_page(browser, page, tmp_path)
         assert shown.locator("h1").inner_text() == "Headlands compared: 2 fields"
         assert shown.locator(".lead").inner_text().startswith("Worth it on\N{NO-BREAK SPACE}2 fields")
@@ -344,7 +351,7 @@ class TestPages:
         check_faults(shown)
 
     @pytest.mark.slow
-    def test_many_fields(self, browser: Any, records: list[FieldRecord], tmp_path: Path) -> None:
+    def test_many_fields(self, browser: Any, records: list[FieldRow], tmp_path: Path) -> None:
         shown = open_page(browser, render_many_fields_page(records), tmp_path)
         lead = shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")
         assert "2 of 3 fields, 3.00 ha, 2:30:00 one after the other" in lead

@@ -79,7 +79,7 @@ def test_a_switch_back_says_only_a_long_reverse() -> None:
 
 
 def test_many_that_are_waited_for_are_counted() -> None:
-    assert describe_leg(step("wait", for_tractors=(1, 2, 3, 4))) == "wait for tractors 1, 2, 3 and 4"
+    assert describe_leg(step("wait", for_tractors=(1, 2, 3))) == "wait for tractors 1, 2 and 3"
     assert describe_leg(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
 
 

@@ -15,7 +15,7 @@ from strategies.service_stops.stops import find_cheapest_stops
 from vehicle.energy.fuel import ElectricDrive
 from vehicle.energy.leg_meter import LegMeter
 from vehicle.missions.plan import REFILL, Leg
-from vehicle.model.tractor import load_tractor
+from vehicle.model.tractor import BatteryParameters, load_tractor
 from vehicle.model.work_load import WorkLoad
 
 EG105 = load_tractor("eg105")
@@ -23,7 +23,11 @@ EG105 = load_tractor("eg105")
 
 def build_supply(trip_kwh: float = 0.0, change_s: float | None = None) -> BatterySupply:
     """40 kWh to use, charged with 20 kW in 3 minutes per kWh, and 90 s to connect."""
-    drive = ElectricDrive(50.0, charger_kw=20.0, reserve=0.2, connect_s=90.0, change_s=change_s, standby_w=0.0)
+    drive = ElectricDrive(
+        BatteryParameters(
+            capacity_kwh=50.0, charger_kw=20.0, reserve=0.2, connect_s=90.0, change_s=change_s, standby_w=0.0
+        )
+    )
     meter = LegMeter(EG105, WorkLoad(rolling_share=0.1, engine_power_w=77_000.0), drive)
     return BatterySupply(40.0 - 2.0 * trip_kwh, 0.001, drive.stop_s, meter=meter, turn_kwh=0.01, trip_kwh=trip_kwh)
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index, list_ground_names
 from vehicle.sim.compile import build_ground_records
-from vehicle.sim.dynamics import CREEP_MPS, compute_side_resistance
+from vehicle.sim.dynamics import compute_side_resistance
+from vehicle.sim.effect_terms import CREEP_MPS
 
 SPEEDS = st.floats(-6.0, 6.0)
 SIDEWAYS = st.floats(-3.0, 3.0)

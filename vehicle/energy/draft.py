@@ -15,11 +15,11 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fields.errors import shorten_value, suggest_name
+from fields.units import KILO, KMH_PER_MPS
 from vehicle.errors import VehicleError
 from vehicle.model.data_table import load_table
 from vehicle.model.soil import Texture
 
-N_PER_KN, KMH_PER_MPS = 1000.0, 3.6
 WHOLE_DEPTH_CM = 1.0
 """The depth of a row whose coefficients hold for the whole depth: T of the standard's equation."""
 TILL, SOW = "till", "sow"
@@ -91,7 +91,7 @@ class DraftRule(BaseModel):
 
     def compute_power_kw(self, width_m: float, speed_mps: float, texture: Texture = "medium") -> float:
         """Power at the drawbar."""
-        return self.compute_draft_n(width_m, speed_mps, texture) * speed_mps / N_PER_KN
+        return self.compute_draft_n(width_m, speed_mps, texture) * speed_mps / KILO
 
     def set_depth(self, depth_cm: float) -> DraftRule:
         """The implement set to another depth.

@@ -19,10 +19,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fields.units import HOUR_S, J_PER_KWH, KILO
 from vehicle.arrays import Floats
 from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.errors import check_range
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import BatteryParameters, Tractor
 
 USE_L_PER_KWH, NO_LOAD_L_PER_KWH = 0.22, 0.096
 THROTTLE_RATE, THROTTLE_LOAD_RATE = 0.00877, 0.0045
@@ -31,7 +32,6 @@ IDLE_SHARE = 0.07
 """Of the fuel at full load: 1.9 of 28 l/h of a New Holland T7.165 S at 750 rpm (lindiap/tractor-field-operations)."""
 CO2_KG_PER_L = 2.65
 """Of burnt diesel: IPCC 2006, 74.1 kg per GJ, 43.0 MJ/kg, 0.832 kg/l; without that of making the fuel."""
-W_PER_KW, S_PER_H, J_PER_KWH = 1000.0, 3600.0, 3.6e6
 LITRES, KWH = "l", "kWh"
 
 
@@ -62,7 +62,7 @@ class DieselEngine:
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
 
     def __post_init__(self) -> None:
-        check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
+        check_range("The power of the engine", self.power_w / KILO, 0.1, 2000.0, "kW")
         check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
         check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0)
         check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0)
@@ -73,14 +73,14 @@ class DieselEngine:
     @property
     def idle_rate(self) -> float:
         """Litres per second while the tractor stands."""
-        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / S_PER_H
+        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / HOUR_S
 
     def compute_rate(self, power_w: Floats) -> Floats:
         """Litres per second at powers of the flywheel; negative where the wheels turn the engine."""
-        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / S_PER_H)
+        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / HOUR_S)
 
     def _compute_lph(self, share: Any, reduction_pct: float) -> Any:
-        rated_kw = self.power_w * self.shaft_share / W_PER_KW
+        rated_kw = self.power_w * self.shaft_share / KILO
         line = self.use_l_per_kwh, self.no_load_l_per_kwh
         return self.factor * compute_diesel_lph(share, rated_kw, reduction_pct, *line)
 
@@ -91,64 +91,38 @@ class ElectricDrive:
 
     The battery is charged for as long as the charger takes, and the time to connect it; with `change_s` it is changed
     for a full one instead.
-
-    Attributes:
-        battery_kwh: what the battery holds.
-        charger_kw: what it takes from the charger.
-        efficiency: share of the battery's energy that leaves the motor.
-        recovery: share of the energy of braking that returns to the battery.
-        standby_w: what controls and cooling take all the time.
-        reserve: share of the battery that stays in it.
-        connect_s: seconds to connect and disconnect the charger.
-        change_s: seconds to change the battery for a full one; None where it is charged.
-
-    Raises:
-        VehicleError: a value that no drive has.
     """
 
     unit: ClassVar[str] = KWH
     """What `compute_rate` counts per second."""
-    battery_kwh: float
-    charger_kw: float = 50.0
-    efficiency: float = 0.85
-    recovery: float = 0.0
-    standby_w: float = 500.0
-    reserve: float = 0.15
-    connect_s: float = 0.0
-    change_s: float | None = None
-
-    def __post_init__(self) -> None:
-        check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
-        check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
-        check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0)
-        check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0)
-        check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
-        check_range("The reserve of the battery", self.reserve, 0.0, 0.9)
+    battery: BatteryParameters
 
     @property
     def usable_kwh(self) -> float:
         """What a full battery gives before it must be charged or changed."""
-        return self.battery_kwh * (1.0 - self.reserve)
+        return self.battery.capacity_kwh * (1.0 - self.battery.reserve)
 
     @property
     def idle_rate(self) -> float:
         """Kilowatt-hours per second while the tractor stands."""
-        return self.standby_w / J_PER_KWH
+        return self.battery.standby_w / J_PER_KWH
 
     def compute_rate(self, power_w: Floats) -> Floats:
         """Kilowatt-hours per second at powers of the motor; negative where braking charges the battery."""
-        drawn = np.where(power_w > 0.0, power_w / self.efficiency, power_w * self.recovery * self.efficiency)
-        return np.asarray((drawn + self.standby_w) / J_PER_KWH)
+        drawn = np.where(
+            power_w > 0.0, power_w / self.battery.efficiency, power_w * self.battery.recovery * self.battery.efficiency
+        )
+        return np.asarray((drawn + self.battery.standby_w) / J_PER_KWH)
 
     @property
     def stop_s(self) -> float:
         """What every stop takes besides the time of the charger."""
-        return self.connect_s if self.change_s is None else self.change_s
+        return self.battery.connect_s if self.battery.change_s is None else self.battery.change_s
 
     @property
     def charge_s_per_kwh(self) -> float:
         """How long the charger takes for a kilowatt-hour; nothing where the battery is changed."""
-        return S_PER_H / self.charger_kw if self.change_s is None else 0.0
+        return HOUR_S / self.battery.charger_kw if self.battery.change_s is None else 0.0
 
     def compute_charge_s(self, energy_kwh: float) -> float:
         """How long a stop takes that puts an amount of energy into the battery."""
@@ -182,8 +156,7 @@ def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
     """
     if tractor.battery is None:
         return build_diesel_engine(tractor, power_w)
-    values = tractor.battery.model_dump()
-    return ElectricDrive(battery_kwh=values.pop("capacity_kwh"), **values)
+    return ElectricDrive(tractor.battery)
 
 
 def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
@@ -197,5 +170,5 @@ def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
         return DieselEngine(power_w)
     shaft_kw, litres_per_h = np.array(points).T
     use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
-    rated_kw = power_w * ENGINE_TO_SHAFT / W_PER_KW
+    rated_kw = power_w * ENGINE_TO_SHAFT / KILO
     return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from vehicle.arrays import Booleans, Floats
+from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
@@ -31,7 +32,6 @@ from vehicle.records import FINISHED, GRAVITY_MPS2, REC_PLACE, REC_SPEED, STANDI
 
 CAUSES = ("grade", "rolling", "draft", "acceleration", "slip", "braking")
 GRADE, ROLLING, DRAFT, ACCELERATION, SLIP, BRAKING = range(len(CAUSES))
-IDLE_MPS = 0.03  # a tractor that waits or stands and is slower idles
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def compute_run_energy(
         work = compute_motion_work(metres, rises_m, speeds, tractor.mass_kg, load, rolling_shares, is_working)
         work *= (seconds > 0.0)[:, None]
         shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
-        is_idle = np.isin(statuses, (WAITING, STANDING)) & (np.abs(speeds[:-1]) < IDLE_MPS)
+        is_idle = np.isin(statuses, (WAITING, STANDING)) & (np.abs(speeds[:-1]) < STANDSTILL_MPS)
         taken = compute_consumption(work, shaft, seconds, load, source)
         taken = np.where(is_idle, source.idle_rate * seconds, taken)
         columns = (*work.T, taken, np.where(is_idle, taken, 0.0), shaft)

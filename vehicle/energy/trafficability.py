@@ -31,7 +31,7 @@ from vehicle.energy.traction import (
     compute_tractive_efficiency,
     solve_slip,
 )
-from vehicle.model.soil import Soil, SoilRow, get_soil_rows, interpolate_soil
+from vehicle.model.soil import Soil, get_soil_rows, interpolate_soil
 from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
 
@@ -196,16 +196,16 @@ def _describe_limit(limit: MoistureLimit, what: str, moisture_pct: float | None)
     return f"{sentence} At present it has {moisture_pct:.0f} %."
 
 
-def _find_limit(rows: tuple[SoilRow, ...], is_possible: Callable[[Soil], bool]) -> MoistureLimit:
+def _find_limit(rows: tuple[Soil, ...], is_possible: Callable[[Soil], bool]) -> MoistureLimit:
     """The limit at the cone index and at both ends of its interval; softer soil must never be better."""
     return MoistureLimit(
         _find_end(rows, is_possible),
-        _find_end(rows, lambda soil: is_possible(replace(soil, cone_index_kpa=soil.low_kpa))),
+        _find_end(rows, lambda soil: is_possible(soil.model_copy(update={"cone_index_kpa": soil.low_kpa}))),
         _find_end(rows, lambda soil: is_possible(replace(soil, cone_index_kpa=soil.high_kpa))),
     )
 
 
-def _find_end(rows: tuple[SoilRow, ...], is_possible: Callable[[Soil], bool]) -> float | None:
+def _find_end(rows: tuple[Soil, ...], is_possible: Callable[[Soil], bool]) -> float | None:
     """The moisture (%) at which something ends to be possible; None if it does not."""
     low, high = rows[0].moisture_pct or 0.0, rows[-1].moisture_pct or 0.0
     if is_possible(interpolate_soil(rows, high)):

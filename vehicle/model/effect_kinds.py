@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from vehicle.arrays import Floats
 
 REFERENCE_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
 INTERVAL_COVERAGE = 0.95
-INTERVAL_SIGMAS = 1.96  # standard deviations either side of the mean that cover 95 % of a normal distribution
+INTERVAL_SIGMAS = NormalDist().inv_cdf(0.5 + 0.5 * INTERVAL_COVERAGE)  # either side of the mean
 # Of a limit: tyre curves differ by this much in how they begin to slide. Tyres that begin suddenly (second reference,
 # 0.09 g) are read 18 to 23 % high.
 KNEE_SHARE = 0.24

@@ -25,9 +25,10 @@ from vehicle.model.effect_kinds import (
     EffectKind,
     EffectParameter,
 )
+from vehicle.records import DT_S
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
-STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
+STEP_HZ = 1.0 / DT_S  # steps of the simulation, in which delays are counted
 # The residual in the plot that shows an effect, and what it is plotted against.
 TURN, CRAB, WHEEL, PACE = "turning rate", "crab angle", "wheel angle", "speed"
 ANGLE, STEERING_SPEED, COMMAND_RATE, SIDE_FORCE = "angle", "steering speed", "rate of command", "side force"

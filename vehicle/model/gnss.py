@@ -27,6 +27,8 @@ from vehicle.jit import compile_function
 
 FILE_KIND = "a CSV file"
 GRID_CELLS, CENTRE_CELL, MIN_FIXES = 32, 16, 100
+# Chosen, s: how long a patch of soil pushes, a rut or a clod at walking pace, and a receiver drifts to one side.
+SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
 DEFAULT_SEED, DEFAULT_FIX_COUNT = 20240, 8000
 Table = npt.NDArray[np.int64]
 NO_ERROR: Table = np.zeros((0, 4), dtype=np.int64)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -79,32 +78,13 @@ class MeasuredEffects(BaseModel):
         return getattr(self, name), getattr(self, name + LOW), getattr(self, name + HIGH)
 
 
-def interpolate_effects(first: MeasuredEffects, second: MeasuredEffects, share: float) -> dict[str, EffectSetting]:
-    """Effects `share` (0 to 1) of the way between two lines, values and intervals; those that both lines know.
-
-    At 0 and at 1 the line alone counts.
-    """
-    lines = (first, first) if share == 0.0 else (second, second) if share == 1.0 else (first, second)
-    settings = {}
-    for name in SOIL_EFFECTS:
-        value, low, high = (
-            None if one is None or other is None else one + share * (other - one)
-            for one, other in zip(*(line.get_value(name) for line in lines), strict=True)
-        )
-        if value is not None:
-            key = get_effect(name).size.name
-            interval = {} if low is None or high is None else {key: (low, high)}
-            settings[name] = EffectSetting(value={key: value}, interval=interval)
-    return settings
-
-
 def replace_soil_effects(tractor: Tractor, effects: Mapping[str, EffectSetting]) -> Tractor:
     """The tractor on a soil: what was measured on it stands in for the same effects of the tractor file."""
     return tractor.model_copy(update={"effects": {**tractor.effects, **effects}}) if effects else tractor
 
 
-class SoilRow(MeasuredEffects):
-    """A line of a table of soils.
+class Soil(MeasuredEffects):
+    """A soil at one moisture: a line of a table of soils, or what lies between two of them.
 
     Attributes:
         name: lines of one name differ in moisture.
@@ -115,7 +95,7 @@ class SoilRow(MeasuredEffects):
         cone_index_kpa: resistance to the standard cone; left out where `ground` names a ground of the thesis.
         low_kpa, high_kpa: its interval.
         ground: ground of the thesis whose tyres are taken.
-        source: where the line comes from.
+        source: where the line comes from, or which lines it lies between.
     """
 
     name: str = Field(min_length=1, max_length=80)
@@ -130,7 +110,7 @@ class SoilRow(MeasuredEffects):
     source: str = ""
 
     @model_validator(mode="after")
-    def _check_strength(self) -> SoilRow:
+    def _check_strength(self) -> Soil:
         if (self.cone_index_kpa is None) == (self.ground is None):
             raise ValueError("give either cone_index_kpa or ground")
         if self.ground is not None and self.ground not in TYRE_GROUNDS:
@@ -140,25 +120,17 @@ class SoilRow(MeasuredEffects):
             raise ValueError(f"cone_index_kpa {index:g} lies outside of low_kpa to high_kpa")
         return self
 
-
-@dataclass(frozen=True)
-class Soil:
-    """A soil at one moisture, as a plan uses it; attributes as those of SoilRow.
-
-    `low_kpa` to `high_kpa` is the interval of the cone index. `source` says from which lines it was interpolated.
-    `effects` are those that measured logs said of it, by id.
-    """
-
-    name: str
-    moisture_pct: float | None
-    clay_pct: float | None
-    draft: Texture
-    cone_index_kpa: float | None
-    low_kpa: float | None
-    high_kpa: float | None
-    ground: str | None
-    source: str
-    effects: Mapping[str, EffectSetting] = field(default_factory=dict, hash=False)
+    @property
+    def effects(self) -> dict[str, EffectSetting]:
+        """The effects that measured logs said of it, by id."""
+        settings = {}
+        for name in SOIL_EFFECTS:
+            value, low, high = self.get_value(name)
+            if value is not None:
+                key = get_effect(name).size.name
+                interval = {} if low is None or high is None else {key: (low, high)}
+                settings[name] = EffectSetting(value={key: value}, interval=interval)
+        return settings
 
     @property
     def rolling_share(self) -> float | None:
@@ -187,7 +159,7 @@ def find_soil(name: str, moisture_pct: float | None = None, path: str | Path | N
     return interpolate_soil(rows, moisture_pct)
 
 
-def interpolate_soil(rows: tuple[SoilRow, ...], moisture_pct: float) -> Soil:
+def interpolate_soil(rows: tuple[Soil, ...], moisture_pct: float) -> Soil:
     """The soil of these lines (driest first) at a moisture. Raises VehicleError as find_soil."""
     name = rows[0].name
     if rows[0].moisture_pct is None:
@@ -203,7 +175,7 @@ def interpolate_soil(rows: tuple[SoilRow, ...], moisture_pct: float) -> Soil:
     )
 
 
-def get_soil_rows(name: str, path: str | Path | None = None) -> tuple[SoilRow, ...]:
+def get_soil_rows(name: str, path: str | Path | None = None) -> tuple[Soil, ...]:
     """The lines of a soil, driest first. Raises VehicleError."""
     soils = load_soils(path)
     if name not in soils:
@@ -212,19 +184,19 @@ def get_soil_rows(name: str, path: str | Path | None = None) -> tuple[SoilRow, .
     return soils[name]
 
 
-def load_soils(path: str | Path | None = None) -> dict[str, tuple[SoilRow, ...]]:
+def load_soils(path: str | Path | None = None) -> dict[str, tuple[Soil, ...]]:
     """All soils by name, of Headland's table or a user's, lines from dry to wet.
 
     Raises:
         VehicleError: naming the line and the fault, or the soil whose lines contradict each other.
     """
-    soils: dict[str, list[SoilRow]] = {}
-    for row in load_table(path, "soils.csv", SoilRow, "a soil"):
+    soils: dict[str, list[Soil]] = {}
+    for row in load_table(path, "soils.csv", Soil, "a soil"):
         soils.setdefault(row.name, []).append(row)
     return {name: _sort_rows(name, rows) for name, rows in soils.items()}
 
 
-def _sort_rows(name: str, rows: list[SoilRow]) -> tuple[SoilRow, ...]:
+def _sort_rows(name: str, rows: list[Soil]) -> tuple[Soil, ...]:
     moistures = [row.moisture_pct for row in rows if row.moisture_pct is not None]
     if len(rows) > 1 and (len(set(moistures)) < len(rows) or len({row.ground for row in rows}) > 1):
         raise VehicleError(
@@ -234,7 +206,7 @@ def _sort_rows(name: str, rows: list[SoilRow]) -> tuple[SoilRow, ...]:
     return tuple(sorted(rows, key=lambda row: row.moisture_pct or 0.0))
 
 
-def _build_soil(drier: SoilRow, wetter: SoilRow, share: float, moisture_pct: float | None) -> Soil:
+def _build_soil(drier: Soil, wetter: Soil, share: float, moisture_pct: float | None) -> Soil:
     lines = (drier,) if share == 0.0 else (wetter,) if share == 1.0 else (drier, wetter)
     source = lines[0].source
     if len(lines) > 1:
@@ -244,12 +216,21 @@ def _build_soil(drier: SoilRow, wetter: SoilRow, share: float, moisture_pct: flo
         None if first is None or second is None else first * math.exp(share * math.log(second / first))
         for first, second in zip(_list_strengths(drier), _list_strengths(wetter), strict=True)
     )
-    effects = interpolate_effects(drier, wetter, share)
-    kind = drier.clay_pct, drier.draft
-    return Soil(drier.name, moisture_pct, *kind, index, low, high, drier.ground, source, effects)
+    cone = {"cone_index_kpa": index, "low_kpa": low, "high_kpa": high}
+    effects = _interpolate_effects(lines[0], lines[-1], share)
+    return drier.model_copy(update={"moisture_pct": moisture_pct, "source": source, "state": "", **cone, **effects})
 
 
-def _list_strengths(row: SoilRow) -> tuple[float | None, float | None, float | None]:
+def _interpolate_effects(drier: Soil, wetter: Soil, share: float) -> dict[str, float | None]:
+    """Values and intervals of effects that both lines know, `share` (0 to 1) of the way between them."""
+    return {
+        key: None if one is None or other is None else one + share * (other - one)
+        for key in MeasuredEffects.model_fields
+        for one, other in [(getattr(drier, key), getattr(wetter, key))]
+    }
+
+
+def _list_strengths(row: Soil) -> tuple[float | None, float | None, float | None]:
     """Cone index and its interval, which is MEASURED_ERROR either way where the line has none."""
     index = row.cone_index_kpa
     if index is None:
@@ -257,5 +238,5 @@ def _list_strengths(row: SoilRow) -> tuple[float | None, float | None, float | N
     return index, row.low_kpa or index * (1.0 - MEASURED_ERROR), row.high_kpa or index * (1.0 + MEASURED_ERROR)
 
 
-def _join_range(rows: tuple[SoilRow, ...]) -> str:
+def _join_range(rows: tuple[Soil, ...]) -> str:
     return f"from {rows[0].moisture_pct:g} to {rows[-1].moisture_pct:g} %"

@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from fields.units import KILO, PCT
 from vehicle.errors import VehicleError
-from vehicle.model.soil import USUAL_STATE, Soil, SoilRow, interpolate_soil
+from vehicle.model.soil import USUAL_STATE, Soil, interpolate_soil
 
 LAYER_DEPTHS_M = (0.10, 0.15)
 """Ze of FAO-56, from and to. Cone indices are those of the upper 15 cm, so the deeper one counts."""
@@ -27,7 +28,6 @@ SKIN_DEPTH_M = 0.04
 BARE_SOIL_COEFFICIENT = 1.2
 PARTICLE_DENSITY = 2.65  # of mineral soil, over that of water
 DRY_STATE, SATURATED_STATE = "dry", "saturated"
-MM_PER_M, PCT = 1000.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class SoilWater:
 
     def convert_to_moisture_pct(self, depletion_mm: float, depth_m: float) -> float:
         """Moisture of a layer, % of dry weight, that lacks so much water to field capacity; negative for a surplus."""
-        share = min(self.field_capacity - depletion_mm / (MM_PER_M * depth_m), self.saturation)
+        share = min(self.field_capacity - depletion_mm / (KILO * depth_m), self.saturation)
         return PCT * share / self.density
 
 
@@ -62,7 +62,7 @@ class MoistureEstimate:
     et0_mm: float
 
 
-def find_soil_water(rows: Sequence[SoilRow]) -> SoilWater:
+def find_soil_water(rows: Sequence[Soil]) -> SoilWater:
     """The water of a soil by its lines. Raises VehicleError for a soil without the lines that say it."""
     by_state = {row.state: row.moisture_pct for row in rows}
     dry, usual, wet = (by_state.get(state) for state in (DRY_STATE, USUAL_STATE, SATURATED_STATE))
@@ -87,8 +87,8 @@ def compute_depletions(
         depth_m: of the layer.
         start_share: of what can evaporate, that had done so before the first day: 0 to 1.
     """
-    most_mm = MM_PER_M * water.evaporable_share * depth_m
-    readily_mm = MM_PER_M * water.evaporable_share * SKIN_DEPTH_M
+    most_mm = KILO * water.evaporable_share * depth_m
+    readily_mm = KILO * water.evaporable_share * SKIN_DEPTH_M
     depletion_mm, drained_mm = start_share * most_mm, 0.0
     for rain_mm, et0_mm in zip(rains_mm, et0s_mm, strict=True):
         drained_mm = max(rain_mm - depletion_mm, 0.0)
@@ -99,7 +99,7 @@ def compute_depletions(
 
 
 def estimate_moisture(
-    rows: Sequence[SoilRow], rains_mm: Sequence[float], et0s_mm: Sequence[tuple[float, float, float]]
+    rows: Sequence[Soil], rains_mm: Sequence[float], et0s_mm: Sequence[tuple[float, float, float]]
 ) -> MoistureEstimate:
     """Moisture of a soil after some days, from the day before the first to the evening of the last.
 
@@ -133,8 +133,8 @@ def estimate_moisture(
     )
 
 
-def build_estimated_soil(rows: tuple[SoilRow, ...], estimate: MoistureEstimate) -> Soil:
+def build_estimated_soil(rows: tuple[Soil, ...], estimate: MoistureEstimate) -> Soil:
     """The soil at the estimated moisture, whose cone index has the interval of the moisture in its own."""
     soil = interpolate_soil(rows, estimate.moisture_pct)
     driest, wettest = (interpolate_soil(rows, pct) for pct in (estimate.low_pct, estimate.high_pct))
-    return replace(soil, low_kpa=wettest.low_kpa, high_kpa=driest.high_kpa)
+    return soil.model_copy(update={"low_kpa": wettest.low_kpa, "high_kpa": driest.high_kpa})

@@ -8,23 +8,22 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fields.errors import shorten_value, suggest_name
+from fields.errors import MAX_LISTED, MAX_NAMED, shorten_value, suggest_name
 
-MAX_FAULTS, MAX_MISSING = 6, 16
 Model = type[BaseModel]
 Place = tuple[str | int, ...]
 
 
-def describe_validation_errors(error: ValidationError, model: Model, max_count: int = MAX_FAULTS) -> str:
+def describe_validation_errors(error: ValidationError, model: Model, max_count: int = MAX_NAMED) -> str:
     """Clauses for all complaints of pydantic: missing keys, unknown keys, and wrong values with their rule.
 
     `model` is the class that was validated; at most `max_count` wrong values are listed.
     """
     missing = [_describe_missing(fault["loc"], model) for fault in error.errors() if _is_missing(fault)]
     clauses_of_values = [_describe_fault(fault, model) for fault in error.errors() if not _is_missing(fault)]
-    clauses = [f"it lacks {', '.join(missing[:MAX_MISSING])}"] if missing else []
+    clauses = [f"it lacks {', '.join(missing[:MAX_LISTED])}"] if missing else []
     clauses += clauses_of_values[:max_count]
-    omitted = max(len(missing) - MAX_MISSING, 0) + max(len(clauses_of_values) - max_count, 0)
+    omitted = max(len(missing) - MAX_LISTED, 0) + max(len(clauses_of_values) - max_count, 0)
     clauses += [f"and {omitted} more"] if omitted else []
     return "; ".join(clauses)
 

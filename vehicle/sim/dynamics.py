@@ -17,10 +17,8 @@ from vehicle.energy.traction import compute_friction_circle_share
 from vehicle.fast_math import compute_arctangent_ratio
 from vehicle.jit import compile_function, inline_function
 from vehicle.records import GRAVITY_MPS2
-from vehicle.sim.effect_terms import apply_play, compute_ground_speed, read_delayed
+from vehicle.sim.effect_terms import CREEP_MPS, apply_play, compute_ground_speed, read_delayed
 from vehicle.sim.load_terms import compute_pull, compute_slopes, limit_drive, note_overturning
-
-CREEP_MPS = 0.05  # slip angles of slower wheels are computed for this speed, to avoid a division by zero
 
 
 @compile_function

@@ -19,6 +19,7 @@ KNEE = 0.3  # of the limit of side force: below it nothing is lost, at four fift
 DISCREPANCY_LIMIT = 0.9  # of the curvature: a discrepancy model must not turn a tractor the other way
 SECANT_STEPS = 4  # chosen: at usual losses each step leaves a twentieth of the error
 STRAIGHT_RAD = 1e-6  # below it nothing is lost
+CREEP_MPS = 0.05  # slip angles and resistances of slower wheels are those at this speed: no division by zero, no jump
 CRAWL_MPS = 0.1  # below it a push fades out: a tractor that stands stays
 
 

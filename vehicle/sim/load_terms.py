@@ -22,15 +22,15 @@ from vehicle.energy.traction import SLIP_RATE
 from vehicle.jit import compile_function, inline_function
 from vehicle.missions.run import RollOverMargin, Stall
 from vehicle.records import GRAVITY_MPS2
+from vehicle.sim.effect_terms import CREEP_MPS
 
-EASE_MPS = 0.05  # resistance that turns with the direction of travel is full from this speed on
 LEAST_GAIN_RATE = 1e-3  # of traction per slip: below it Newton's method is too near to a division by 0
 SLACK_MPS = 0.1  # the set speed waits this far ahead of a tractor that lacks power
 # Chosen: a tractor that lacks something is stuck if it stays below this speed for so long, and runs away above that.
 STALL_MPS, RUNAWAY_MPS, STALL_AFTER_S = 0.2, 1.0, 3.0
-NOTHING, FORCE, GRIP, POWER, BRAKES = 0, 1, 2, 3, 4
 SHORTAGES = ("nothing", "drive force", "grip", "power", "brakes")
 """What a tractor can lack, by the number in its state."""
+NOTHING, FORCE, GRIP, POWER, BRAKES = range(len(SHORTAGES))
 
 
 @inline_function
@@ -47,10 +47,10 @@ def compute_pull(model, ground, slope: float, speed: float, working: float) -> f
     There that grows smoothly with speed, and lacks 2 % of its full value at 2 m/s.
     """
     size = abs(speed)
-    share = min(max(speed * (1.0 / EASE_MPS), -1.0), 1.0)
+    share = min(max(speed * (1.0 / CREEP_MPS), -1.0), 1.0)
     draft = working * (model.draft_constant + (model.draft_linear + model.draft_square * size) * size)
     weight = model.mass * GRAVITY_MPS2
-    return weight * slope + share * draft + ground.rolling * weight * (share - speed / (size + EASE_MPS))  # type: ignore[no-any-return]
+    return weight * slope + share * draft + ground.rolling * weight * (share - speed / (size + CREEP_MPS))  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -63,7 +63,7 @@ def find_thrust_limit(model, ground, speed: float, slip: float) -> tuple[float, 
     if model.driven_weight > 0.0:
         limit = model.driven_weight * (model.best_gain + ground.rolling - model.inverse_mobility)
         shortage = GRIP
-    power = model.axle_power * (1.0 - slip) / max(speed, EASE_MPS) - model.driven_weight * model.slip_resistance * slip
+    power = model.axle_power * (1.0 - slip) / max(speed, CREEP_MPS) - model.driven_weight * model.slip_resistance * slip
     if power < limit:
         limit, shortage = power, POWER
     return limit, shortage

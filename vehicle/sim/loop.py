@@ -52,7 +52,7 @@ from vehicle.sim.load_terms import STALL_AFTER_S
 NEGLIGIBLE_SPEED = 1e-100
 MIN_PROGRESS_M = 0.05  # of all tractors together; less counts as a stall
 IGNORE_CLEARANCE_M = -math.inf  # a stop clearance with which tractors drive through each other
-RUNNING, ALL_DONE, TOO_CLOSE, STALLED, NEIGHBOURS_CHANGED = 0, 1, 2, 3, 4
+RUNNING, ALL_DONE, TOO_CLOSE, STALLED, NEIGHBOURS_CHANGED = range(5)
 
 
 @compile_function

@@ -23,7 +23,8 @@ import numpy as np
 
 from vehicle.arrays import Floats
 from vehicle.jit import compile_function
-from vehicle.twin.step_motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, TractorNoise
+from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
+from vehicle.twin.step_motion import TractorNoise
 
 STATE_SIZE, MEASUREMENT_SIZE = 10, 4
 TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT, COMMAND_DELAY, COMMAND_DELAY_NOW = range(3, 10)

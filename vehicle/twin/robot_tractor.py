@@ -13,13 +13,12 @@ import numpy as np
 
 from vehicle.errors import MissionError
 from vehicle.missions.plan import Leg, Mission, Plan, check_plan
+from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import DT_S, GATE
 from vehicle.sim.compile import compile_plan
 from vehicle.twin.step_motion import (
-    DRIFT_MEMORY_S,
     NO_NOISE,
-    SOIL_MEMORY_S,
     TractorNoise,
     add_hidden_effects,
     create_body,

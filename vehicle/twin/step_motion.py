@@ -23,8 +23,6 @@ from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.loop import drive_tractor
 
-SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # of vehicle.identification.diagnosis.demo_logs
-
 
 @dataclass(frozen=True)
 class TractorNoise:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.arrays import Floats
+from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
@@ -28,7 +29,6 @@ LOG_COLUMNS = (
     "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps",
     "speed_command_mps", "steering_command_deg", "shuttle", "implement",
 )  # fmt: skip
-STANDING_MPS = 0.03
 
 
 class TwinRecording:
@@ -61,7 +61,7 @@ class TwinRecording:
         for time_s, (x, y, heading, speed) in sorted(self._fixes.items()):
             place = bisect_right(self._times, time_s)
             steering, target, implement = self._commands[place - 1] if place else (0.0, 0.0, 0.0)
-            moving = target if abs(target) > STANDING_MPS else speed if abs(speed) > STANDING_MPS else 1.0
+            moving = target if abs(target) > STANDSTILL_MPS else speed if abs(speed) > STANDSTILL_MPS else 1.0
             fix = time_s, origin_m[0] + x, origin_m[1] + y
             compass_deg = round((90.0 - math.degrees(heading)) % 360.0, 3)
             motion = abs(speed), abs(target), math.degrees(steering)

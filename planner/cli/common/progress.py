@@ -15,8 +15,8 @@ from reports.common.language import Reader, get_language, get_units, translate, 
 
 PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
 REFRESHES_PER_S = 4
-MOST_NAMED = 2  # of what is at work, so that the line holds the bar as well
 WIDE_COLUMNS = 80
+MOST_NAMED = 2  # of what is at work, so that the line holds the bar as well
 
 
 class StageBar:

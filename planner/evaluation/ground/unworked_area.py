@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 
 from fields.geometry.field import MIN_FENCE_MARGIN_M
-from fields.geometry.overlays import GRID_M, extract_polygons
+from fields.geometry.overlays import extract_polygons
+from fields.geometry.tolerances import GRID_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import recall

@@ -13,7 +13,7 @@ from shapely.geometry.polygon import orient
 from fields.geometry.field import Field
 from fields.geometry.field_lines import HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
-from fields.geometry.overlays import GRID_M
+from fields.geometry.tolerances import GRID_M
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout

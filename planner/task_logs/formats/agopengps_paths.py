@@ -14,13 +14,13 @@ from fields.errors import FieldError
 from fields.formats import agopengps
 from fields.formats.archive import ArchiveMembers
 from fields.text_files import count_noun
+from fields.units import MPS_PER_KMH
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
 RECORDED_PATH_FILE, RECORDED_PATH_EXTENSION = "recpath.txt", ".rec"
 MIN_SPEED_MPS = 0.1
-MPS_PER_KMH = 1.0 / 3.6
 NO_CLOCK_NOTE = "recorded paths have no clock; times are from distance and speed, without stops"
 
 

@@ -21,6 +21,7 @@ from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
+from fields.units import DAY_S
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
@@ -38,7 +39,6 @@ from vehicle.identification.errors import LogError
 
 _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", "G": "B", "H": "I", "I": "H"}
 """Parts of a position in a record, with the kind of their number (struct)."""
-SECONDS_PER_DAY = 86_400.0
 DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1e-3
 TLG_EPOCH = date(1980, 1, 1)
@@ -89,7 +89,7 @@ def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
     empty = np.full(len(heads), np.nan)
     return TimeLog(
         columns,
-        heads[:, 1] * SECONDS_PER_DAY + heads[:, 0] / 1e3,
+        heads[:, 1] * float(DAY_S) + heads[:, 0] / 1e3,
         table.get("A", empty) * DEGREES_PER_UNIT,
         table.get("B", empty) * DEGREES_PER_UNIT,
         table.get("D", empty),
@@ -124,7 +124,7 @@ def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[
 
 def format_isoxml_time(seconds: float) -> str:
     """Seconds since 1980 as "2020-01-02T17:30:20"; "" if out of range."""
-    day, rest_s = divmod(round(seconds), int(SECONDS_PER_DAY))
+    day, rest_s = divmod(round(seconds), DAY_S)
     try:
         when = TLG_EPOCH + timedelta(days=day)
     except OverflowError:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.geometry.coordinates import MAX_COORDINATE
 from fields.text_files import quote_path, read_text
 from planner.task_logs.runs.run_records import COUNTERS, Array, ProjectedRun
 from reports.task_logs.run_results import RunFigures
@@ -24,7 +25,6 @@ LOG_COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", 
 COLUMN_FORMATS = ("%.3f", "%.3f", "%.3f", "%.2f", "%.3f", "%d", "%.3f")
 OPTIONAL_COLUMNS = ("implement", "elevation_m")
 HEADING_NOTE = "heading_deg is the course over ground, opposite to the heading in reverse; there is no steering angle"
-MAX_COORDINATE_M = 1e8  # from the origin of any coordinate system on the earth
 MAX_NAME_LENGTH = 24
 NO_VALUE = float("nan")
 
@@ -188,8 +188,8 @@ def _load_table(path: Path) -> dict[str, Array]:
         or (np.diff(table[:, header.index("time_s")]) <= 0.0).any()
     ):
         raise LogError(f"{quote_path(path)} has rows without numbers or out of order; import the run again.")
-    if (np.abs(table[:, [header.index("easting_m"), header.index("northing_m")]]) > MAX_COORDINATE_M).any():
-        raise LogError(f"{quote_path(path)} has a position beyond {MAX_COORDINATE_M:g} m; import the run again.")
+    if (np.abs(table[:, [header.index("easting_m"), header.index("northing_m")]]) > MAX_COORDINATE).any():
+        raise LogError(f"{quote_path(path)} has a position beyond {MAX_COORDINATE:g} m; import the run again.")
     return {name: table[:, index] for index, name in enumerate(header)}
 
 

@@ -11,6 +11,7 @@ import shapely
 
 from fields.geometry.geodesy import find_utm_crs, project
 from fields.geometry.outline_cleaning import find_largest_polygon
+from vehicle.identification.logs.gating import FASTEST_MPS
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -100,7 +101,6 @@ class LogContents:
 
 WGS84 = "EPSG:4326"
 COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
-MAX_SPEED_MPS = 20.0
 STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
 
@@ -128,7 +128,7 @@ def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
         crs=crs,
         xy=xy,
         heading_deg=compute_course_deg(xy),
-        speed_mps=np.clip(speed, 0.0, MAX_SPEED_MPS),
+        speed_mps=np.clip(speed, 0.0, FASTEST_MPS),
         is_working=np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working,
         has_work_state=run.is_working is not None,
         has_logged_speed=run.speed_mps is not None,

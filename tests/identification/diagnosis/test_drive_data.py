@@ -7,15 +7,9 @@ import pandas as pd
 import pytest
 
 from tests.identification.analytic_drives import SPEED_MPS, circle, course
-from vehicle.identification.diagnosis.drive_data import (
-    PATH_STEP_S,
-    POSE_CELLS,
-    STRIDE,
-    WINDOW_S,
-    DriveData,
-    build_drive_data,
-)
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELLS, STRIDE, DriveData, build_drive_data
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.thresholds import WINDOW_S
 
 
 def line(seconds: float, rate_hz: float = 10.0, **columns: float) -> pd.DataFrame:

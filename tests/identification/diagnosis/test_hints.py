@@ -26,7 +26,7 @@ from vehicle.identification.diagnosis.hints import (
 from vehicle.identification.diagnosis.linear_response import PoseResponse
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise_floor import Unexplained
-from vehicle.identification.diagnosis.search import Comparison, Judgement
+from vehicle.identification.diagnosis.search import Judgement, PredictiveComparison
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.model.effects import PATH
@@ -97,7 +97,7 @@ def test_laws_that_no_tractor_file_holds_are_told_where_they_are_clear() -> None
     law = build_scope(parent, "by_implement")
 
     def judge(hypothesis: Hypothesis, z: float) -> Judgement:
-        return Judgement(hypothesis, Comparison(None, 50.0, z))
+        return Judgement(hypothesis, PredictiveComparison(None, 50.0, z))
 
     (hint,) = list_law_hints([judge(law, 6.0), judge(law, 2.0), judge(parent, 9.0)])
     assert hint.depends_on == "the implement" and hint.block == PATH

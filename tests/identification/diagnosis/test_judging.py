@@ -8,7 +8,7 @@ import pytest
 from tests.identification.diagnosis.problems import build_drive_problem, build_fit, build_hypothesis
 from vehicle.identification.diagnosis.grammar import build_scope
 from vehicle.identification.diagnosis.model_fit import Problem
-from vehicle.identification.diagnosis.search import Comparison, takes_over
+from vehicle.identification.diagnosis.search import PredictiveComparison, takes_over
 from vehicle.identification.diagnosis.verdicts import centre_laws
 
 
@@ -41,13 +41,13 @@ def test_a_law_takes_the_place_of_its_constant_only_where_it_predicts_clearly_mo
 ) -> None:
     slip = build_hypothesis(problem, "wheel_slip")
     law = build_scope(slip, "by_speed")
-    assert takes_over(Comparison(law, nats, z), law, slip) is takes
+    assert takes_over(PredictiveComparison(law, nats, z), law, slip) is takes
     # The other way round the constant comes back unless the law has kept its lead.
-    assert takes_over(Comparison(slip, -nats, -z), slip, law) is not takes
+    assert takes_over(PredictiveComparison(slip, -nats, -z), slip, law) is not takes
 
 
 def test_another_effect_takes_the_place_by_what_is_more_probable(problem: Problem) -> None:
     slip, gain = build_hypothesis(problem, "wheel_slip"), build_hypothesis(problem, "steering_gain")
-    assert takes_over(Comparison(gain, -3.0, -0.5), gain, slip) and not takes_over(
-        Comparison(gain, -1.0, -5.0), gain, slip
+    assert takes_over(PredictiveComparison(gain, -3.0, -0.5), gain, slip) and not takes_over(
+        PredictiveComparison(gain, -1.0, -5.0), gain, slip
     )

@@ -20,7 +20,7 @@ from vehicle.identification.diagnosis.next_drive import (
     choose_next_drive,
     compute_separation,
 )
-from vehicle.identification.diagnosis.search import CLEAR_Z
+from vehicle.identification.logs.thresholds import SURE_SIGMAS
 from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, DriveProgramme
 
 UNDERSTEER = {"understeer": {"deg_per_mps2": 3.0}}
@@ -84,7 +84,7 @@ def test_a_circle_at_two_speeds_tells_understeer_from_a_gain(circles: Problem, m
     fit, pair = build_pair(circles, "understeer", "steering_gain")
     drive = choose_next_drive(circles, fit, [pair])
     assert drive is not None and drive.id == "two-speeds" and drive.decides
-    assert drive.separates == ("understeer", "steering_gain") and drive.score > SIGMAS_PER_Z * CLEAR_Z
+    assert drive.separates == ("understeer", "steering_gain") and drive.score > SIGMAS_PER_Z * SURE_SIGMAS
     assert (drive.description, drive.seconds) == (BY_ID[drive.id].description, BY_ID[drive.id].seconds)
     shorten(monkeypatch, "there-and-back", "circles", "steps")
     other = choose_next_drive(circles, fit, [pair])

@@ -23,8 +23,8 @@ from vehicle.identification.diagnosis.noise_floor import (
     replay_commands,
 )
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import HORIZONS_S
 from vehicle.identification.replay.horizon_errors import (
-    HORIZONS_S,
     HorizonSquares,
     compute_horizon_errors,
     simulate_instruments,

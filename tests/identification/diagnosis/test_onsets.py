@@ -14,13 +14,14 @@ from tests.truth.drives import drive, stairs, steps, three_speeds_programme
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from tests.truth.second import second_logs
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
-from vehicle.identification.diagnosis.onsets import LEAST_NATS, _find_likely_rows, find_onset_spans, mark_onset_faults
+from vehicle.identification.diagnosis.onsets import _find_likely_rows, find_onset_spans, mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import (
     ARTICULATED,
     REAR_STEERED,
     drop_course_headings,
     find_other_turning,
 )
+from vehicle.identification.diagnosis.search import ADD_NATS
 from vehicle.identification.faults.steering_evidence import STEP_S
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import build_log
@@ -134,7 +135,7 @@ def test_a_span_is_where_the_sum_of_nats_is_largest() -> None:
     nats = np.full(600, -1.0 * STEP_S)
     nats[200:300], nats[250:260], nats[300:320] = 3.0 * STEP_S, -2.0 * STEP_S, 0.0
     ((rows, total, reach),) = _find_likely_rows(nats)
-    assert (rows.start, rows.stop) == (200, 300) and total == pytest.approx(25.0) and total > LEAST_NATS
+    assert (rows.start, rows.stop) == (200, 300) and total == pytest.approx(25.0) and total > ADD_NATS
     assert 175 <= reach.start < 200 and 320 < reach.stop <= 345
     assert _find_likely_rows(0.3 * nats) == []
 

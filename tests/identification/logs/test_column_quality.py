@@ -108,7 +108,7 @@ def test_steering_is_read_in_all_rows_and_positions_in_the_new_ones() -> None:
 def test_logs_that_say_the_same_are_told_together() -> None:
     runs = [build_log(held(drive(0.1), 5, PLACE), name) for name in "abcde"]
     same = list_remarks(runs[0])[0].removeprefix("a: ")
-    assert list_shared_remarks(runs) == [f"a, b, c and 2 more: {same}"]
+    assert list_shared_remarks(runs) == [f"a, b, c, d, e: {same}"]
     assert list_shared_remarks(runs[:4]) == [f"a, b, c, d: {same}"]
     assert list_shared_remarks([runs[0], build_log(drive(0.1), "plain")]) == [f"a: {same}"]
 

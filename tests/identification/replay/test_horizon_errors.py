@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, course, rig
+from vehicle.identification.replay.drive_segments import HORIZONS_S
 from vehicle.identification.replay.horizon_errors import (
-    HORIZONS_S,
     compute_anchored_errors,
     compute_horizon_errors,
     compute_relative_run_errors,

@@ -2,8 +2,12 @@
 
 import numpy as np
 
-from vehicle.identification.replay.drive_segments import WINDOW_S, compute_half_numbers, compute_window_numbers
-from vehicle.identification.replay.horizon_errors import HORIZONS_S
+from vehicle.identification.replay.drive_segments import (
+    HORIZONS_S,
+    WINDOW_S,
+    compute_half_numbers,
+    compute_window_numbers,
+)
 
 TIMES = np.array([0.0, 19.9, 20.0, 39.9, 40.0, 65.0])
 

@@ -22,7 +22,7 @@ from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.soil import find_soil
 from vehicle.model.terrain import Terrain
-from vehicle.model.tractor import Implement, load_tractor
+from vehicle.model.tractor import BatteryParameters, Implement, load_tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import FINISHED, RECORD_COLUMNS, WAITING, WORKING
 from vehicle.sim.world import World
@@ -148,7 +148,7 @@ def test_an_implement_on_the_shaft_and_a_battery() -> None:
     driven = compute_run_energy(run, EG105, load, shaft_power_w=20_000.0)
     assert driven.tractors[0].shaft_j.sum() == pytest.approx(2e6)
     assert driven.total - plain.total == pytest.approx(0.22 * 20.0 * 100.0 / 3600.0)
-    electric = compute_run_energy(run, EG105, load, source=ElectricDrive(battery_kwh=80.0))
+    electric = compute_run_energy(run, EG105, load, source=ElectricDrive(BatteryParameters(capacity_kwh=80.0)))
     push_w = 0.05 * 3850.0 * GRAVITY_MPS2 * 2.0
     assert electric.energy_kwh == pytest.approx((push_w / 0.86 / 0.85 + 500.0) * 100.0 / 3.6e6)
     assert electric.fuel_l is None and electric.co2_kg is None and electric.unit == "kWh"

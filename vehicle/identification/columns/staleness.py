@@ -15,14 +15,10 @@ import numpy as np
 
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.series import find_changes
+from vehicle.identification.logs.thresholds import FEWEST_EVENTS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 
-_FEWEST_KNOTS = 10
-_HELD_SHARE = 0.5  # chosen, of the clear changes: noise in coarse steps repeats the value before a fifth of them
-STANDING_FACTOR = 2.0  # chosen, times the usual hold: a value that stays longer is that of wheels at rest
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
 _MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
-_SAME_KNOTS_SHARE = 0.8  # chosen, of the changes of the command that are also changes of the wheel angle
-_BETTER_SHARE = 0.8  # chosen, of the unexplained variance of the wheel angle
 _LAGS_S = np.arange(0.0, 1.6, 0.1)
 _FILTERS_S = (0.0, 0.15, 0.3, 0.6, 1.0)
 MEASURED_COLUMNS = ("steering_deg", "speed_mps")
@@ -35,7 +31,7 @@ def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
     Columns of `moving` change from row to row in other logs of the set, so that none of them is held.
     """
     rows = np.flatnonzero(log.used)
-    if len(rows) < 2 * _FEWEST_KNOTS:
+    if len(rows) < 2 * FEWEST_EVENTS:
         return log
     time, measured, changed = log.time_s[rows], dict(log.measured_rows), dict[str, Any]()
     for name in MEASURED_COLUMNS:
@@ -77,7 +73,7 @@ def _is_held_in_set(logs: Sequence[Log], name: str) -> bool:
     """Whether most of the clear changes of a column, in all logs together, are of values that were held before."""
     columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
     counts = np.concatenate([np.zeros(0, dtype=np.int64), *map(_count_rows_before_clear_changes, columns)])
-    return bool(np.count_nonzero(counts >= 2) >= _HELD_SHARE * len(counts))
+    return bool(np.count_nonzero(counts >= 2) >= MAJORITY * len(counts))
 
 
 def _count_rows_before_clear_changes(values: Array) -> Rows:
@@ -96,7 +92,7 @@ def _share_readings(log: Log, marked: Log) -> Log:
         return marked
     rows = np.flatnonzero(log.used)
     changed = rows[1:][np.diff(command[rows]) != 0.0]
-    if not len(changed) or float(np.mean(wheel_rows[changed])) < _SAME_KNOTS_SHARE:
+    if not len(changed) or float(np.mean(wheel_rows[changed])) < MOST_SHARE:
         return marked
     readings = wheel_rows.copy()
     readings[changed] = True
@@ -168,10 +164,10 @@ def find_held_knots(values: Array) -> Rows | None:
     """Return the indices at which held values (k,) change; None where they are not held between changes."""
     new_rows = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
     counts = _count_rows_before_clear_changes(values)
-    if len(new_rows) <= _FEWEST_KNOTS or len(counts) < _FEWEST_KNOTS:
+    if len(new_rows) <= FEWEST_EVENTS or len(counts) < FEWEST_EVENTS:
         return None
     usual = float(np.median(counts))
-    if usual < 2.0 or np.count_nonzero(counts >= 2) < _HELD_SHARE * len(counts):
+    if usual < 2.0 or np.count_nonzero(counts >= 2) < MAJORITY * len(counts):
         return None
     return _add_last_known_rows(new_rows, len(values), round(usual))
 
@@ -186,13 +182,13 @@ def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
 def find_line_knots(time: Array, values: Array) -> Rows | None:
     """Return the indices at which values (k,) on straight lines change their slope; None where they are no lines."""
     moving = np.abs(np.diff(values)) > 0.0
-    if np.count_nonzero(moving) < _FEWEST_KNOTS:
+    if np.count_nonzero(moving) < FEWEST_EVENTS:
         return None
     both_move = moving[1:] & moving[:-1]
     knots = _find_bends(time, values)
     is_knot = np.isin(np.arange(1, len(values) - 1), knots)
     gaps = np.diff(knots)
-    if len(knots) < _FEWEST_KNOTS or not both_move.any() or float(np.median(gaps)) < 2.0:
+    if len(knots) < FEWEST_EVENTS or not both_move.any() or float(np.median(gaps)) < 2.0:
         return None
     is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
     return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
@@ -218,14 +214,14 @@ def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mas
     shown = np.ones(len(rows), dtype=np.bool_)
     if "steering_deg" in measured:
         shown = measured["steering_deg"][rows]
-        if float(np.mean(shown[knots])) >= _SAME_KNOTS_SHARE:
+        if float(np.mean(shown[knots])) >= MOST_SHARE:
             return True
     time, command = log.time_s[rows], log.steering_command_deg[rows]
     shown = shown & (time >= time[0] + _LAGS_S[-1])
-    if np.count_nonzero(shown) < _FEWEST_KNOTS:
+    if np.count_nonzero(shown) < FEWEST_EVENTS:
         return False
     drawn, readings = np.interp(time, time[knots], command[knots]), (time[shown], wheel[rows][shown])
-    return _measure_misfit(time, drawn, *readings) < _BETTER_SHARE * _measure_misfit(time, command, *readings)
+    return _measure_misfit(time, drawn, *readings) < MOST_SHARE * _measure_misfit(time, command, *readings)
 
 
 def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -> float:

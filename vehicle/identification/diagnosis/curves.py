@@ -10,25 +10,17 @@ import math
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import (
-    POSE_CELL_S,
-    POSE_CELLS,
-    SENSOR_CELLS,
-    STRIDE,
-    WINDOW_S,
-    DriveData,
-)
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELLS, STRIDE, DriveData
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.logs.thresholds import FEWEST_ROWS, FEWEST_TIMES, MOVING_SHARE, WINDOW_S
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2
 
 CURVE_BINS = 12  # enough to see a curve
-FEWEST_BIN_CELLS, FEWEST_CELLS = 4, 50  # of a bin, and of all: fewer give no standard error worth drawing
-MOVING_SHARE = 0.3  # of the median speed: less is a start or a stop
 CHANNEL_BY_QUANTITY = {effects.TURN: "pose", effects.CRAB: "pose", effects.WHEEL: "wheel", effects.PACE: "speed"}
 QUANTITIES = {
     effects.TURN: "remaining turning rate, deg/s",
@@ -71,10 +63,10 @@ def build_residual_plot(problem: Problem, base: Fit, fit: Fit, name: str) -> Res
     responses = build_responses(problem, quantity)
     values = read_regressor(problem, base, regressor, responses[0].shape[2])
     used = _select_cells(problem.data, quantity, values.shape[1])
-    if used.sum() < FEWEST_CELLS:
+    if used.sum() < FEWEST_ROWS:
         return None
     bins = number_bins(values, used)
-    kept = [number for number in range(CURVE_BINS) if (bins == number).sum() >= FEWEST_BIN_CELLS]
+    kept = [number for number in range(CURVE_BINS) if (bins == number).sum() >= FEWEST_TIMES]
     columns = [(one * (bins == number)[:, None, :]).sum(axis=2) for one in responses for number in kept]
     design, count = np.stack(columns, axis=2), len(kept)
     before, after = (estimate_bins(problem, channel, design, one.residuals[channel]) for one in (base, fit))

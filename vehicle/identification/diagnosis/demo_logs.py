@@ -27,6 +27,7 @@ from vehicle.identification.replay.rig import (
 )
 from vehicle.model.effect_kinds import EffectSample
 from vehicle.model.effects import EFFECTS_BY_ID, get_effect, get_neutral_values
+from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
 from vehicle.model.tractor import Settings, Tractor
 from vehicle.records import DT_S
 
@@ -50,7 +51,6 @@ DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: 
 WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
 DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 # Chosen, s: how long a receiver drifts to one side, and a patch of soil pushes.
-SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # a rut or a clod at walking pace; drift of satellite positions
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.logs.thresholds import WINDOW_S
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S
 
-WINDOW_S = 10.0  # the start of a window is free: longer ones hold what drifts, shorter ones lose what is slow
 POSE_CELL_S, SENSOR_CELL_S = 0.4, 0.2  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
 STRIDE = 2  # steps of the grid in a step of the path: 1/30 s, which turns 0.1 % otherwise than 1/60 s
 STEP_S, PATH_STEP_S = DT_S, STRIDE * DT_S

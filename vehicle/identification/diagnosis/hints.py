@@ -20,16 +20,15 @@ from vehicle.identification.diagnosis.linear_response import PoseResponse
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise_floor import Unexplained, limit_noise
 from vehicle.identification.diagnosis.results import Hint
-from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, Searcher
+from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, SURE_SIGMAS
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted
-LAW_Z = 3.0  # standard errors of the predictive difference: a hint needs less than a name
 # Of whitened residuals, with noise that is still noise: eleven clean sets have 1.1, and 1.9 where crab is misjudged.
 LOUD_SQUARE = 1.5
 LOUD_RATIO = 1.5  # a part of the noise so many times its limit is part of what is too loud
-CLUE_SIGMAS = 4.0  # of a rank correlation between windows: of some fifty that are looked at, chance reaches 3
 CLUE_TIMES = 2.0  # errors in the third of windows where they are larger over the other: noise shows up to 1.9
 FEWEST_CLUE_WINDOWS = 12  # chosen: ranks of fewer windows show nothing
 DEG = math.radians(1.0)
@@ -135,7 +134,7 @@ def list_law_hints(judgements: Sequence[Judgement]) -> Iterator[Hint]:
     """Laws of effects that predict left-out driving clearly, which no tractor file holds."""
     for judgement in judgements:
         law = judgement.hypothesis
-        if judgement.against_none.z < CLEAR_Z or law.is_catalogued or law.law not in LAW_WORDS:
+        if judgement.against_none.z < SURE_SIGMAS or law.is_catalogued or law.law not in LAW_WORDS:
             continue
         effect, depends_on = get_effect(law.id), LAW_WORDS[law.law]
         words = f"A part of the error would go if the {effect.label} changed with {depends_on}."
@@ -174,7 +173,7 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
             model = (*rest.model, gain.hypothesis)
             other = searcher.predict(problem.refit(model, np.concatenate([rest.amounts, gain.amounts]), 4))
             better = np.concatenate([(other[channel] - predicted[channel]).ravel() for channel in other])
-            if better.sum() > LAW_Z * np.sqrt(np.sum((better - better.mean()) ** 2)):
+            if better.sum() > CLEAR_SIGMAS * np.sqrt(np.sum((better - better.mean()) ** 2)):
                 return [_describe_law(tried[gain.hypothesis], gain.hypothesis.basis.removeprefix("hint_"))]
         return []
     finally:
@@ -223,7 +222,7 @@ def list_clues(problem: Problem, squares: dict[str, Array], quantities: dict[str
             continue
         cut = {key: problem.data.cut(quantities[key], 1)[:, 0] for key in WHERE_WORDS if key in quantities}
         clues = [(compute_rank_sigmas(values, own), key, compare_thirds(values, own)) for key, values in cut.items()]
-        clues = [one for one in clues if one[0] > CLUE_SIGMAS and max(one[2], 1.0 / one[2]) >= CLUE_TIMES]
+        clues = [one for one in clues if one[0] > SURE_SIGMAS and max(one[2], 1.0 / one[2]) >= CLUE_TIMES]
         if clues:
             _, key, times = max(clues)
             yield _describe_clue(channel, key, times)

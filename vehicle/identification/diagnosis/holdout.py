@@ -14,9 +14,9 @@ import numpy as np
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.logs.schema import Array, Log, Mask
-from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset, compute_half_numbers
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, build_dataset, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
-    HORIZONS_S,
     HalfSettings,
     HorizonError,
     compute_piece_errors,
@@ -28,7 +28,6 @@ from vehicle.model.tractor import Settings, Tractor
 
 HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
 LEAST_HARM_CM, LEAST_HARM_DEG = 0.05, 0.03  # smaller errors differ by the last digits of the instruments
-CLEAR_RISE_SIGMAS = 2.0  # of the scatter between pieces
 UNITS = np.array([100.0, 100.0, math.degrees(1.0)])  # from m, m and rad to cm, cm and deg
 LEAST = np.array([LEAST_HARM_CM, LEAST_HARM_DEG])
 PiecesByHorizon = Mapping[float, Array]
@@ -112,7 +111,7 @@ def is_extension_harmful(old: PiecesByHorizon, new: PiecesByHorizon, with_along:
     risen, fallen = np.zeros(2, dtype=np.bool_), 0.0
     for horizon, change, is_noticeable in _list_changes(old, new, with_along):
         rise = compute_rise_sigmas(_join_kinds(old[horizon], with_along), _join_kinds(new[horizon], with_along))
-        risen |= (change > math.log(HARM_FACTOR)) & is_noticeable & (rise > CLEAR_RISE_SIGMAS)
+        risen |= (change > math.log(HARM_FACTOR)) & is_noticeable & (rise > DOUBT_SIGMAS)
         fallen += float(change[0]) * float(is_noticeable[0])
     return bool(risen[0] or (risen[1] and fallen >= 0.0))
 

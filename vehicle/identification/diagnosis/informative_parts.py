@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import WINDOW_S
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import WINDOW_S
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S, HISTORY_STEPS
 

@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from vehicle.identification.columns.staleness import STANDING_FACTOR
 from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
@@ -31,6 +30,7 @@ from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
 from vehicle.identification.logs.schema import Log, LogFault, Mask
+from vehicle.identification.logs.thresholds import MAJORITY, STANDING_FACTOR
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import HorizonSquares
 from vehicle.model.effects import PATH, POSITION, get_effect
@@ -63,7 +63,6 @@ _CORRECTED_COLUMNS = {
 }
 _SCALE_FACTORS = {"speed": "speed_factor", "steering": "steering_factor"}
 EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for nine years
-_OFTEN = 0.5  # of the logs that have a column: fewer are told as one log
 
 
 def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[ColumnTiming, ...]:
@@ -139,7 +138,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
             rows.append(np.diff(np.flatnonzero(measured[log.used])))
-    if not gaps or len(gaps) < _OFTEN * having:
+    if not gaps or len(gaps) < MAJORITY * having:
         return None
     all_gaps, all_rows = np.concatenate(gaps), np.concatenate(rows)
     hold_s = float(np.median(all_gaps))

@@ -19,8 +19,8 @@ from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Model, Problem
 from vehicle.identification.diagnosis.results import NextDrive
-from vehicle.identification.diagnosis.search import CLEAR_Z
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import SURE_SIGMAS
 from vehicle.identification.replay.drive_programmes import (
     DRIVE_PROGRAMMES,
     DriveProgramme,
@@ -67,7 +67,7 @@ def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[Competin
 
 
 def _judge(programme: DriveProgramme, pair: CompetingPair, separation: float) -> NextDrive:
-    is_clear = separation > SIGMAS_PER_Z * CLEAR_Z
+    is_clear = separation > SIGMAS_PER_Z * SURE_SIGMAS
     return NextDrive(programme.id, programme.description, programme.seconds, _name_pair(pair), separation, is_clear)
 
 

@@ -40,7 +40,8 @@ from vehicle.identification.diagnosis.noise import (
 )
 from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array, Rows
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
     HorizonSquares,
     compute_relative_run_errors,
@@ -50,6 +51,7 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.rig import ReplayRig
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
+ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
 DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
 # Most of each part that is still noise, in the order of noise.ChannelNoise: one to two times what nine in ten of 53
 # sets of three truths by other hands stay under; of crab, which fits overstate, eight in ten. White noise of receivers
@@ -59,11 +61,9 @@ MOST_WHEEL, MOST_SPEED = (np.inf, 3e-4, 8e-4, 0.05, 0.07), (np.inf, 0.008, 0.004
 MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
 Rng = np.random.Generator
 Model = Sequence[tuple[Hypothesis, Array]]
-ERROR_PIECE_S = 5.0  # horizon of the errors that are told in words and shares
 # Chosen: times the noise floor that counts as noise, and the addition per second between rows, where motion is not
 # observed.
 ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0
-FEW_PIECES_SIGMAS = 2.0  # standard deviations granted to chance between the error of a few pieces and the floor
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
 KINDS = 3  # errors of a piece: across, along, heading
 
@@ -301,4 +301,4 @@ def compute_chance(seconds: float, piece_s: float) -> float:
     A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors.
     """
     pieces = max(seconds / piece_s, 1.0)
-    return FEW_PIECES_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))
+    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))

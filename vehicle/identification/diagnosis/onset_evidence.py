@@ -14,23 +14,34 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.faults.steering_evidence import STEP_S, follow_command, slide_minimum
+from vehicle.identification.faults.steering_evidence import (
+    COURSE_TURN_S,
+    EITHER_WAY_S,
+    STEERINGS,
+    STEP_S,
+    TURN_S,
+    follow_command,
+    slide_minimum,
+)
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.series import measure_spread
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    CLEAR_CORRELATION,
+    CLEAR_SIGMAS,
+    FEWEST_LINE_ROWS,
+    FEWEST_READINGS,
+    GAP_STEPS,
+    PATH_MPS,
+    SURE_SIGMAS,
+)
 
-# Late (s), rate (deg/s) and lag (s) of steerings between which any of the catalogue is; the first is the usual one.
-STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
-EITHER_WAY_S = 0.6  # clocks of two columns are so far apart at most, with what stands still in them
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
 # Shares of an angle that a path may need: a patch without grip leaves half, and no cause doubles it.
 LEAST_GAIN, MOST_GAIN = 0.4, 1.7
 SLIDING_MPS2 = 0.3  # a path that turns less than its wheels at this lateral acceleration may be that of sliding tyres
 SWING_S = 5.0  # in which the slowest steering does what was commanded
-TURN_S, COURSE_S = 1.0, 2.0  # over which a heading and the noisier course are taken
-LEAST_PACE_MPS = 0.4  # slower, the noise of positions bends the path
 LARGEST_ACCELERATION_MPS2, BEND_S = 1.0, 0.5  # of a tractor, and the time to both sides of a position
-FEWEST_BENDS, LEAST_CORRELATION = 100, 0.7  # of rows that show how the path follows the wheels
-FEWEST_ROWS = 20  # of a run or of a column, to have a use
-MAD_SCALE = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +92,7 @@ class BendScale:
 def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
     """Lay a run out on a grid; commands beyond `lock_deg` ask for it. None without driving."""
     rows = np.flatnonzero(log.used)
-    if len(rows) < 2 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 2.0 * COURSE_S:
+    if len(rows) < 2 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 2.0 * COURSE_TURN_S:
         return None
     row_s = log.time_s[rows]
     time = np.arange(row_s[0], row_s[-1] + 1e-9, STEP_S)
@@ -115,8 +126,8 @@ def _measure_hold_s(log: Log, rows: Rows) -> float:
         changes = np.flatnonzero(np.diff(values[rows]) != 0.0) if values is not None else np.empty(0)
         if len(changes) >= 20:
             gaps = np.diff(log.time_s[rows][changes])
-            is_slow = np.median(gaps) > 2.5 * np.median(np.diff(log.time_s[rows]))
-            holds.append(float(np.quantile(gaps, 0.95)) if is_slow else 0.0)
+            is_slow = np.median(gaps) > GAP_STEPS * np.median(np.diff(log.time_s[rows]))
+            holds.append(float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
     return max(holds)
 
 
@@ -154,17 +165,15 @@ def _measure_bends(place: Array, heading: Array | None, gear: Array, known: Mask
     if heading is not None:
         bends[0] = gear * (shift(heading, half) - shift(heading, -half)) / np.maximum(pace * TURN_S, 1e-3)
         bends[0][slide_minimum(known.astype(np.float64), half) == 0.0] = np.nan
-    half = round(0.5 * COURSE_S / STEP_S)
+    half = round(0.5 * COURSE_TURN_S / STEP_S)
     first, second = place - shift(place, -half), shift(place, half) - place
     length = 0.5 * (np.hypot(*first) + np.hypot(*second))
     turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
     bends[1] = gear * turn / np.maximum(length, 1e-3)
-    bends[1][(slide_minimum(known.astype(np.float64), half) == 0.0) | (length < LEAST_PACE_MPS * half * STEP_S)] = (
-        np.nan
-    )
+    bends[1][(slide_minimum(known.astype(np.float64), half) == 0.0) | (length < PATH_MPS * half * STEP_S)] = np.nan
     for edge in (slice(0, half), slice(-half, None)):
         bends[:, edge] = np.nan
-    bends[:, (pace < LEAST_PACE_MPS)] = np.nan
+    bends[:, (pace < PATH_MPS)] = np.nan
     return pace, bends
 
 
@@ -197,14 +206,14 @@ def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
 def _fit_scale(angle: Array, curvature: Array) -> BendScale | None:
     known = np.isfinite(angle) & np.isfinite(curvature)
     angle, curvature = angle[known], curvature[known]
-    if len(angle) < FEWEST_BENDS or np.std(angle) < 0.5:
+    if len(angle) < FEWEST_LINE_ROWS or np.std(angle) < 0.5:
         return None
     (per_degree, at_zero), _, _ = fit_robustly(np.stack([angle, np.ones(len(angle))], axis=1), curvature)
     if per_degree <= 0.0:
         return None
     apart = np.abs((curvature - at_zero) / per_degree - angle)
-    kept = apart <= max(3.0 * MAD_SCALE * float(np.median(apart)), 1.0)
-    is_clear = np.corrcoef(angle[kept], curvature[kept])[0, 1] > LEAST_CORRELATION
+    kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
+    is_clear = np.corrcoef(angle[kept], curvature[kept])[0, 1] > CLEAR_CORRELATION
     return BendScale(float(per_degree), float(at_zero)) if is_clear else None
 
 
@@ -216,8 +225,8 @@ def fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -
         information = columns[kept].T @ columns[kept] + np.diag(prior * sigma**2 + 1e-12)
         theta: Array = np.linalg.solve(information, columns[kept].T @ values[kept]).astype(np.float64)
         residuals = np.abs(values - columns @ theta)
-        sigma = max(MAD_SCALE * float(np.median(residuals)), 1e-6)
-        kept = residuals < 4.0 * sigma
+        sigma = max(measure_spread(residuals), 1e-6)
+        kept = residuals < SURE_SIGMAS * sigma
     errors = sigma * np.sqrt(np.diag(np.linalg.inv(information)))
     return theta, errors, float(np.mean(np.minimum(residuals, 10.0 * sigma) ** 2))
 
@@ -227,7 +236,7 @@ def list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
     values = _get_values(log, column)
     measured = log.place_rows.get(column, log.fresh if column == "position" else None)
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
-    if values is None or len(rows) < FEWEST_ROWS:
+    if values is None or len(rows) < FEWEST_READINGS:
         return np.empty(0), np.empty(0), np.empty(0)
     driven = _measure_driving_time(log)
     changes = np.flatnonzero(np.append(True, (np.diff(values[:, rows], axis=1) != 0.0).any(axis=0)))
@@ -251,7 +260,7 @@ def _measure_driving_time(log: Log) -> Array:
                       for shift_s in (-1.0, 1.0)])  # fmt: skip
     paces = [np.hypot(place[1] - place[0], place[3] - place[2]) / 2.0]
     paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
-    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > LEAST_PACE_MPS
+    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
     step = np.diff(time, prepend=time[0])
     step = np.where(step <= 5.5 * np.median(step), step, 0.0)
     driven = np.zeros(len(log.time_s))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.diagnosis.onset_evidence import (
-    FEWEST_ROWS,
     LEAST_GAIN,
     MOST_GAIN,
     OFFSET_DEG,
@@ -27,6 +26,7 @@ from vehicle.identification.diagnosis.onset_evidence import (
     measure_swing,
     shift,
 )
+from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
 from vehicle.identification.faults.steering_evidence import STEP_S, slide_minimum
 from vehicle.identification.logs.column_faults import POSITION_LOST
 from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
@@ -39,21 +39,24 @@ from vehicle.identification.logs.standing_columns import (
     STEERING_WORDS,
     WHEEL_SENSOR_FROZEN,
 )
+from vehicle.identification.logs.thresholds import (
+    CLEARLY_APART_DEG,
+    FEWEST_READINGS,
+    LOCK_QUANTILE,
+    STEADY_SHARE,
+    STEERING_SPREAD_DEG,
+)
 
-LEAST_NATS = 8.0
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
-UNCLEAR_NATS = 2.0  # other onsets that are so near to the best are as good
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
-MOVED_DEG = 1.5  # wheels that move so far in a second as commanded follow
 FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
 END_S = 2.0  # a fault that may last so near to the end of the log lasts until then
 LEAST_BETWEEN_S = 2.0  # onsets that are known better are told as one time
-LOCK_QUANTILE, AT_LOCK_SHARE, RUN_AWAY_DEG = 0.998, 0.85, 5.0
 MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
 WORDS = {
@@ -113,10 +116,10 @@ def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
     if sum(span.last_s - span.first_s for span in spans) > MOST_FAULTY_SHARE * seconds:
         return list(logs)
     marked = [_mark_log(log, [span for span in spans if span.run == run]) for run, log in enumerate(logs)]
-    left = [log for log in marked if log.rows_used >= FEWEST_ROWS]
+    left = [log for log in marked if log.rows_used >= FEWEST_READINGS]
     if not left or len(left) == len(marked):
         return marked
-    faults = [fault for log in marked if log.rows_used < FEWEST_ROWS for fault in log.faults]
+    faults = [fault for log in marked if log.rows_used < FEWEST_READINGS for fault in log.faults]
     return [replace(left[0], faults=(*left[0].faults, *faults)), *left[1:]]
 
 
@@ -197,11 +200,11 @@ def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
         total = np.concatenate([[0.0], np.cumsum(nats[start:stop])])
         gain = total - np.minimum.accumulate(total)
         last = int(np.argmax(gain))
-        if gain[last] < LEAST_NATS:
+        if gain[last] < ADD_NATS:
             continue
         first = int(np.flatnonzero(total[:last] == total[:last].min())[-1])
-        before = np.flatnonzero(total[: first + 1] - total[first] > UNCLEAR_NATS)
-        after = np.flatnonzero(total[last] - total[last:] > UNCLEAR_NATS)
+        before = np.flatnonzero(total[: first + 1] - total[first] > BETTER_NATS)
+        after = np.flatnonzero(total[last] - total[last:] > BETTER_NATS)
         earliest = max(int(before[-1]) if len(before) else 0, first - round(UNCLEAR_S / STEP_S))
         latest = last + int(after[0]) if len(after) else stop - start
         rows = slice(start + first, start + last)
@@ -222,7 +225,9 @@ def _find_following(angle: Array, expected: Array) -> Array:
     steps = round(1.0 / STEP_S)
     moved, steered = (values - shift(values, -steps) for values in (angle, expected))
     return np.asarray(
-        np.where(moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / MOVED_DEG) ** 2, 0.0)
+        np.where(
+            moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / STEERING_SPREAD_DEG) ** 2, 0.0
+        )
     )
 
 
@@ -290,7 +295,7 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
         if apart[1] < apart[0] - FOLLOWING_DEG:
-            is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < MOVED_DEG
+            is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
     if angle is None:
         return STEERING_LOOSE
@@ -306,7 +311,7 @@ def _is_run_away(angle: Array, expected: Array, lock_deg: float) -> bool:
     end = float(np.median(angle[len(angle) // 2 :]))
     side = float(np.sign(end))
     ran, beyond = side * (end - angle[0]), side * (end - np.median(expected[len(angle) // 2 :]))
-    return bool(min(ran, beyond) > RUN_AWAY_DEG and abs(end) > AT_LOCK_SHARE * lock_deg)
+    return bool(min(ran, beyond) > CLEARLY_APART_DEG and abs(end) > STEADY_SHARE * lock_deg)
 
 
 PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
@@ -340,7 +345,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
         spans += [
             _build_span(FROZEN_IDS[column], run, np.array([first, first, last, last]), float(value))
             for first, last, value in zip(firsts, lasts, nats, strict=True)
-            if value > LEAST_NATS
+            if value > ADD_NATS
         ]
     return spans
 

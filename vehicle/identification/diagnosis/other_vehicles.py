@@ -23,20 +23,21 @@ from vehicle.identification.diagnosis.onset_evidence import RunEvidence, build_r
 from vehicle.identification.faults.steering_evidence import STEP_S, follow_command
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, SURE_SIGMAS
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
 from vehicle.model.tractor import Tractor
 
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
 WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
-FEWEST_ROWS, MOST_ROWS = 100, 10_000
+MOST_ROWS = 10_000
 MOST_STEPS, PIECE_STEPS = 60_000, 1_200  # of the grid: of longer logs pieces of two minutes are looked at
 MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
 # Of 142 sets of two references, those without a joint show at most 0.04 rad per rad, those with one 0.35 to 0.65.
 JOINT_SHARES, CLEAR_SIGMAS, LEAST_NATS = (0.2, 0.85), 6.0, 20.0
-COURSE_SHARES, COURSE_SIGMAS = (0.4, 1.5), 4.0  # of a / base, as the course over a second or two shows it
-STILL_SHARE, STILL_SIGMAS, NEAR_STILL_SHARE = 0.03, 2.0, 0.2  # of the antenna's distance: it does not move sideways
+COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
+STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
 NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
 LEAST_LEVER_SHARE = 0.1  # of the wheelbase: a nearer antenna goes where the tractor points
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
@@ -121,8 +122,8 @@ def _has_course_headings(logs: Sequence[Log], tractor: Tractor) -> bool:
     if measure.joint_share is None or measure.antenna_m is None or measure.antenna_error_m > KNOWN_SHARE * ahead_m:
         return False
     low, high = (share * ahead_m / tractor.wheelbase_m for share in COURSE_SHARES)
-    turns_alike = max(low, COURSE_SIGMAS * measure.joint_error) < measure.joint_share < high
-    return turns_alike and abs(measure.antenna_m) < STILL_SHARE * ahead_m + STILL_SIGMAS * measure.antenna_error_m
+    turns_alike = max(low, SURE_SIGMAS * measure.joint_error) < measure.joint_share < high
+    return turns_alike and abs(measure.antenna_m) < STILL_SHARE * ahead_m + DOUBT_SIGMAS * measure.antenna_error_m
 
 
 _JOINT_WORDS = (
@@ -158,7 +159,7 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     runs = _thin_runs(sensed if is_sensed else commanded)
     stride = THIN_STEPS * max(math.ceil(sum(len(run.time_s) for run in runs) / THIN_STEPS / MOST_ROWS), 1)
     windows = [_build_windows(run, stride) for run in runs]
-    if sum(len(one.turn) for one in windows) < FEWEST_ROWS:
+    if sum(len(one.turn) for one in windows) < FEWEST_LINE_ROWS:
         return TurningMeasure(None, math.inf, 0.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in windows])))) / (WINDOW_STEPS * STEP_S)
     return TurningMeasure(*_fit_joint(windows, is_sensed, stride), *_fit_antenna(windows), pace_mps)

@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.holdout import (
     measure_pieces,
 )
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
-from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S
+from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S, SEED
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
@@ -34,7 +34,7 @@ from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Settings, Tractor
 
 LEAST_INFORMATION_SHARE = 0.02  # of what all runs know of an amount: with less the other runs say nothing of it
-DRAWS, GAIN_QUANTILES, SEED = 200, (0.05, 0.95), 7
+DRAWS, GAIN_QUANTILES = 200, (0.05, 0.95)
 LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other runs show."
 HALVES_WORDS = "Each half of the run was driven with what its other half shows."
 FILE_DIGITS = 6  # significant digits of a value in a file: far finer than any interval

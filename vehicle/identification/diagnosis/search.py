@@ -28,6 +28,7 @@ from vehicle.identification.diagnosis.linear_response import CircleSearch
 from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
@@ -35,12 +36,10 @@ NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
 MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
-LEAST_LAW_Z = 2.0  # standard errors below which a law or a circle is dropped again: many are tried
-CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class PredictiveComparison:
     """How much better left-out windows are predicted with a hypothesis than by an alternative: nats, and in standard
     errors. `amounts` are those of the alternative; None stands for the model without it."""
 
@@ -55,8 +54,8 @@ class Judgement:
     """A hypothesis of the final model: against nothing, and against what could take its place."""
 
     hypothesis: Hypothesis
-    against_none: Comparison
-    against_others: tuple[Comparison, ...] = ()
+    against_none: PredictiveComparison
+    against_others: tuple[PredictiveComparison, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,11 +168,11 @@ class Searcher:
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
             against_none = self._compare(fit, predicted, without, None, noise)
-            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < LEAST_LAW_Z)
+            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < DOUBT_SIGMAS)
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
-            others: list[Comparison] = []
+            others: list[PredictiveComparison] = []
             if against_none.z > 1.0:
                 better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
                 if better is not None:
@@ -185,11 +184,11 @@ class Searcher:
 
     def _compare_competitors(
         self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
-    ) -> tuple[Fit | None, list[Comparison]]:
+    ) -> tuple[Fit | None, list[PredictiveComparison]]:
         """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
         gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
                  if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
-        comparisons: list[Comparison] = []
+        comparisons: list[PredictiveComparison] = []
         for gain in gains[:MOST_TRIED]:
             if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
                 break
@@ -222,7 +221,7 @@ class Searcher:
     def _compare(
         self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
         noise: dict[str, Array],
-    ) -> Comparison:  # fmt: skip
+    ) -> PredictiveComparison:  # fmt: skip
         """The predictive difference between a fit and another, which gets its own noise where the two differ."""
         channels = [c for c in CHANNELS if float(np.abs(fit.residuals[c] - other.residuals[c]).max(initial=0.0)) > 1e-9]
         self.problem.set_noise(noise)
@@ -235,7 +234,7 @@ class Searcher:
         error = float(np.sqrt(((difference - difference.mean()) ** 2).sum()))
         self.problem.set_noise(noise)
         amounts = None if alternative is None else other.get_amounts(alternative)
-        return Comparison(alternative, total, total / max(error, 1e-9), amounts)
+        return PredictiveComparison(alternative, total, total / max(error, 1e-9), amounts)
 
     def predict(self, fit: Fit) -> dict[str, Array]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
@@ -276,15 +275,15 @@ def _is_worth(gain: Gain) -> bool:
     return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
 
 
-def takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
+def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
     """Whether a competitor takes the place of a hypothesis: a law of the same effect only where it predicts clearly
     more than the constant that it varies, as it must more than nothing."""
     is_better = comparison.nats + competitor.penalty - hypothesis.penalty < -BETTER_NATS
     if competitor.id != hypothesis.id or competitor.is_catalogued == hypothesis.is_catalogued:
         return is_better
     if competitor.is_catalogued:
-        return is_better or comparison.z < LEAST_LAW_Z
-    return is_better and comparison.z <= -LEAST_LAW_Z
+        return is_better or comparison.z < DOUBT_SIGMAS
+    return is_better and comparison.z <= -DOUBT_SIGMAS
 
 
 def _name_model(fit: Fit) -> frozenset[str]:

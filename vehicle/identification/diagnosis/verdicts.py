@@ -22,18 +22,17 @@ from vehicle.identification.diagnosis.linear_response import build_patch, find_m
 from vehicle.identification.diagnosis.linearisation import Linearisation
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Comparison, Judgement, SearchResult
+from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, PredictiveComparison, SearchResult
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
-EXCLUDED_Z, EXCLUDED_LAW_Z = 3.0, 1.0  # standard errors from which a competitor is excluded, and a law or circle
+EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-ALIKE_CORRELATION = 0.3  # from which an effect may stand in for a nuisance that is as large as it may be
-SPENT_SHARE = 0.9  # of the most that a nuisance may be
 LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
@@ -53,7 +52,7 @@ class Verdict:
     covariance: Array
     nats: float
     equivalent_to: tuple[str, ...] = ()
-    others: tuple[Comparison, ...] = ()
+    others: tuple[PredictiveComparison, ...] = ()
 
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
@@ -110,7 +109,7 @@ def _are_alike(covariance: Array, one: slice, other: slice) -> bool:
     """Whether the logs could exchange two hypotheses: their amounts are correlated."""
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
     correlations = covariance[one, other] / np.outer(sigmas[one], sigmas[other])
-    return bool(np.abs(correlations).max() > ALIKE_CORRELATION)
+    return bool(np.abs(correlations).max() > STRAY_CORRELATION)
 
 
 def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:
@@ -118,7 +117,7 @@ def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:
     known to. Tyres that relax for long are no such thing."""
     coordinate = hypothesis.coordinates[0]
     is_path = hypothesis.is_nuisance and "path" in hypothesis.chains and coordinate.low < 0.0
-    return is_path and bool(np.abs(amounts).max() >= SPENT_SHARE * coordinate.high)
+    return is_path and bool(np.abs(amounts).max() >= NEARLY_SHARE * coordinate.high)
 
 
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
@@ -135,7 +134,7 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
         if not is_firm:
             return ""
         return NAMED if against.z >= CLEAR_LAW_Z and not _list_equivalents(judgement) else LIKELY
-    if against.z < CLEAR_Z or not is_firm:
+    if against.z < SURE_SIGMAS or not is_firm:
         return LIKELY
     return EQUIVALENT if _list_equivalents(judgement) else NAMED
 
@@ -151,7 +150,7 @@ def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
     return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= least
 
 
-def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
+def _list_equivalents(judgement: Judgement) -> tuple[PredictiveComparison, ...]:
     """Comparisons with competitors with another id that predict the logs hardly worse."""
     own = judgement.hypothesis
     return tuple(
@@ -161,12 +160,12 @@ def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
     )
 
 
-def _is_excluded(comparison: Comparison, alternative: Hypothesis) -> bool:
+def _is_excluded(comparison: PredictiveComparison, alternative: Hypothesis) -> bool:
     """Whether a competitor predicts the logs clearly worse: a law or a circle, of which many are tried, by posterior
     probability alone, an effect of the catalogue also in standard errors."""
     if alternative.penalty:
         return comparison.nats + alternative.penalty >= EXCLUDED_NATS and comparison.z >= EXCLUDED_LAW_Z
-    return comparison.nats >= EXCLUDED_NATS and comparison.z >= EXCLUDED_Z
+    return comparison.nats >= EXCLUDED_NATS and comparison.z >= CLEAR_SIGMAS
 
 
 def compute_covariance(problem: Problem, fit: Fit) -> Array:
@@ -232,7 +231,7 @@ def _find_smallest(
         columns = linear.stack({c: problem.noise[c].whiten(fit.residuals[c] - shown[c])[:, :, None] for c in CHANNELS})
         own = float(np.vdot(columns, linear.reduce(columns)))
         # An effect of this size would enter by evidence and be clear: half its squares are the nats it brings.
-        needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + CLEAR_Z**2
+        needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + SURE_SIGMAS**2
         if own >= needed:
             tried = np.array([share * get_typical(hypothesis)])
             fraction = share * float(np.sqrt(needed / own))

@@ -31,15 +31,14 @@ from vehicle.identification.logs.schema import (
     Rows,
 )
 from vehicle.identification.logs.series import measure_spread
-from vehicle.identification.logs.standing_columns import SPARSE_S
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, PART_S, READING_S, STEADY_SHARE
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
 _LEAST_STEP_DEG, _LEAST_FLATNESSES = 1.0, 4.0  # chosen: times what levels of parts scatter on both sides
-_LEAST_SIDE_S, _PART_S = 15.0, 5.0  # chosen: driving on each side, and parts of it that have a level each
+_LEAST_SIDE_S = 15.0  # chosen: driving on each side, and parts of it that have a level each
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
 _PART_FROM_LEVEL = 0.4  # chosen, share of the step: most parts are so near to the level of their side
-_PARTS_SHARE = 0.85  # chosen: of the parts of a side
 # Chosen: smaller angles for so long show a step at once; and the time that may be without.
 _CLEAR_DEG, _CLEAR_S, _UNCLEAR_S = 12.0, 2.0, 3.0
 _SHARP_S, _SHARP_SHARE = 8.0, 0.35  # chosen: time next to the step that has the level of its side already
@@ -51,10 +50,9 @@ _PLACE_M = 25.0  # chosen: squares of the field
 _SQUARE_S = 3.0  # chosen: time in a square that shows its level
 _BEYOND_M, _BEYOND_SHARE = 10.0, 0.15  # chosen: driving on the other side of the place of a step, and its share
 _OTHERS_SHARE = 0.4  # chosen: of the step, that the best steps of other runs may have
-_MOST_GAIN_CHANGE, _SLOPE_SIGMAS = 0.4, 2.0  # chosen: of a path that follows the wheels on straights
+_MOST_GAIN_CHANGE = 0.4  # chosen: of a path that follows the wheels on straights
 _GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
-_FEWEST_ROWS = 100  # of a set
-_PASSES, _HUBER_SIGMAS = 5, 2.0
+_PASSES = 5
 _ROUNDS = 3  # chosen: of a search without, and with the step of the round before
 _REFINE_S, _MOST_PARTS = 20.0, 400  # chosen: about the coarse place of a step; limits the time of long runs
 
@@ -206,10 +204,10 @@ def _collect_rows(
         _collect_segment(own, run, part, scale)
         for run, (own, parts) in enumerate(zip(columns, segments, strict=True))
         for part in parts
-        if part.hold_s <= SPARSE_S
+        if part.hold_s <= READING_S
     ]
     table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
-    if table.shape[1] < _FEWEST_ROWS:
+    if table.shape[1] < FEWEST_LINE_ROWS:
         return None
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
@@ -261,7 +259,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
         theta = np.asarray(np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values), dtype=np.float64)
         apart = np.abs(values - columns @ theta)
         sigma = max(measure_spread(apart), 1e-3)
-        weights = np.square(np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
+        weights = np.square(np.minimum(DOUBT_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
     residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
     derivatives = np.stack([np.ones(len(side)), side, size / 10.0, 3.0 * size**2 / 400.0, push, side * push], axis=1)
@@ -271,7 +269,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
 def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float] | None:
     """Return the row of the best step of a run, and its size (deg); None in a run too short for any."""
     own = np.flatnonzero(rows.run == run)
-    part_s = max(0.5 * _PART_S, len(own) * _THIN_S / _MOST_PARTS)
+    part_s = max(0.5 * PART_S, len(own) * _THIN_S / _MOST_PARTS)
     parts = _split_parts(len(own), part_s)
     least = math.ceil(_LEAST_SIDE_S / part_s)
     if len(parts) < 2 * least:
@@ -339,13 +337,13 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
 
 def _is_flat(side: Array, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
-    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), _PART_S)])
+    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), PART_S)])
     apart = np.abs(levels - np.median(side))
     scatter = measure_spread(apart)
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
     return (
         abs(size) > _LEAST_FLATNESSES * scatter
-        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= _PARTS_SHARE
+        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= STEADY_SHARE
         and abs(slope) < _SLOPE_SHARE * abs(size)
     )
 
@@ -398,7 +396,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     left = residual - np.mean(residual) - slope * about
     # Curvature is an average over TURN_S, so only so many rows are independent.
     error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
-    return abs(slope) + _SLOPE_SIGMAS * error < _MOST_GAIN_CHANGE
+    return abs(slope) + DOUBT_SIGMAS * error < _MOST_GAIN_CHANGE
 
 
 def _measure_share(residual: Array, usual: Mask, odd: Mask, size: float) -> float | None:

@@ -23,27 +23,33 @@ from vehicle.identification.logs.schema import (
     list_gap_rows,
 )
 from vehicle.identification.logs.series import compute_change, measure_spread, wrap_degrees
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    CLEAR_CORRELATION,
+    CLEAR_SIGMAS,
+    FEWEST_LINE_ROWS,
+    LOCK_QUANTILE,
+    MAJORITY,
+    MOMENT_S,
+    PART_S,
+    PATH_MPS,
+    STEADY_SHARE,
+    STEERING_SPREAD_DEG,
+    WINDOW_S,
+)
 from vehicle.jit import compile_function
 
 STEP_S = 0.1  # chosen: of the grid on which evidence is compared
-# Slower than any steering of the catalogue: 0.25 s late, 9 deg/s, and clocks of two columns; and its time constant.
-_SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S = 0.6, 5.0, 0.6
-# Chosen, between these and the usual steering: where commands swing to and fro, a steering of middling speed is not
-# always between an immediate and a slow one.
-_MIDDLE_LATE_S, _MIDDLE_RATE_DEG_PER_S, _MIDDLE_LAG_S = 0.3, 9.0, 0.3
-# As the simulation steers by default; later by what valves usually are.
-_USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S = 0.1, 16.0, 0.15
-_EITHER_WAY_S = 0.6  # chosen: clocks of two columns, with what stands still in them
-LEAST_PACE_MPS = 0.4  # slower, the noise of positions and headings bends the path
+# Late (s), rate (deg/s) and lag (s). As the simulation steers by default, later by what valves usually are; a middling
+# one, as where commands swing to and fro it is not always between an immediate and a slow one; and slower than any
+# steering of the catalogue (0.25 s late, 9 deg/s, and clocks of two columns).
+STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
+EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, with what stands still in them
 TURN_S = 1.0  # over which curvature is taken
 COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
-_HOLD_QUANTILE = 0.95
 _HISTORY_S = 8.0  # chosen: until wheels have followed any command
-_SHORTEST_S = 10.0  # chosen, of a segment: shorter ones do not show whether a command is followed
 _MOST_HOLD_S = 20.0  # chosen: columns that change more rarely show no fault
-_FEWEST_BENDS, _LEAST_SPREAD_DEG, _LEAST_CORRELATION = 100, 1.5, 0.7
-_PASSES, _INLIER_SIGMAS = 6, 3.0
-_LOCK_QUANTILE = 0.998
+_PASSES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +96,7 @@ def find_largest_angles(logs: Sequence[Log]) -> tuple[float, float]:
     if not angles:
         return math.inf, math.inf
     values = np.concatenate(angles)
-    return float(-np.quantile(values, 1.0 - _LOCK_QUANTILE)), float(np.quantile(values, _LOCK_QUANTILE))
+    return float(-np.quantile(values, 1.0 - LOCK_QUANTILE)), float(np.quantile(values, LOCK_QUANTILE))
 
 
 def build_evidence_segments(log: Log, locks: tuple[float, float]) -> list[SteeringEvidence]:
@@ -100,7 +106,7 @@ def build_evidence_segments(log: Log, locks: tuple[float, float]) -> list[Steeri
     parts = [
         part
         for part in np.split(rows, cuts)
-        if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= _SHORTEST_S
+        if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= WINDOW_S
     ]
     hold_s = max(
         _measure_hold_s(log.time_s[log.used], values[log.used])
@@ -129,17 +135,15 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float], hold_s: flo
     command = None if log.steering_command_deg is None else source[steps_before:]
     # After a gap the wheels may be far from the command still.
     start_deg = None if log.steering_deg is None else float(log.steering_deg[long_rows[0]])
-    slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S, start_deg)[steps_before:]
-    middle = follow_command(source, _MIDDLE_LATE_S, _MIDDLE_RATE_DEG_PER_S, _MIDDLE_LAG_S, start_deg)[steps_before:]
-    usual = follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S, start_deg)[steps_before:]
-    allowed = np.stack([source[steps_before:], usual, middle, slow])
-    reach = round((_EITHER_WAY_S + hold_s) / STEP_S)
+    follows = [follow_command(source, *steering, start_deg)[steps_before:] for steering in STEERINGS]
+    allowed = np.stack([source[steps_before:], *follows])
+    reach = round((EITHER_WAY_S + hold_s) / STEP_S)
     pace, curvature = _measure_path(log, rows, time)
     course_curvature, heading_error = _compare_heading_and_course(log, rows, time)
     return SteeringEvidence(
         time, pace, curvature, command, wheel,
         slide_minimum(allowed.min(axis=0), reach), -slide_minimum(-allowed.max(axis=0), reach),
-        usual, hold_s, log.heading_deg is not None, course_curvature, heading_error,
+        follows[0], hold_s, log.heading_deg is not None, course_curvature, heading_error,
     )  # fmt: skip
 
 
@@ -164,7 +168,7 @@ def _measure_hold_s(time: Array, values: Array) -> float:
     usual = float(np.median(holds))
     # Steps of a command are no hold: a slow column changes at an even rate.
     even = usual > 2.5 * float(np.median(np.diff(time)))
-    return min(float(np.quantile(holds, _HOLD_QUANTILE)), _MOST_HOLD_S) if even else 0.0
+    return min(float(np.quantile(holds, ALMOST_ALL_SHARE)), _MOST_HOLD_S) if even else 0.0
 
 
 def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
@@ -181,7 +185,7 @@ def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
         course = np.unwrap(np.arctan2(*step))
         turn = compute_change(time, course, before, after)
     curvature = np.full(len(time), np.nan)
-    clear = (pace > LEAST_PACE_MPS) & (after - before > 0.9 * TURN_S)
+    clear = (pace > PATH_MPS) & (after - before > 0.9 * TURN_S)
     curvature[clear] = turn[clear] / (pace * (after - before))[clear]
     return pace, curvature
 
@@ -196,7 +200,7 @@ def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Arra
     )
     first, second = middle - behind, ahead - middle
     length = 0.5 * (np.hypot(*first) + np.hypot(*second))
-    clear = (length > LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
+    clear = (length > PATH_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
     turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
     curvature, error = np.full((2, len(time)), np.nan)
     gear = float(np.sign(log.shuttle[rows[0]]))
@@ -250,7 +254,7 @@ def fit_path_scale(segments: Sequence[SteeringEvidence]) -> PathScale | None:
     curvature = np.concatenate([segment.curvature for segment in known])
     finite = np.isfinite(curvature) & np.isfinite(angle)
     angle, curvature = angle[finite], curvature[finite]
-    if len(angle) < _FEWEST_BENDS or float(np.std(angle)) < _LEAST_SPREAD_DEG:
+    if len(angle) < FEWEST_LINE_ROWS or float(np.std(angle)) < STEERING_SPREAD_DEG:
         return None
     inliers = np.ones(len(angle), dtype=np.bool_)
     slope = at_zero = sigma = 0.0
@@ -260,10 +264,10 @@ def fit_path_scale(segments: Sequence[SteeringEvidence]) -> PathScale | None:
             return None
         apart = np.abs((curvature - at_zero) / slope - angle)
         sigma = measure_spread(apart)
-        inliers = apart <= max(_INLIER_SIGMAS * sigma, 1.0)
-        if np.count_nonzero(inliers) < _FEWEST_BENDS or float(np.std(angle[inliers])) == 0.0:
+        inliers = apart <= max(CLEAR_SIGMAS * sigma, 1.0)
+        if np.count_nonzero(inliers) < FEWEST_LINE_ROWS or float(np.std(angle[inliers])) == 0.0:
             return None
-    if float(np.corrcoef(angle[inliers], curvature[inliers])[0, 1]) < _LEAST_CORRELATION:
+    if float(np.corrcoef(angle[inliers], curvature[inliers])[0, 1]) < CLEAR_CORRELATION:
         return None
     return PathScale(slope, at_zero, sigma)
 
@@ -280,13 +284,11 @@ HEADING_JUMP = "heading_jump"
 _LEAST_DEG, _MOST_DEG = 5.0, 150.0  # chosen: less is noise of a compass, more is a heading that points backwards
 _LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
 _MOST_STEP_S = 1.5  # chosen: in a longer time a tractor turns that far
-_NEAR_S = 2.0  # chosen: time on both sides of a step that shows how the tractor turns
 _FEWEST_SIDE = 3  # measured headings on a side
-# Chosen: driving on both sides whose course shows the level of the heading, how near to it (deg, share of the jump) and
-# in which share of the time headings must be, and how far the jumps by heading and by course may differ (alike).
-_LEAST_SIDE_S, _NEAR_DEG, _NEAR_SHARE, _FLAT_SHARE = 10.0, 1.5, 0.3, 0.85
-_PART_S, _LEAST_PART_S = 20.0, 5.0  # chosen: parts of a side, each of which must show the level, and the shortest
-_CLEAR_SHARE = 0.5  # chosen, of the jump: a side that is so much nearer to the course has the right heading
+# Chosen: how near to the level of its side a heading must be (deg, share of the jump), and how far the jumps by heading
+# and by course may differ.
+_NEAR_DEG, _NEAR_SHARE = 1.5, 0.3
+_PART_S = 20.0  # chosen: parts of a side, each of which must show the level
 
 
 @dataclass(frozen=True)
@@ -327,8 +329,8 @@ def _list_candidates(log: Log) -> list[_HeadingStep]:
     least = max(_LEAST_DEG, _LEAST_NOISES * float(np.median(changes)))
     jumps = []
     for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= _MOST_STEP_S)):
-        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - _NEAR_S))
-        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + _NEAR_S))
+        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - MOMENT_S))
+        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + MOMENT_S))
         if min(len(before), len(after)) < _FEWEST_SIDE:
             continue
         # What it turned about a step is between the rates of both sides.
@@ -346,7 +348,7 @@ def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
     after = time >= log.time_s[jump.first_after]
     levels = []
     for side in (~after & (time <= log.time_s[jump.last_before]), after):
-        if np.count_nonzero(side) * STEP_S < _LEAST_SIDE_S:
+        if np.count_nonzero(side) * STEP_S < WINDOW_S:
             return None
         level = float(np.median(error[side]))
         if not _is_flat(time[side], error[side] - level, abs(jump.size_deg)):
@@ -360,13 +362,11 @@ def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
 def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
     """Whether headings of a side (k, deg about their level) stay at it, in each part of the time."""
     near = np.abs(error) < _NEAR_SHARE * size_deg + _NEAR_DEG
-    if float(np.mean(near)) < _FLAT_SHARE:
+    if float(np.mean(near)) < STEADY_SHARE:
         return False
     parts = ((time - time[0]) // _PART_S).astype(np.int64)
     levels = [
-        float(np.median(error[parts == part]))
-        for part in np.unique(parts)
-        if np.sum(parts == part) > _LEAST_PART_S / STEP_S
+        float(np.median(error[parts == part])) for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S
     ]
     return len(levels) == 0 or float(np.max(np.abs(levels))) < 2.0 * _NEAR_SHARE * size_deg
 
@@ -398,7 +398,7 @@ def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float
     """Return a log whose headings on the side that is further from the course are turned back by the jump."""
     assert log.heading_deg is not None
     size_deg = after_deg - before_deg
-    is_before_wrong = abs(before_deg) - abs(after_deg) > _CLEAR_SHARE * abs(size_deg)
+    is_before_wrong = abs(before_deg) - abs(after_deg) > MAJORITY * abs(size_deg)
     heading = log.heading_deg.copy()
     if is_before_wrong:
         heading[: jump.last_before + 1] += size_deg

@@ -21,17 +21,26 @@ import numpy as np
 
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    CLEAR_SIGMAS,
+    FEWEST_CHORDS,
+    FEWEST_EVENTS,
+    FEWEST_LINE_ROWS,
+    MAJORITY,
+    MOVING_MPS,
+    NEARLY_SHARE,
+    WINDOW_S,
+)
 
-_WINDOW_S, _SEARCH_S, _GRID_S, _FINE_S = 10.0, 2.5, 0.1, 0.02
+_SEARCH_S, _GRID_S, _FINE_S = 2.5, 0.1, 0.02
 _HALF_CHORD_S = 0.5  # one centimetre of antenna noise is 1.4 cm/s over one second
-_LEAST_WINDOWS, _LEAST_DRIFT_S = 8, 0.3
+_LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
 CLOCKS_FROM_S = 100.0
 # Chosen: the rate of each half as a share of the whole; with a fifth of a window of error either way.
 _HALF_RATE_SHARES = (0.5, 1.5)
-_HELD_OUT_SHARE = 0.9  # chosen, of the mismatch with a constant lag that windows without a part in the fit must keep
 _NULL_ORDERS = 100  # chosen, other orders of the windows, all of which must gain less than the true one
-_MOVING_MPS = 0.3  # slower positions have no direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,18 +198,18 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     """
     from scipy.interpolate import CubicSpline
 
-    width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    width, reach = round(WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
     lags = np.arange(-reach, reach + 1)
     pace = np.hypot(grid.east_mps, grid.north_mps)
     middles_s, losses = [], []
     for first in range(reach, len(grid.time_s) - width - reach + 1, width):
         window = np.arange(first, first + width)
         around = slice(first - reach, first + width + reach)
-        if grid.moving[around].min() == 0.0 or float(np.median(pace[around])) < _MOVING_MPS:
+        if grid.moving[around].min() == 0.0 or float(np.median(pace[around])) < MOVING_MPS:
             continue
         middles_s.append(float(grid.time_s[window].mean() - grid.time_s[0]))
         losses.append(compute_losses(window, window + lags[:, None]) / width)
-    if len(middles_s) < _LEAST_WINDOWS:
+    if len(middles_s) < FEWEST_CHORDS:
         return None
     fine = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _FINE_S, _FINE_S)
     table = CubicSpline(lags * _GRID_S, np.array(losses), axis=1)(fine)
@@ -214,7 +223,7 @@ def find_drift(table: LagTable | None) -> ClockDrift | None:
     drift, loss = _fit_line(table)
     span_s = float(np.ptp(table.middle_s))
     constant_loss = _fit_constant(table)[1]
-    if abs(drift.rate) * span_s < _LEAST_DRIFT_S or loss > _HELD_OUT_SHARE * constant_loss:
+    if abs(drift.rate) * span_s < _LEAST_DRIFT_S or loss > NEARLY_SHARE * constant_loss:
         return None
     count = len(table.middle_s)
     halves = [np.arange(count // 2), np.arange(count // 2, count)]
@@ -236,7 +245,7 @@ def _is_better_held_out(table: LagTable) -> bool:
         other = table.select_windows(kept)
         by_line += _compute_line_loss(other, _fit_line(fitted)[0])
         by_constant += _compute_line_loss(other, ClockDrift(_fit_constant(fitted)[0], 0.0))
-    return by_line < _HELD_OUT_SHARE * by_constant
+    return by_line < NEARLY_SHARE * by_constant
 
 
 def _exceeds_other_orders(table: LagTable, gain: float) -> bool:
@@ -299,23 +308,20 @@ def _find_columns(lag: Array, count: int) -> Rows:
 
 
 _WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
-_FEWEST_ROWS = 100  # chosen, that move: fewer do not tell whether positions follow the stamps
 _LEAST_JITTER_SHARE = 0.1  # chosen, of a step: less is worth no more than the noise of a receiver
 _GAP_STEPS = 3.0  # chosen: so many steps are rows that are lost
 _LEAST_MOVED_M = 0.03  # chosen, between rows: beyond the noise of a receiver
-_FRESH_SHARE = 0.95  # chosen, of the rows that move: a held position does not follow any stamp
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
-_AT_ONCE_SHARE, _WAIT_SHARE, _LOST_STEPS, _MOST_BREAKS_SHARE = 0.2, 0.5, 0.75, 0.2
-_FEWEST_BUNDLES = 10  # chosen: fewer do not tell a rate
-_EVEN_SHARE, _CLEAR_SIGMAS = 0.3, 3.0  # between 0 (evenly taken) and 1 (taken when stamped)
+_AT_ONCE_SHARE, _LOST_STEPS, _MOST_BREAKS_SHARE = 0.2, 0.75, 0.2
+_EVEN_SHARE = 0.3  # between 0 (evenly taken) and 1 (taken when stamped)
 
 
 def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     """Return the columns with evened time stamps and a sentence on them, where the stamps jitter or come in bundles
     while positions advance evenly; else as they are."""
     time, east, north = (columns.get(name) for name in ("time_s", "easting_m", "northing_m"))
-    if time is None or east is None or north is None or len(time) < _FEWEST_ROWS:
+    if time is None or east is None or north is None or len(time) < FEWEST_LINE_ROWS:
         return columns, ()
     if not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
         return columns, ()
@@ -327,7 +333,7 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if not bundled and not jitter_s > _LEAST_JITTER_SHARE * step_s:
         return columns, ()
     share, error = measure_followed_share(time, evened, np.hypot(np.diff(east), np.diff(north)))
-    if not share + _CLEAR_SIGMAS * error < _EVEN_SHARE:
+    if not share + CLEAR_SIGMAS * error < _EVEN_SHARE:
         return columns, ()
     taken_s, bundles = float(np.median(np.diff(evened))), np.count_nonzero(_find_waits(time)) + 1
     sentence = (
@@ -351,7 +357,7 @@ def is_bundled(time: Array) -> bool:
 def _find_waits(time: Array) -> Mask:
     """Mark the steps (k - 1,) between bundles; all others are steps within one."""
     steps = np.diff(time)
-    waits: Mask = steps > _WAIT_SHARE * np.mean(steps)
+    waits: Mask = steps > MAJORITY * np.mean(steps)
     return waits
 
 
@@ -359,7 +365,7 @@ def spread_bundles(time: Array) -> Array | None:
     """Return stamps (k,) on a line through the last rows of bundles, part by part between lost rows; None where the
     bundles do not come at the rate of their rows."""
     last = np.append(np.flatnonzero(_find_waits(time)), len(time) - 1)
-    if len(last) < _FEWEST_BUNDLES:
+    if len(last) < FEWEST_EVENTS:
         return None
     step_s = float(np.median(np.diff(time[last]) / np.diff(last)))
     late = time[last] - step_s * last
@@ -369,7 +375,7 @@ def spread_bundles(time: Array) -> Array | None:
     evened, first_row = np.empty(len(time)), 0
     for part in np.split(np.arange(len(last)), breaks):
         rows = np.arange(first_row, last[part[-1]] + 1)
-        is_long = len(part) >= _FEWEST_BUNDLES
+        is_long = len(part) >= FEWEST_EVENTS
         line = np.polyfit(last[part], time[last[part]], 1) if is_long else (step_s, float(np.median(late[part])))
         evened[rows], first_row = np.polyval(line, rows), int(last[part[-1]]) + 1
     return evened
@@ -409,7 +415,7 @@ def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[
     steps = np.diff(evened)
     moving = np.isfinite(usual) & (usual > _LEAST_MOVED_M)
     moving &= np.abs(moved_m - usual) < usual  # a jump of the receiver is no step
-    if np.count_nonzero(moving) < _FEWEST_ROWS or np.mean(moved_m[moving] > 0.0) < _FRESH_SHARE:
+    if np.count_nonzero(moving) < FEWEST_LINE_ROWS or np.mean(moved_m[moving] > 0.0) < ALMOST_ALL_SHARE:
         return 0.0, np.inf
     longer = (usual * (np.diff(time) / steps - 1.0))[moving]
     further = (moved_m - usual)[moving]

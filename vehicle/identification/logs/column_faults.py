@@ -18,13 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw_motion
+from vehicle.identification.logs.motion import RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
-    HOLD_QUANTILE,
     HOLDS,
-    MOST_OF_LOG_SHARE,
     POSITION_FROZEN,
     SPEED_FROZEN,
     STILL_READINGS,
@@ -32,18 +30,24 @@ from vehicle.identification.logs.standing_columns import (
     find_standing_spans,
 )
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    FEWEST_EVENTS,
+    FEWEST_ROWS,
+    FEWEST_TIMES,
+    LASTING_S,
+    MAJORITY,
+    MOMENT_S,
+    READING_S,
+)
 
 POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
 _LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
-# Chosen: nothing that drives repeats a noisy value for so long, and so many times its usual hold.
-_FROZEN_S = 3.0
-_LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
-_CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6, 4
-_FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
+_TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS = 0.15, 0.15, 6
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -98,7 +102,7 @@ def _find_still_faults(
 def _tell_onset(fault: LogFault, still: StandingSpan, motion: RawMotion) -> LogFault:
     """Return a fault with the times between which it began, where a column that stands does not show when."""
     first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
-    if shown_s - first_s < _LEAST_AMBIGUOUS_S:
+    if shown_s - first_s < MOMENT_S:
         return fault
     return replace(fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
 
@@ -110,7 +114,7 @@ def _list_spans(faults: Sequence[ColumnFault], rows: Rows) -> list[Span]:
 
 def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:
     first, last = span
-    end_s = None if last >= len(rows) - 1 - motion.count_rows(_END_S) else float(motion.time_s[last])
+    end_s = None if last >= len(rows) - 1 - motion.count_rows(READING_S) else float(motion.time_s[last])
     fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, words)
     return ColumnFault(fault, rows[first : (len(rows) if end_s is None else last + 1)])
 
@@ -125,7 +129,6 @@ def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
 
 
 Span = tuple[int, int]  # first and last index of the rows in use
-_END_S = 1.0  # chosen: a fault that ends so near to the end of the log lasts until then
 
 
 # --- one value again and again -----------------------------------------------------------------------------------
@@ -139,11 +142,11 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     starts = np.append(0, np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0)) + 1)
     ends = np.append(starts[1:], values.shape[1]) - 1
     seconds, moving = motion.measure_spans(starts, ends)
-    if np.count_nonzero(moving) < _FEWEST_SPANS:
+    if np.count_nonzero(moving) < FEWEST_EVENTS:
         return []  # a column of few values, such as the directions of rows, shows no standstill
-    usual_s = float(np.quantile(seconds[moving], HOLD_QUANTILE))  # one long hold does not count
-    is_long = moving & (seconds >= max(_FROZEN_S, HOLDS * usual_s))
-    is_long &= seconds < MOST_OF_LOG_SHARE * motion.total_s
+    usual_s = float(np.quantile(seconds[moving], ALMOST_ALL_SHARE))  # one long hold does not count
+    is_long = moving & (seconds >= max(LASTING_S, HOLDS * usual_s))
+    is_long &= seconds < ALMOST_ALL_SHARE * motion.total_s
     long_spans = list(zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True))
     if not long_spans:
         return []
@@ -165,19 +168,19 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     changed[1:] = steps != 0.0
     digit = np.abs(steps[steps != 0.0]).min()
     turned[1:-1] = (steps[1:] * steps[:-1] < 0.0) & (np.abs(steps[1:] - steps[:-1]) > 2.5 * digit)
-    width = motion.count_rows(_FROZEN_S)
+    width = motion.count_rows(LASTING_S)
     windows = [
         slice(start, start + width)
         for first, last in find_spans(outside)
         for start in range(first, last - width + 2, width)
     ]
     is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
-    if len(windows) < (_FEWEST_WINDOWS if is_long else _USUAL_WINDOWS) or width < _FEWEST_WINDOW_ROWS:
+    if len(windows) < (FEWEST_TIMES if is_long else _USUAL_WINDOWS) or width < FEWEST_EVENTS:
         return False
     shares = (
         float(np.quantile([np.mean(what[window]) for window in windows], _CALM_QUANTILE)) for what in (changed, turned)
     )
-    return all(share >= least for share, least in zip(shares, (_CHANGED_SHARE, _TURNED_SHARE), strict=True))
+    return all(share >= least for share, least in zip(shares, (MAJORITY, _TURNED_SHARE), strict=True))
 
 
 # --- a fix that is lost ------------------------------------------------------------------------------------------
@@ -186,9 +189,9 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 # Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
 # Rayleigh distribution, because a fix may be lost for most of a log.
-_USUAL_FACTOR, _USUAL_QUANTILE, _MEDIAN_OF_QUANTILE = 8.0, 0.15, 2.07
-# Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
-_SAME_FAULT_S, _FEWEST_JUMPS, _LEAST_LOST_S = 16.0, 4, 2.0
+_USUAL_FACTOR, _USUAL_QUANTILE = 8.0, 0.15
+_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _USUAL_QUANTILE))
+_SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
 _WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
@@ -210,9 +213,9 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
 
 
 def _is_lost(motion: RawMotion, rows: Rows) -> bool:
-    if len(rows) < _FEWEST_JUMPS:
+    if len(rows) < FEWEST_TIMES:
         return False
-    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= _LEAST_LOST_S
+    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= MOMENT_S
 
 
 def find_scattered_groups(motion: RawMotion) -> list[Rows]:
@@ -268,10 +271,6 @@ def _extend_to_end(motion: RawMotion, span: Span) -> Span:
 
 
 POSITION_JUMP = "position_jump"
-_MOST_JUMP_S = 1.0  # chosen: a receiver that takes longer scatters, or drifts
-_MOST_THAW_S = 2.0  # chosen: between the last position that is frozen and the first that is not
-# Chosen: time before and after a jump that shows how the tractor moves, and its fewest positions.
-_WINDOW_S, _FEWEST_SIDE = 1.0, 4
 _LEAST_STEP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
 
 
@@ -288,7 +287,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     """Return the columns (units of the contract) with positions after each jump moved back, and the jumps as faults of
     the log `name`."""
     time, rows = columns["time_s"], select_timed_rows(columns)
-    if len(rows) < 2 * _FEWEST_SIDE or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
+    if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
     jumps = _find_jumps(columns, rows)
     if not jumps:
@@ -309,9 +308,7 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
     left, joined = list(jumps), list[ColumnFault]()
     for one in faults:
         is_frozen, to_s = one.fault.id == POSITION_FROZEN, one.fault.to_s
-        thaws = [
-            jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < _MOST_THAW_S
-        ]
+        thaws = [jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < MOMENT_S]
         left = [jump for jump in left if jump not in thaws]
         joined.append(replace(one, rows=np.unique(np.concatenate([one.rows, *(jump.rows for jump in thaws)]))))
     return [*left, *joined]
@@ -324,7 +321,7 @@ def _find_jumps(columns: Columns, rows: Rows) -> list[_Jump]:
     jumps = []
     for group in find_scattered_groups(motion):
         first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
-        if time[last] - time[first] > _MOST_JUMP_S:
+        if time[last] - time[first] > READING_S:
             continue
         # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
         jump = _measure_jump(time, place, first, last)
@@ -341,10 +338,10 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
     middle_s = 0.5 * (time[first] + time[last])
     ends, noises = [], []
     for side in (
-        (time <= time[first]) & (time > time[first] - _WINDOW_S),
-        (time >= time[last]) & (time < time[last] + _WINDOW_S),
+        (time <= time[first]) & (time > time[first] - READING_S),
+        (time >= time[last]) & (time < time[last] + READING_S),
     ):
-        if np.count_nonzero(side) < _FEWEST_SIDE:
+        if np.count_nonzero(side) < FEWEST_TIMES:
             return None
         line = np.stack([np.ones(np.count_nonzero(side)), time[side] - middle_s], axis=1)
         theta = np.linalg.lstsq(line, place[:, side].T, rcond=None)[0]

@@ -22,18 +22,29 @@ from vehicle.identification.logs.motion import PathChords, compute_path_chords, 
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows
 from vehicle.identification.logs.series import DIGITS, find_changes, select_timed_rows, wrap_degrees
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    CLEARLY_APART_DEG,
+    FEW_SHARE,
+    FEWEST_CHORDS,
+    FEWEST_EVENTS,
+    FEWEST_READINGS,
+    MAJORITY,
+    MOMENT_S,
+    STANDING_FACTOR,
+    STANDSTILL_MPS,
+    STEERING_NOISE_DEG,
+)
 
 _LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
-_LEAST_STEERING_MOVE_DEG = 2.0  # of the other steering column: beyond the noise of a sensor
-_AT_COMMAND_S, _CLEARLY_APART_DEG = 8.0, 5.0  # chosen: wheels that stand straight by chance do not for so long
-_FEWEST_MOTION_CHORDS = 8  # chords
+_AT_COMMAND_S = 8.0  # chosen: wheels that stand straight by chance do not for so long
 
 
 def drop_constant_columns(log: Log) -> Log:
     """Drop columns that are constant although the tractor shows that they should change; `corrections` say which."""
     chords = compute_path_chords(log)
-    if chords is None or len(chords.row) < _FEWEST_MOTION_CHORDS:
+    if chords is None or len(chords.row) < FEWEST_CHORDS:
         return log
     log = _drop_constant_column(
         log, "heading_deg", _measure_course_range_deg(chords) > _LEAST_TURN_DEG, "the path turns"
@@ -60,7 +71,7 @@ def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
         values, other_values = getattr(log, name), getattr(log, other_name)
         if values is None or not _is_constant(values, log):
             continue
-        moves = other_values is not None and float(np.ptp(other_values[log.used])) > _LEAST_STEERING_MOVE_DEG
+        moves = other_values is not None and float(np.ptp(other_values[log.used])) > STEERING_NOISE_DEG
         if name == "steering_command_deg" and _leaves_command_once(log):
             continue
         if moves and (has_bends or name == "steering_command_deg"):
@@ -71,13 +82,13 @@ def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
 def describe_silent_steering(log: Log) -> str:
     """Return why a log shows nothing about the steering: its only angle is constant while the path bends. Else ""."""
     chords = compute_path_chords(log)
-    if chords is None or len(chords.row) < _FEWEST_MOTION_CHORDS:
+    if chords is None or len(chords.row) < FEWEST_CHORDS:
         return ""
     if _measure_bend_course_range_rad(chords) <= _LEAST_BEND_RAD or _leaves_command_once(log):
         return ""
     columns = {name: getattr(log, name) for name in ("steering_command_deg", "steering_deg")}
     given = {name: values for name, values in columns.items() if values is not None}
-    if not given or any(float(np.ptp(values[log.used])) > _LEAST_STEERING_MOVE_DEG for values in given.values()):
+    if not given or any(float(np.ptp(values[log.used])) > STEERING_NOISE_DEG for values in given.values()):
         return ""
     constant = [name for name, values in given.items() if _is_constant(values, log)]
     if not constant:
@@ -94,11 +105,11 @@ def _leaves_command_once(log: Log) -> bool:
         return False
     rows = np.flatnonzero(log.used)
     apart = np.abs(log.steering_deg[rows] - log.steering_command_deg[rows])
-    is_apart = apart > _LEAST_STEERING_MOVE_DEG
+    is_apart = apart > STEERING_NOISE_DEG
     leaves = np.flatnonzero(np.diff(is_apart.astype(np.int64)) > 0)
     if is_apart[0] or not len(leaves):
         return False
-    clear = float(np.max(apart)) > _CLEARLY_APART_DEG
+    clear = float(np.max(apart)) > CLEARLY_APART_DEG
     return clear and float(log.time_s[rows[leaves[0]]] - log.time_s[rows[0]]) > _AT_COMMAND_S and len(leaves) <= 2
 
 
@@ -151,15 +162,6 @@ def _has_pace_change(log: Log, chords: PathChords) -> bool:
     return has_pace_change(chords.speed)
 
 
-LONGEST_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
-_HELD_SHARE = 0.1  # chosen, of the changes: an occasional late row is no slower instrument
-# Chosen: where few changes are clear, noise in coarse steps repeats the value before 0.2 of them.
-_HELD_SHARE_OF_FEW = 0.5
-_FEWEST_CHANGES = 10  # clear changes needed
-# Chosen, times the usual row count and the usual change: a value that stays longer is that of a standing tractor.
-_STANDING_FACTOR = 2.0
-
-
 class FreshColumns(NamedTuple):
     """Columns without held values, the measured rows (None: all), and sentences on what was corrected.
 
@@ -179,20 +181,20 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     Raises LogError for positions that are measured too rarely; such a heading is dropped.
     """
     time, rows = columns["time_s"], select_timed_rows(columns)
-    if len(rows) < _FEWEST_CHANGES:
+    if len(rows) < FEWEST_EVENTS:
         return FreshColumns(columns)
     fresh_sets, converted, doubts = dict[str, Rows](), dict(columns), list[str]()
     position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
     if position_rows is not None:
         every_s = _measure_interval_s(time[rows], position_rows)
-        if every_s > LONGEST_STEP_S:
+        if every_s > MOMENT_S:
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
         fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
     heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
     if fresh_headings is not None:
         every_s = _measure_interval_s(time[heading_rows], fresh_headings)
-        if every_s > LONGEST_STEP_S:
+        if every_s > MOMENT_S:
             del converted["heading_deg"]
             doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
         else:
@@ -227,17 +229,17 @@ def _find_fresh_headings(columns: Columns, rows: Rows) -> tuple[Rows, Rows | Non
 
 def _find_fresh_rows(values: Array) -> Rows | None:
     """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
-    if values.shape[1] < _FEWEST_CHANGES:
+    if values.shape[1] < FEWEST_EVENTS:
         return None
     new_rows, count, jumps, is_clear = find_changes(values)
     # A value that stays much longer than usual is a straight drive's heading or a standing tractor's position.
     usual = float(np.median(count[is_clear])) if is_clear.any() else 0.0
-    is_held = is_clear & (count >= 2) & (count <= _STANDING_FACTOR * usual)
-    share = _HELD_SHARE if np.count_nonzero(is_clear) >= _HELD_SHARE_OF_FEW * len(count) else _HELD_SHARE_OF_FEW
-    if np.count_nonzero(is_held) < max(_FEWEST_CHANGES, share * np.count_nonzero(is_clear)):
+    is_held = is_clear & (count >= 2) & (count <= STANDING_FACTOR * usual)
+    share = FEW_SHARE if np.count_nonzero(is_clear) >= MAJORITY * len(count) else MAJORITY
+    if np.count_nonzero(is_held) < max(FEWEST_EVENTS, share * np.count_nonzero(is_clear)):
         return None
-    is_standing = jumps <= _STANDING_FACTOR * float(np.median(jumps[is_clear]))
-    standing_rows = max(math.ceil(_STANDING_FACTOR * float(np.median(count[is_held]))), 1)
+    is_standing = jumps <= STANDING_FACTOR * float(np.median(jumps[is_clear]))
+    standing_rows = max(math.ceil(STANDING_FACTOR * float(np.median(count[is_held]))), 1)
     return _add_standing_rows(new_rows, values.shape[1], np.append(is_standing, False), standing_rows)
 
 
@@ -278,8 +280,6 @@ COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over w
 # Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
 COARSE_HEADING_DEG = (1.5, 45.0)
 COARSE_SPEED_SHARE = 0.1  # chosen, of the median speed: positions give the speed over some seconds more precisely
-# Chosen, changes of the number of steps from row to row: a tractor starts and stops less often.
-_FEWEST_UNEVEN_STEPS = 20
 _STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
 _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
@@ -346,7 +346,7 @@ def find_rounding_step(values: Array) -> float:
     if not _is_multiple_of_step(values, step):
         return 0.0
     uneven = np.count_nonzero(np.diff(np.round(np.diff(values) / step)))
-    return step if uneven >= _FEWEST_UNEVEN_STEPS else 0.0
+    return step if uneven >= FEWEST_READINGS else 0.0
 
 
 def _is_multiple_of_step(values: Array, step: float) -> bool:
@@ -356,9 +356,7 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
 
 
 STANDING_M = 0.3  # spread of antenna noise
-# Of a log whose own speed says that it stands: a receiver without corrections wanders this far, m, and no faster, m/s.
-_WANDER_M, _STANDING_MPS = 5.0, 0.1
-_COPY_SHARE = 0.95  # chosen, of the rows of the shorter log: a copy may be cut or have a few damaged rows
+_WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
 _SAME_S, _SAME_M = 2e-3, 2e-3  # chosen: one digit of rounding; no drive repeats another one this closely
 
 
@@ -372,8 +370,8 @@ def is_parked(log: Log) -> bool:
     seconds = float(np.ptp(log.time_s[rows]))
     if moved == 0.0 or (moved < STANDING_M and seconds >= SHORTEST_SEGMENT_S):
         return True
-    stands = log.speed_mps is not None and float(np.max(log.speed_mps[rows])) < _STANDING_MPS
-    return stands and moved < min(_WANDER_M, _STANDING_MPS * seconds)
+    stands = log.speed_mps is not None and float(np.max(log.speed_mps[rows])) < STANDSTILL_MPS
+    return stands and moved < min(_WANDER_M, STANDSTILL_MPS * seconds)
 
 
 def leave_out_useless_logs(logs: Sequence[Log]) -> list[Log]:
@@ -420,4 +418,4 @@ def _is_same_drive(log: Log, other: Log) -> bool:
     is_same = np.abs(longer.time_s[near_rows] - shorter.time_s[rows]) <= _SAME_S
     for axis in ("easting_m", "northing_m"):
         is_same &= np.abs(getattr(longer, axis)[near_rows] - getattr(shorter, axis)[rows]) <= _SAME_M
-    return float(np.mean(is_same)) >= _COPY_SHARE
+    return float(np.mean(is_same)) >= ALMOST_ALL_SHARE

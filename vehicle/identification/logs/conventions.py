@@ -17,20 +17,26 @@ from vehicle.identification.logs.motion import PathChords, compute_bends, comput
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, Suspicion, convert_log
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
 from vehicle.identification.logs.series import measure_spread
+from vehicle.identification.logs.thresholds import (
+    BEND_PER_M,
+    FEWEST_CHORDS,
+    FEWEST_EVENTS,
+    FEWEST_TIMES,
+    STEADY_SHARE,
+    SURE_SIGMAS,
+)
 
 SMALLEST_WHEELBASE_M = 0.12  # of a model car
 LARGEST_RAD = 1.0  # 57 degrees: no road wheel turns further
 _ALIKE_COSINE = 0.02  # of a mean cosine: conventions this close cannot be distinguished
-_SURE_SIGMAS = 4.0  # standard errors
 _LEAST_STEERING_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
-# Turns and straight rows of a field: limits of curvature, least number of turns, share that contradicts the column.
-_TURN_PER_M, _ROW_PER_M, _FEWEST_TURNS, _REVERSED_SHARE = 0.06, 0.02, 4, 0.85
+# Straight rows of a field: limit of curvature; share of turns and rows that contradicts the column.
+_ROW_PER_M = 0.02
 _WRAP_RAD = 3.0
 # Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
 _LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
 _LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
 _ALIKE_SHARES = (0.75, 1.67)  # of a commanded speed to the measured one in the same unit
-_FEWEST_BENDS = 8  # chords, each half overlapping the next: four observations for two numbers
 
 
 def find_convention_errors(
@@ -187,7 +193,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     ratio = float(turns @ changes) / squares
     # Chords overlap by half, so two count as one observation.
     error = math.sqrt(2.0 * float(np.mean((changes - ratio * turns) ** 2)) / squares)
-    return ratio if abs(ratio) > _SURE_SIGMAS * error else None
+    return ratio if abs(ratio) > SURE_SIGMAS * error else None
 
 
 def _check_steering_unit(
@@ -199,12 +205,12 @@ def _check_steering_unit(
     """
     bends = compute_bends(log)
     largest = find_largest_steering(log)
-    if bends is None or largest > LARGEST_RAD or len(bends[0]) < _FEWEST_BENDS:
+    if bends is None or largest > LARGEST_RAD or len(bends[0]) < FEWEST_CHORDS:
         return []
     if float(np.std(bends[0])) < _LEAST_STEERING_SPREAD:
         return []
     slope, error = _fit_slope(bends[0], bends[1])
-    least_slope = abs(slope) - _SURE_SIGMAS * error
+    least_slope = abs(slope) - SURE_SIGMAS * error
     limit = SMALLEST_WHEELBASE_M if wheelbase_m is None else wheelbase_m / 8.0
     if least_slope <= 0.0 or math.radians(1.0) / least_slope > limit:
         return []
@@ -225,12 +231,12 @@ def _check_implement(log: Log) -> list[Suspicion]:
     if chords is None:
         return []
     curvature = np.abs(chords.curvature)
-    kind = np.where(curvature > _TURN_PER_M, 1, np.where(curvature < _ROW_PER_M, 0, -1))
+    kind = np.where(curvature > BEND_PER_M, 1, np.where(curvature < _ROW_PER_M, 0, -1))
     kind, working = kind[kind >= 0], log.implement[chords.row][kind >= 0] > 0.5
-    if np.count_nonzero(np.diff(kind) > 0) < _FEWEST_TURNS or np.count_nonzero(np.diff(kind) < 0) < _FEWEST_TURNS - 1:
+    if np.count_nonzero(np.diff(kind) > 0) < FEWEST_TIMES or np.count_nonzero(np.diff(kind) < 0) < FEWEST_TIMES - 1:
         return []
     turns, rows = float(np.mean(working[kind == 1])), 1.0 - float(np.mean(working[kind == 0]))
-    if min(turns, rows) < _REVERSED_SHARE:
+    if min(turns, rows) < STEADY_SHARE:
         return []
     why = f"it is 1 in {100.0 * turns:.0f} % of the turns and 0 on {100.0 * rows:.0f} % of the straight rows between"
     return [Suspicion(LogConvention.IMPLEMENT_REVERSED, why)]
@@ -243,7 +249,7 @@ def _fit_slope(x: Array, y: Array) -> tuple[float, float]:
     for _ in range(2):
         a, b = x[inliers] - x[inliers].mean(), y[inliers] - y[inliers].mean()
         spread = float(a @ a)
-        if spread <= 0.0 or np.count_nonzero(inliers) < _FEWEST_BENDS:
+        if spread <= 0.0 or np.count_nonzero(inliers) < FEWEST_CHORDS:
             break
         slope = float(a @ b) / spread
         residuals = b - slope * a
@@ -255,7 +261,7 @@ def _fit_slope(x: Array, y: Array) -> tuple[float, float]:
 
 
 _AHEAD_S = 0.3  # chosen: within which wheels move towards a command
-_GAP_DEG, _FEWEST_ROWS = 0.7, 10  # chosen: rows with larger gaps show who follows whom
+_GAP_DEG = 0.7  # chosen: rows with larger gaps show who follows whom
 # Chosen, correlations of movement with the gap before it: from which a column follows, and up to which it does not.
 _FOLLOWS, _FOLLOWS_MORE = 0.6, 0.2
 _STEEPEST_ROWS = 2  # chosen: one may be an outlier
@@ -268,7 +274,7 @@ _STEEPER = 1.5  # chosen: times the steepest movement of the column that follows
 
 def find_swapped_steering(log: Log) -> str | None:
     """Return how the two steering columns show that each has the name of the other; None where they do not."""
-    if log.steering_deg is None or log.steering_command_deg is None or log.rows_used < _FEWEST_ROWS:
+    if log.steering_deg is None or log.steering_command_deg is None or log.rows_used < FEWEST_EVENTS:
         return None
     wheel_follows = _measure_following(log, log.steering_deg, log.steering_command_deg)
     command_follows = _measure_following(log, log.steering_command_deg, log.steering_deg)
@@ -290,14 +296,14 @@ def _measure_following(log: Log, follower: Array, leader: Array) -> float | None
     ahead = max(round(_AHEAD_S / log.step_s), 1)
     start, end = rows[:-ahead], rows[ahead:]
     near = (log.segment[start] == log.segment[end]) & (log.time_s[end] - log.time_s[start] < 2.0 * ahead * log.step_s)
-    if np.count_nonzero(near) < _FEWEST_ROWS:
+    if np.count_nonzero(near) < FEWEST_EVENTS:
         return None
     start, end = start[near], end[near]
     gap, movement = leader[start] - follower[start], follower[end] - follower[start]
     # An offset of the sensor is no gap.
     gap = gap - np.median(gap)
     clear = np.abs(gap) > _GAP_DEG
-    if np.count_nonzero(clear) < _FEWEST_ROWS:
+    if np.count_nonzero(clear) < FEWEST_EVENTS:
         return None
     squares = float(gap[clear] @ gap[clear]) * float(movement[clear] @ movement[clear])
     return float(gap[clear] @ movement[clear]) / math.sqrt(squares) if squares > 0.0 else 0.0

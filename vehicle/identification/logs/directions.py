@@ -28,19 +28,28 @@ from vehicle.identification.logs.readings import LogConvention, Suspicion, forma
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import select_timed_rows, wrap_degrees
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    BEND_PER_M,
+    CLEAR_CORRELATION,
+    FEW_SHARE,
+    FEWEST_BEND_CHORDS,
+    FEWEST_ROWS,
+    MAJORITY,
+    MOMENT_S,
+    MOST_SHARE,
+    NEARLY_SHARE,
+    PART_S,
+    READING_S,
+)
 from vehicle.model.effects import get_effect
 
-_FEWEST_GEAR_CHORDS = 5  # chords: fewer may be one change of gear
-_AGREEING_COSINE = 0.7  # cosine between heading and course from which they agree
-# Shares that count as all chords, and as too many for moments of gear change.
-_MOST_CHORDS_SHARE, _SOME_CHORDS_SHARE = 0.8, 0.1
 COURSE_HEADING = (
     "heading_deg is the course over ground of the antenna, not where a tractor with steered front wheels points; it is "
     "not used"
 )
 _OR_COURSE = ", or leave heading_deg out if it is the course over ground"
 _FOLLOWING_SHARE = 0.65  # chosen: short legs between changes of gear misjudge a quarter of the bends
-_ONE_LINE_RESULTANT = 0.95  # mean resultant of heading plus course: driven along one line only
 
 
 def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
@@ -53,18 +62,18 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
     gear = np.sign(log.shuttle[chords.row])
     heading = np.radians(log.heading_deg[chords.row])
     agrees = np.cos(heading - chords.course) * gear
-    if np.mean(np.abs(agrees) > _AGREEING_COSINE) < _MOST_CHORDS_SHARE:
+    if np.mean(np.abs(agrees) > CLEAR_CORRELATION) < MOST_SHARE:
         return None
-    wrong = agrees < -_AGREEING_COSINE
+    wrong = agrees < -CLEAR_CORRELATION
     reverse_share, forward_share = _compute_wrong_share(wrong[gear < 0.0]), _compute_wrong_share(wrong[gear > 0.0])
-    if max(reverse_share or 0.0, forward_share or 0.0) < _SOME_CHORDS_SHARE:
+    if max(reverse_share or 0.0, forward_share or 0.0) < FEW_SHARE:
         return None
-    if all(share is None or share >= _MOST_CHORDS_SHARE for share in (reverse_share, forward_share)):
+    if all(share is None or share >= MOST_SHARE for share in (reverse_share, forward_share)):
         # Along one line a mirrored path looks the same; the check of the heading decides.
-        one_line = abs(np.mean(np.exp(1j * (heading + chords.course)))) >= _ONE_LINE_RESULTANT
+        one_line = abs(np.mean(np.exp(1j * (heading + chords.course)))) >= ALMOST_ALL_SHARE
         return None if reverse_share is None and one_line else _check_shuttle_by_heading(log, reverse_share)
     rows = chords.row[wrong & (gear != 0.0)]
-    if reverse_share is not None and reverse_share >= _MOST_CHORDS_SHARE:
+    if reverse_share is not None and reverse_share >= MOST_SHARE:
         return _build_reverse_rows_suspicion(
             rows,
             f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows",
@@ -84,7 +93,7 @@ def drop_course_heading(log: Log) -> Log:
         return log
     backwards = log.shuttle[chords.row] < 0.0
     agreement = np.cos(np.radians(log.heading_deg[chords.row]) - chords.course)
-    if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < _MOST_CHORDS_SHARE:
+    if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < MOST_SHARE:
         return log
     if not all(_follows_steering(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0)):
         return log
@@ -93,19 +102,19 @@ def drop_course_heading(log: Log) -> Log:
 
 def _follows_steering(angle: Array, curvature: Array) -> bool:
     """Whether the path bends to the side of the steering in most clear bends; in a wrong gear hardly any do."""
-    return len(angle) >= _FEWEST_GEAR_CHORDS and float(np.mean(angle * curvature > 0.0)) >= _FOLLOWING_SHARE
+    return len(angle) >= FEWEST_BEND_CHORDS and float(np.mean(angle * curvature > 0.0)) >= _FOLLOWING_SHARE
 
 
 def _count_agreeing(agreement: Array) -> float:
     """Return the share of chords along which heading and course agree, 0 with too few chords."""
-    return float(np.mean(agreement > _AGREEING_COSINE)) if len(agreement) >= _FEWEST_GEAR_CHORDS else 0.0
+    return float(np.mean(agreement > CLEAR_CORRELATION)) if len(agreement) >= FEWEST_BEND_CHORDS else 0.0
 
 
 def _compute_wrong_share(wrong: Mask) -> float | None:
     """Return the share of wrong chords; None when there are too few chords, 0 when too few are wrong."""
-    if len(wrong) < _FEWEST_GEAR_CHORDS:
+    if len(wrong) < FEWEST_BEND_CHORDS:
         return None
-    return float(np.mean(wrong)) if np.count_nonzero(wrong) >= _FEWEST_GEAR_CHORDS else 0.0
+    return float(np.mean(wrong)) if np.count_nonzero(wrong) >= FEWEST_BEND_CHORDS else 0.0
 
 
 def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Suspicion, Log] | None:
@@ -167,10 +176,8 @@ def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspic
 # Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
 # convention is wrong when another one fits better than any effect could explain.
 HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
-# Largest curvature of a straight; largest distance of an antenna from the rear axle.
-STRAIGHT_PER_M, MOST_LEVER_M = 0.06, 3.0
+MOST_LEVER_M = 3.0  # largest distance of an antenna from the rear axle
 _NEAR_DEG = 20.0  # from the angle of a convention: the largest heading_bias of the catalogue
-_FEWEST_STRAIGHT_CHORDS = 5
 # Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
 _UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
 
@@ -299,9 +306,9 @@ def _get_largest_heading_bias() -> float:
 def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
     """Return the angle (deg) on the least bent chords, and what the lever of an antenna may add to it there."""
     abs_curvature = np.abs(curvature)
-    straight = np.flatnonzero(abs_curvature < STRAIGHT_PER_M)
-    if len(straight) < _FEWEST_STRAIGHT_CHORDS:
-        straight = np.argsort(abs_curvature, kind="stable")[: max(_FEWEST_STRAIGHT_CHORDS, len(abs_curvature) // 4)]
+    straight = np.flatnonzero(abs_curvature < BEND_PER_M)
+    if len(straight) < FEWEST_BEND_CHORDS:
+        straight = np.argsort(abs_curvature, kind="stable")[: max(FEWEST_BEND_CHORDS, len(abs_curvature) // 4)]
     offset = math.degrees(cmath.phase(complex(np.exp(1j * turned[straight]).sum())))
     # Bends to both sides cancel each other.
     return offset, math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(curvature[straight])))))
@@ -380,10 +387,6 @@ def _check_steering_sense(log: Log) -> Suspicion | None:
 
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
 _FLIP_DEG = 30.0  # chosen: noise of both rows and what a tractor turns between them
-_LONGEST_FLIP_S = 2.0  # chosen: within a longer time a small vehicle may turn round
-_HELD_S = 1.0  # chosen: a slower instrument holds its value no longer
-_CLEAR_SHARE, _MOST_OPPOSITE_SHARE = 0.9, 0.5
-_FEWEST_ROWS, _LEAST_CLEAR_S = 50, 5.0  # chosen: less driving may be one change of gear
 
 
 def find_flipped_headings(columns: Columns) -> Rows:
@@ -391,7 +394,7 @@ def find_flipped_headings(columns: Columns) -> Rows:
     if "heading_deg" not in columns:
         return np.empty(0, dtype=np.int64)
     rows = select_timed_rows(columns, "heading_deg")
-    if len(rows) < _FEWEST_ROWS:
+    if len(rows) < FEWEST_ROWS:
         return rows[:0]
     time, heading = columns["time_s"][rows], columns["heading_deg"][rows]
     changes, between = find_flips(time, heading)
@@ -421,7 +424,7 @@ def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
     between: list[int] = []
     is_flip = [
         (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - _FLIP_DEG)
-        & (time[lag:] - time[:-lag] <= _LONGEST_FLIP_S)
+        & (time[lag:] - time[:-lag] <= MOMENT_S)
         for lag in (1, 2)
     ]
     near = np.abs(wrap_degrees(np.diff(heading))) <= _FLIP_DEG
@@ -440,20 +443,20 @@ def _choose_flipped(motion: RawMotion, heading: Array, gear: Array, is_second: M
     clear = np.isfinite(motion.course) & (gear != 0.0)
     agreement = np.where(clear, np.cos(np.radians(heading) - motion.course) * gear, 0.0)
     for flipped in (is_second, ~is_second):
-        if motion.count_rows(_LEAST_CLEAR_S) > np.count_nonzero(clear & ~flipped):
+        if motion.count_rows(PART_S) > np.count_nonzero(clear & ~flipped):
             continue
         if _is_clear(agreement[clear & ~flipped]) and _is_clear(-agreement[clear & flipped]):
             is_course = _is_all(flipped[clear & (gear < 0.0)]) and _is_all(~flipped[clear & (gear > 0.0)])
-            return flipped if np.mean(flipped) <= _MOST_OPPOSITE_SHARE and not is_course else None
+            return flipped if np.mean(flipped) <= MAJORITY and not is_course else None
     return None
 
 
 def _is_clear(agreement: Array) -> bool:
-    return not len(agreement) or float(np.mean(agreement > _AGREEING_COSINE)) >= _CLEAR_SHARE
+    return not len(agreement) or float(np.mean(agreement > CLEAR_CORRELATION)) >= NEARLY_SHARE
 
 
 def _is_all(mask: Mask) -> bool:
-    return len(mask) > 0 and float(np.mean(mask)) >= _CLEAR_SHARE
+    return len(mask) > 0 and float(np.mean(mask)) >= NEARLY_SHARE
 
 
 def _find_held_before(time: Array, heading: Array, changes: Rows) -> Mask:
@@ -461,7 +464,7 @@ def _find_held_before(time: Array, heading: Array, changes: Rows) -> Mask:
     held = np.zeros(len(time), dtype=np.bool_)
     for change in changes:
         row = change - 1
-        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= _HELD_S:
+        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
             held[row] = True
             row -= 1
     return held

@@ -9,10 +9,10 @@ import numpy as np
 
 from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
+from vehicle.identification.logs.thresholds import STANDSTILL_MPS
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
-STANDSTILL_MPS = 0.1  # noise of a speed sensor at rest; larger negative speeds encode a direction
 MOST_STEERING_DEG = 90.0  # no wheel turns further
 MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
 SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows

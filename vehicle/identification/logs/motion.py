@@ -14,10 +14,20 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    CLEAR_CORRELATION,
+    FEWEST_BEND_CHORDS,
+    FEWEST_READINGS,
+    FEWEST_ROWS,
+    GAP_STEPS,
+    LASTING_S,
+    MOST_SHARE,
+    MOVING_MPS,
+    MOVING_SHARE,
+)
 
 _SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long chords have less noise, short ones follow the bends of small fast vehicles
 _LEAST_STRAIGHTNESS = 0.93  # chord over two half chords: an arc of about 86 degrees
-_MOVING_SHARE = 0.3  # of the median chord: slower ones have no reliable direction
 _FEWEST_CHORDS = 3
 
 
@@ -58,7 +68,7 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
         return None
     length = np.hypot(*(first + second).T)
     halves = np.hypot(*first.T) + np.hypot(*second.T)
-    moving = length > _MOVING_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
+    moving = length > MOVING_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
     if np.count_nonzero(moving) < _FEWEST_CHORDS:
         return None
     row, first, second, length, halves = row[moving], first[moving], second[moving], length[moving], halves[moving]
@@ -85,14 +95,11 @@ def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDA
 
 
 CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
-_FEWEST_BEND_CHORDS = 5  # chords: fewer bends may be one swerve
-_FEWEST_ROWS = 20  # needed to find that two columns contradict each other
-_MIRRORED_SHARE = 0.8  # of the clear bends: some are misjudged where the steering is changing
 
 
 _SAME_MPS = 0.02  # chosen: commands that differ by less are one
-_ALIKE_SHARE, _ALIKE_S = 0.3, 3.0  # chosen: of an angle, and for how long, two columns show the same one
-_CLEAR_CORRELATION, _PARTS = 0.7, 5  # chosen: of two columns that hold one angle, and parts of a run to look at
+_ALIKE_SHARE = 0.3  # chosen: of an angle, by which two columns that show the same one may differ
+_PARTS = 5  # chosen: of a run to look at
 
 
 def _correlate(one: Array, other: Array) -> float:
@@ -112,18 +119,18 @@ def select_chord_steering(log: Log) -> Array:
         assert angle is not None
         return angle
     commanded, measured = command[log.used], sensor[log.used]
-    if len(commanded) < _FEWEST_ROWS:
+    if len(commanded) < FEWEST_READINGS:
         return sensor
     correlation = _correlate(commanded, measured)
-    if correlation < -_CLEAR_CORRELATION and float(np.std(commanded)) > 0.03 and not _stand_alike(log):
+    if correlation < -CLEAR_CORRELATION and float(np.std(commanded)) > 0.03 and not _stand_alike(log):
         # Wheels that stop following during a run follow before or after.
         parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
-        if not any(_correlate(*part) > _CLEAR_CORRELATION for part in parts):
+        if not any(_correlate(*part) > CLEAR_CORRELATION for part in parts):
             raise LogError(
                 f"{log.name}: steering_command_deg and steering_deg have opposite signs (correlation "
                 f"{correlation:.2f}); make both positive to the right."
             )
-    if correlation > _CLEAR_CORRELATION:
+    if correlation > CLEAR_CORRELATION:
         ratio = float(np.std(commanded)) / float(np.std(measured))
         if not 1.0 / 20.0 < ratio < 20.0:
             raise LogError(
@@ -140,7 +147,7 @@ def _stand_alike(log: Log) -> bool:
     apart, away = np.abs(command - wheel), np.minimum(command * np.sign(wheel), np.abs(wheel))
     alike = apart < _ALIKE_SHARE * away
     time = log.time_s[log.used]
-    return any(time[last] - time[first] > _ALIKE_S for first, last in find_spans(alike))
+    return any(time[last] - time[first] > LASTING_S for first, last in find_spans(alike))
 
 
 def has_pace_change(pace: Array) -> bool:
@@ -198,14 +205,12 @@ def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
 
     Only clear steering counts, where no offset, slope or draft can turn the tractor the other way.
     """
-    if len(angle) < _FEWEST_BEND_CHORDS:
+    if len(angle) < FEWEST_BEND_CHORDS:
         return None
     correlation = float(angle @ curvature) / math.sqrt(float(angle @ angle) * float(curvature @ curvature) + 1e-30)
-    return correlation <= -0.5 and float(np.mean(angle * curvature < 0.0)) >= _MIRRORED_SHARE
+    return correlation <= -0.5 and float(np.mean(angle * curvature < 0.0)) >= MOST_SHARE
 
 
-MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
-FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
 _CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
 LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
@@ -213,9 +218,6 @@ LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 PACE_CHANGE_MPS, PACE_CHANGE_SHARE = 0.35, 0.3
 # Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
 _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
-_GAP_STEPS = 2.5  # chosen: longer steps are gaps
-_FEWEST_OUTSIDE = 50  # rows
-_LEAST_FOLLOWING = 0.7  # chosen, correlation of the wheel angle with the bends outside a span
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +258,7 @@ class RawMotion:
     def measure_spans(self, starts: Rows, ends: Rows) -> tuple[Array, Mask]:
         """Return the time (s) in the rows of spans, without gaps, and whether the tractor moves in most of each."""
         steps = np.diff(self.time_s)
-        driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, _GAP_STEPS * np.median(steps)))])
+        driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP_STEPS * np.median(steps)))])
         seconds = driven_s[ends] - driven_s[starts]
         moved = np.concatenate([[0.0], np.cumsum(self.moving)])
         return seconds, (moved[ends + 1] - moved[starts]) / (ends + 1 - starts) > 0.5
@@ -319,11 +321,11 @@ class RawMotion:
         curvature = self.curvature
         outside = np.isfinite(curvature)
         outside[rows] = False
-        if np.count_nonzero(outside) < _FEWEST_OUTSIDE:
+        if np.count_nonzero(outside) < FEWEST_ROWS:
             return False
         if np.ptp(self.wheel[outside]) == 0.0 or np.ptp(curvature[outside]) == 0.0:
             return False
-        if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < _LEAST_FOLLOWING**2:
+        if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < CLEAR_CORRELATION**2:
             return False
         slope, at_zero = np.polyfit(self.wheel[outside], curvature[outside], 1)
         repeated = float(self.wheel[rows.start])

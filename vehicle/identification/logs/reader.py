@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
 from vehicle.identification.logs.column_faults import (
@@ -21,7 +22,6 @@ from vehicle.identification.logs.column_faults import (
     join_thaws,
 )
 from vehicle.identification.logs.column_quality import (
-    LONGEST_STEP_S,
     describe_silent_steering,
     drop_coarse_columns,
     drop_constant_columns,
@@ -61,6 +61,7 @@ from vehicle.identification.logs.table import (
     read_table,
 )
 from vehicle.identification.logs.terrain import STEEPEST_DEG
+from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +71,6 @@ SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect
 _SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
 _REPEATED = "positions repeat the row before"
 _LARGE_SHARE = 0.25  # chosen, of the rows of a log: so many are told with its name
-_SHOWN_NAMES = 3  # names of logs with the same remark
 
 
 def list_remarks(log: Log) -> list[str]:
@@ -117,9 +117,9 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
 
 def _join_names(names: Sequence[str]) -> str:
     """Join names, only the first of many."""
-    if len(names) <= _SHOWN_NAMES + 1:
+    if len(names) <= MAX_NAMED + 1:
         return ", ".join(names)
-    return f"{', '.join(names[:_SHOWN_NAMES])} and {len(names) - _SHOWN_NAMES} more"
+    return f"{', '.join(names[:MAX_NAMED])} and {len(names) - MAX_NAMED} more"
 
 
 def _format_row_count(count: int) -> str:
@@ -168,10 +168,7 @@ def _describe_short_segments(log: Log) -> list[str]:
 
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
-_REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wrong and not a row
-_MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than as a column
 _MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
-_SHOWN_RULES = 4
 # What to do where a rule excludes most rows, by a word of the rule.
 _ADVICE = {
     "missing": "fill the column, or remove it if it is optional",
@@ -289,7 +286,7 @@ def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]
     """Drop a commanded speed that is empty in many rows, as of a tractor that pauses or is driven by hand; all else in
     these rows is known."""
     command = columns.get("speed_command_mps")
-    if command is None or np.count_nonzero(~np.isfinite(command)) <= _MOST_EMPTY_SHARE * len(command):
+    if command is None or np.count_nonzero(~np.isfinite(command)) <= FEW_SHARE * len(command):
         return columns, ()
     empty = np.flatnonzero(~np.isfinite(command))
     message = (
@@ -365,14 +362,14 @@ def _name_logs(files: list[Path]) -> list[str]:
 
 def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
     backwards = next((gated_rows for gated_rows in rules.gated if gated_rows.rule == "time not increasing"), None)
-    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(rules.used):
+    if backwards is not None and backwards.rows > MAJORITY * len(rules.used):
         stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
         raise LogError(
             f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
             f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
         )
     lost = [(one, advice) for one in rules.gated for word, advice in _ADVICE.items()
-            if word in one.rule and one.rows > _REFUSED_SHARE * len(rules.used)]  # fmt: skip
+            if word in one.rule and one.rows > MAJORITY * len(rules.used)]  # fmt: skip
     if lost and np.count_nonzero(rules.used) >= 2:
         rows, advice = lost[0]
         raise LogError(
@@ -380,7 +377,7 @@ def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
             f"{rows.first_line}); {advice}."
         )
     if np.count_nonzero(rules.used) < 2:
-        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:_SHOWN_RULES]
+        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:MAX_NAMED]
         why = "; ".join(
             f"{gated_rows.rule}: {gated_rows.rows} rows from line {gated_rows.first_line}" for gated_rows in largest
         )
@@ -451,7 +448,7 @@ def _refuse_impossible_rate(log: Log) -> None:
             f"{log.name}: its rows come in bundles, {log.step_s:g} s apart within one and {mean_s:.2g} s on average, "
             "as where rows are stamped on arrival; write in time_s when each row was measured."
         )
-    if not 1.0 / _FASTEST_HZ <= log.step_s <= LONGEST_STEP_S:
+    if not 1.0 / _FASTEST_HZ <= log.step_s <= MOMENT_S:
         raise LogError(
             f"{log.name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of "
             "time_s or log at another rate."

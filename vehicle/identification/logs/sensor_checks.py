@@ -26,20 +26,25 @@ from vehicle.identification.logs.motion import (
 )
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import compute_change, measure_spread
+from vehicle.identification.logs.thresholds import (
+    FEWEST_LINE_CHORDS,
+    MEASURED_SIGMAS,
+    NEARLY_SHARE,
+    STEERING_NOISE_DEG,
+    STRAIGHT_PER_M,
+    STRAY_CORRELATION,
+)
 from vehicle.model.effects import DRIVE_LINE_SLIP
 
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
-_LEAST_SENSOR_FACTOR, _SURE_SIGMAS = 1.25, 5.0
-_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.03  # in bends the antenna is faster than the tractor
+_LEAST_SENSOR_FACTOR = 1.25
+_ALIKE_SHARE = 0.03  # by which factors of parts may differ
 # Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
 _NEARER_SHARE = 0.4
-_FEWEST_CHORDS = 12
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 # Correlations with the bends of the path: a working sensor reaches the second.
-_STRAY_CORRELATION, _FOLLOWING_CORRELATION = 0.3, 0.9
-_ALL_NOISE_SHARE = 0.9  # of the spread: between two rows, over the square root of 2, it is 1 for white noise
-_LEAST_STEERING_SPREAD_DEG = 2.0
+_FOLLOWING_CORRELATION = 0.9
 
 
 def correct_sensors(log: Log) -> Log:
@@ -78,7 +83,7 @@ def _find_common_factor(ratios: Array) -> float | None:
     """Return stated speed over pace; None where it is not clearly other than 1, or not the same by direction of travel,
     implement and speed."""
     ratio, stated, course, working = ratios
-    if len(ratio) < _FEWEST_CHORDS:
+    if len(ratio) < FEWEST_LINE_CHORDS:
         return None
     factor = float(np.median(ratio))
     # Chords overlap by half, so two count as one observation.
@@ -86,9 +91,9 @@ def _find_common_factor(ratios: Array) -> float | None:
     conditions = (np.sin(course) > 0.5, np.sin(course) < -0.5, np.cos(course) > 0.5, np.cos(course) < -0.5)
     slow = stated <= np.median(stated)
     parts = [*conditions, slow, ~slow, working > 0.5, working <= 0.5]
-    levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
+    levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= FEWEST_LINE_CHORDS // 2]
     alike = max(_ALIKE_SHARE * factor, 3.0 * error)
-    is_clear = abs(factor - 1.0) >= _SURE_SIGMAS * error
+    is_clear = abs(factor - 1.0) >= MEASURED_SIGMAS * error
     return factor if is_clear and all(abs(level - factor) < alike for level in levels) else None
 
 
@@ -110,10 +115,8 @@ def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
     """Drop a wheel angle that varies without bending the path, as in `stray_log`."""
     if log.steering_deg is None or log.steering_command_deg is None:
         return log
-    is_moving = float(np.std(log.steering_deg[log.used])) >= min(
-        _LEAST_STEERING_SPREAD_DEG, 0.5 * stray_log.stray_steering_deg
-    )
-    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * _STRAY_CORRELATION:
+    is_moving = float(np.std(log.steering_deg[log.used])) >= min(STEERING_NOISE_DEG, 0.5 * stray_log.stray_steering_deg)
+    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * STRAY_CORRELATION:
         return log
     message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
     return log.correct_columns(message, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg)
@@ -122,10 +125,10 @@ def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
 def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
     """Divide a speed by the nearest factor found in other logs, where it reads by about that factor."""
     chords = compute_path_chords(log)
-    if log.speed_mps is None or log.speed_factor != 1.0 or chords is None or len(chords.row) < _FEWEST_CHORDS // 2:
+    if log.speed_mps is None or log.speed_factor != 1.0 or chords is None or len(chords.row) < FEWEST_LINE_CHORDS // 2:
         return log
     stated_mps = log.speed_mps[chords.row]
-    if np.count_nonzero(_select_straight_chords(chords, stated_mps)) >= _FEWEST_CHORDS:
+    if np.count_nonzero(_select_straight_chords(chords, stated_mps)) >= FEWEST_LINE_CHORDS:
         return log  # this log shows by itself that there is no factor, or slip instead
     ratio = float(np.median(stated_mps / np.maximum(chords.speed, 0.05)))
     nearest_log = min(logs_with_factor, key=lambda other: abs(math.log(max(ratio, 1e-3) / other.speed_factor)))
@@ -141,7 +144,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
 
 def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
     """Select the chords that can show a factor of the stated speed."""
-    straight: Mask = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
+    straight: Mask = (np.abs(chords.curvature) < STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
     return straight
 
 
@@ -151,10 +154,8 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
         return log
     by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
     by_command = _correlate_with_bends(replace(log, steering_deg=None))
-    is_clear = (
-        float(np.std(log.steering_deg[log.used])) >= _LEAST_STEERING_SPREAD_DEG and by_command >= _FOLLOWING_CORRELATION
-    )
-    if abs(by_sensor) > _STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
+    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= _FOLLOWING_CORRELATION
+    if abs(by_sensor) > STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
     spread_deg = float(np.std(log.steering_deg[log.used]))
@@ -170,16 +171,16 @@ def _is_wheel_angle_bypassed(log: Log) -> bool:
         compute_bends(replace(log, steering_command_deg=None)),
         compute_bends(replace(log, steering_deg=None)),
     )
-    if by_sensor is None or by_command is None or len(by_command[0]) < 2 * _FEWEST_CHORDS:
+    if by_sensor is None or by_command is None or len(by_command[0]) < 2 * FEWEST_LINE_CHORDS:
         return False
     command, path, wheel = by_command[0], _compute_heading_curvature(log, by_command[2]), by_sensor[0]
     command_share, command_error = _compute_response_share(command, by_command[1] if path is None else path)
     sensor_share, sensor_error = _compute_response_share(command, wheel)
     rows = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
     from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
-    noise = from_row_to_row > max(_ALL_NOISE_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
-    return command_share > _SURE_SIGMAS * command_error and (
-        noise or sensor_share + _SURE_SIGMAS * sensor_error < _STRAY_CORRELATION
+    noise = from_row_to_row > max(NEARLY_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
+    return command_share > MEASURED_SIGMAS * command_error and (
+        noise or sensor_share + MEASURED_SIGMAS * sensor_error < STRAY_CORRELATION
     )
 
 
@@ -210,7 +211,11 @@ def _compute_response_share(regressor: Array, response: Array) -> tuple[float, f
 def _correlate_with_bends(log: Log) -> float:
     """Return the correlation of the steering with the bends of the path, 1 with too few bends."""
     bends = compute_bends(log)
-    if bends is None or len(bends[0]) < 2 * _FEWEST_CHORDS or min(float(np.std(column)) for column in bends[:2]) == 0.0:
+    if (
+        bends is None
+        or len(bends[0]) < 2 * FEWEST_LINE_CHORDS
+        or min(float(np.std(column)) for column in bends[:2]) == 0.0
+    ):
         return 1.0
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
@@ -240,7 +245,7 @@ def _drop_constant_command(log: Log) -> Log:
     under_way = log.time_s[chords.row] - segment_start_s[log.segment[chords.row]] > _STEADY_S
     for working in (0.0, 1.0):
         pace = chords.speed[under_way & (log.implement[chords.row] == working)]
-        if len(pace) >= _FEWEST_CHORDS and has_pace_change(pace):
+        if len(pace) >= FEWEST_LINE_CHORDS and has_pace_change(pace):
             return _drop_command(log, f"{description} although the tractor's pace changes")
     return log
 

@@ -49,7 +49,7 @@ def find_spans(mask: Mask) -> list[tuple[int, int]]:
 
 
 def measure_spread(values: Array) -> float:
-    """Return the robust standard deviation of values (k,) about 0: of a normal distribution, 1.48 times the median."""
+    """Return the robust standard deviation of values (k,) about 0, that of a normal distribution with their median."""
     return 1.4826 * float(np.median(np.abs(values)))
 
 

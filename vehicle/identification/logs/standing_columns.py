@@ -17,29 +17,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.motion import LEAST_TURN_DEG, MOVING_MPS, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
+from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
+    CLEAR_CORRELATION,
+    CLEARLY_APART_DEG,
+    FEWEST_EVENTS,
+    FEWEST_READINGS,
+    FEWEST_TIMES,
+    LASTING_S,
+    MOST_SHARE,
+    MOVING_MPS,
+    NEARLY_SHARE,
+    READING_S,
+    STEERING_SPREAD_DEG,
+)
 
 POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
-_BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
-_FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
-MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
-HOLDS, HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
+_LEAST_STANDING_S = 6.0  # chosen, of a standstill
+HOLDS = 4.0  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
-# Chosen: a speed sensor drives so far, and the heading turns so far or the target is not 0 for this share of the time,
-# while positions stay; without a target the speed changes so much, at a pace that no sensor shows at rest.
-_LEAST_DRIVEN_M, _DRIVEN_SHARE = 5.0, 0.8
-_LEAST_SPEED_MPS = 1.0
-# Chosen, deg: an antenna swings by half of this; and seconds of it. From LEAST_TURN_DEG on a heading is doubted.
-_COURSE_APART_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 3.0, 10.0
-# Chosen, m/s and share: a pace that differs more than by slip, and how long; wheels slip, but never turn too slowly.
-_PACE_APART_S = 3.0
+_LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
+_LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
+# Chosen, deg: an antenna swings by half of this. From LEAST_TURN_DEG on a heading is doubted.
+_COURSE_APART_DEG, _MOST_BIAS_DEG = 20.0, 10.0
+# Chosen: a pace (m/s) that is a halt, and how long.
 _STOPPED_MPS, _STOPPED_S = 0.15, 1.5
-_LEAST_AGREEING_SHARE, _FEWEST_AGREEING = 0.8, 10  # chosen, of the blocks outside, and their number
 
 
 @dataclass(frozen=True)
@@ -75,13 +83,13 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
         values = np.degrees(np.unwrap(np.radians(values)))
     starts = _find_block_starts(motion.time_s)
     limit, hold_s = _measure_limit(motion, values, reading.wanders), _measure_hold_s(motion, values)
-    if len(starts) < _FEWEST_BLOCKS or limit > reading.most:
+    if len(starts) < FEWEST_READINGS or limit > reading.most:
         return []
     blocks = _build_blocks(motion, starts)
     means = np.stack([_average(axis, starts) for axis in values])
     found = list[StandingSpan]()
     for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
-        if blocks.time_s[last] - blocks.time_s[first] > MOST_OF_LOG_SHARE * motion.total_s:
+        if blocks.time_s[last] - blocks.time_s[first] > ALMOST_ALL_SHARE * motion.total_s:
             continue
         shown = reading.check(blocks, first, last)
         if shown is not None:
@@ -105,7 +113,7 @@ def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int]
 
 def _find_block_starts(time: Array) -> Rows:
     """Return the first row of each second that has rows."""
-    number = np.floor((time - time[0]) / _BLOCK_S)
+    number = np.floor((time - time[0]) / READING_S)
     return np.append(0, np.flatnonzero(np.diff(number) > 0.0) + 1)
 
 
@@ -117,14 +125,14 @@ def _average(values: Array, starts: Rows) -> Array:
 
 def _measure_limit(motion: RawMotion, values: Array, wanders: float) -> float:
     """Return how far means of a value that stands may be from each other."""
-    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
+    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(READING_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:
     changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
     if len(changes) < 2:
         return math.inf
-    return float(np.quantile(np.diff(motion.time_s[changes]), HOLD_QUANTILE))
+    return float(np.quantile(np.diff(motion.time_s[changes]), ALMOST_ALL_SHARE))
 
 
 def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
@@ -173,7 +181,7 @@ def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
     first, last = first + int(driven[0]), first + int(driven[-1])
     part = slice(first, last + 1)
     seconds = np.diff(blocks.time_s[first : last + 1])
-    if float(np.sum(np.minimum(seconds, 2.0 * _BLOCK_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
+    if float(np.sum(np.minimum(seconds, 2.0 * READING_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
         return None
     return (first, last, first) if _is_driven(blocks, part) else None
 
@@ -183,8 +191,8 @@ def _is_driven(blocks: _Blocks, part: slice) -> bool:
     speed, target = blocks.speed[part], blocks.target[part]
     driven = speed > MOVING_MPS
     if np.isfinite(target).all():
-        return float(np.mean(target[driven] > MOVING_MPS)) >= _DRIVEN_SHARE
-    if float(np.mean(driven)) < _DRIVEN_SHARE:
+        return float(np.mean(target[driven] > MOVING_MPS)) >= MOST_SHARE
+    if float(np.mean(driven)) < MOST_SHARE:
         return False
     if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG:
         return True
@@ -196,9 +204,9 @@ def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
     outside = _find_outside(blocks, first, last) & np.isfinite(blocks.pace) & np.isfinite(blocks.speed)
     pace, speed = blocks.pace[outside], blocks.speed[outside]
     driven = np.maximum(pace, speed) > MOVING_MPS
-    if np.count_nonzero(driven) < _FEWEST_AGREEING:
+    if np.count_nonzero(driven) < FEWEST_EVENTS:
         return False
-    return float(np.mean(~_is_other_pace(pace, speed)[driven])) >= _LEAST_AGREEING_SHARE
+    return float(np.mean(~_is_other_pace(pace, speed)[driven])) >= MOST_SHARE
 
 
 def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
@@ -215,7 +223,7 @@ def _is_other_pace(pace: Array, speed: Array) -> Mask:
 def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     """A heading stays while the course leaves it, which it follows elsewhere."""
     outside = _find_outside(blocks, first, last) & np.isfinite(blocks.apart)
-    if np.count_nonzero(outside) < _FEWEST_AGREEING:
+    if np.count_nonzero(outside) < FEWEST_EVENTS:
         return None
     folded = np.exp(2j * np.radians(blocks.apart))
     middle = complex(np.median(folded[outside].real), np.median(folded[outside].imag))
@@ -225,7 +233,7 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     left = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(folded[first]))))  # a crab's course stays as it is
     with np.errstate(invalid="ignore"):
         far = np.minimum(apart, left)[first : last + 1] > _COURSE_APART_DEG
-        if np.count_nonzero(far) * _BLOCK_S < _APART_S:
+        if np.count_nonzero(far) * READING_S < LASTING_S:
             return None
         doubted = np.flatnonzero(apart[first : last + 1] > LEAST_TURN_DEG)
     return first, last, first + int(doubted[0])
@@ -243,14 +251,14 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
-    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * _BLOCK_S >= _PACE_APART_S
+    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S
     return (first, last, shown) if is_other or _halts_and_goes_on(pace, target, moving) else None
 
 
 def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
     """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
     halts = np.flatnonzero(pace < _STOPPED_MPS)
-    if len(halts) * _BLOCK_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
+    if len(halts) * READING_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
         return False
     return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
 
@@ -301,14 +309,10 @@ STEERING_WORDS = {
     STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
 }
 
-SPARSE_S = 1.0  # chosen: columns that change more often have other checks
-_FEWEST_READINGS = 20  # of a log, to show that the wheels usually follow
-# Chosen: readings one after the other, how long (s) and how far the wheels move in them.
-_FEWEST_STILL, _LEAST_STILL_S, _STILL_DEG = 4, 20.0, 1.5
-# Chosen, deg: commands that differ by so much in these readings, and how far the wheels are from most of them.
-_COMMANDS_DEG, _APART_DEG, _APART_SHARE = 10.0, 5.0, 0.6
-_LEAST_FOLLOWING = 0.7  # correlation of the other readings with their commands
-_END_SHARE = 0.9  # chosen, of the largest angle to that side in other readings: the end of the travel
+# Chosen: readings one after the other, how long (s) they last and how far the wheels move in them.
+_LEAST_STILL_S = 20.0
+# Chosen: commands that differ by so much (deg) in these readings, and from which share of them the wheels are apart.
+_COMMANDS_DEG, _APART_SHARE = 10.0, 0.6
 _JOIN_READINGS = 3  # chosen: nearer faults are one
 Span = tuple[int, int]  # first and last reading
 
@@ -317,10 +321,10 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     """Return when the wheels of the log `name` stay far from the commands, from sparse columns in units of the
     contract, with the rows; empty for columns that change in most rows."""
     readings = _find_readings(columns)
-    if len(readings) < _FEWEST_READINGS:
+    if len(readings) < FEWEST_READINGS:
         return []
     time, command, wheel = (columns[key][readings] for key in ("time_s", "steering_command_deg", "steering_deg"))
-    if float(np.median(np.diff(time))) < SPARSE_S:
+    if float(np.median(np.diff(time))) < READING_S:
         return []
     spans = _find_still_spans(time, command, wheel)
     inside = np.zeros(len(readings), dtype=np.bool_)
@@ -353,16 +357,16 @@ def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
     """Return spans of readings (k,) in which the wheels stay, far from commands that differ; near ones as one."""
     spans: list[Span] = []
     first = 0
-    while first + _FEWEST_STILL <= len(wheel):
-        apart_from_first = np.abs(wheel[first:] - wheel[first]) > _STILL_DEG
+    while first + FEWEST_TIMES <= len(wheel):
+        apart_from_first = np.abs(wheel[first:] - wheel[first]) > STEERING_SPREAD_DEG
         count = int(np.argmax(apart_from_first)) if apart_from_first.any() else len(wheel) - first
         part = slice(first, first + count)
         is_fault = (
-            count >= _FEWEST_STILL
-            and abs(command[first] - wheel[first]) > _APART_DEG
+            count >= FEWEST_TIMES
+            and abs(command[first] - wheel[first]) > CLEARLY_APART_DEG
             and time[first + count - 1] - time[first] >= _LEAST_STILL_S
             and float(np.ptp(command[part])) > _COMMANDS_DEG
-            and float(np.mean(np.abs(command[part] - wheel[part]) > _APART_DEG)) >= _APART_SHARE
+            and float(np.mean(np.abs(command[part] - wheel[part]) > CLEARLY_APART_DEG)) >= _APART_SHARE
         )
         if is_fault:
             if spans and first - spans[-1][1] <= _JOIN_READINGS:
@@ -374,20 +378,20 @@ def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
 
 
 def _follows(command: Array, wheel: Array) -> bool:
-    if len(wheel) < _FEWEST_READINGS or np.std(command) == 0.0 or np.std(wheel) == 0.0:
+    if len(wheel) < FEWEST_READINGS or np.std(command) == 0.0 or np.std(wheel) == 0.0:
         return False
-    return float(np.corrcoef(command, wheel)[0, 1]) > _LEAST_FOLLOWING
+    return float(np.corrcoef(command, wheel)[0, 1]) > CLEAR_CORRELATION
 
 
 def _build_fault(name: str, time: Array, wheel: Array, inside: Mask, span: Span, end_s: float) -> LogFault:
     """Build a fault: it began between the last reading that followed and the first that did not."""
     first, last = span
     # Commands near the angle at which the wheels stay look followed.
-    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > _STILL_DEG)
+    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > STEERING_SPREAD_DEG)
     before_s, shown_s = float(time[away[-1] if len(away) else 0]), float(time[first])
-    angle = float(np.median(wheel[first : first + _FEWEST_STILL]))
+    angle = float(np.median(wheel[first : first + FEWEST_TIMES]))
     others = np.sign(angle) * wheel[~inside]
-    is_at_end = abs(angle) > _END_SHARE * float(np.quantile(others, 0.99))
+    is_at_end = abs(angle) > NEARLY_SHARE * float(np.quantile(others, 0.99))
     fault_id = STEERING_STUCK if is_at_end else STEERING_LOOSE
     to_s = None if last == len(time) - 1 else float(time[last])
     if to_s is not None and end_s - to_s < float(np.median(np.diff(time))):

@@ -20,12 +20,17 @@ import numpy as np
 from vehicle.identification.logs.motion import compute_path_chords, measure_steady_time_s
 from vehicle.identification.logs.readings import LogConvention, format_fix_option
 from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.thresholds import (
+    CLEAR_SIGMAS,
+    MEASURED_SIGMAS,
+    MOVING_MPS,
+    NEARLY_SHARE,
+    PART_S,
+    STRAIGHT_PER_M,
+)
 
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
-SURE_SIGMAS = 5.0  # standard errors needed to subtract or claim something
-BLOCK_S = 5.0  # rows of one block count as one observation of the ground
-_LEAST_TRUE_SHARE = 0.9  # of the variance of the slope: remaining noise biases what depends on it by this share
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
 _SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
@@ -37,7 +42,7 @@ class GroundFall:
     """Used rows of all logs, concatenated: the fall of the ground in one direction, and related values.
 
     `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
-    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of BLOCK_S,
+    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of PART_S,
     `log` the logs. `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
     `source` says which known heights it follows from, as a plural; it is empty for a sensor.
     """
@@ -90,7 +95,7 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     mounting, lean = mounting_lean
     fall = rows.shown_fall - mounting - lean * rows.push
     rms_fall = float(np.sqrt(np.mean(fall**2)))
-    if rms_fall < _LEAST_SLOPE or noise > (1.0 - _LEAST_TRUE_SHARE) * rms_fall**2:
+    if rms_fall < _LEAST_SLOPE or noise > (1.0 - NEARLY_SHARE) * rms_fall**2:
         return "it shows no slope above its noise, so the ground is flat or the sensor is off"
     heading = rows.direction - (0.5 * math.pi if column == "roll_deg" else 0.0)
     degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
@@ -115,7 +120,7 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
         if column == "roll_deg":
             to_east, to_north = to_north, -to_east
         east, north = log.ground_fall[log.used].T
-        block = np.floor((time - time[0]) / BLOCK_S) + 1e6 * number
+        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
         parts.append((east * to_east + north * to_north, heading, block, np.full(len(time), number)))
     fall, heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
     rms_fall = float(np.sqrt(np.mean(fall**2)))
@@ -198,7 +203,7 @@ def _collect_tilt_rows(logs: Sequence[Log], shown_of: Sequence[Array], column: s
             push, direction = pace * np.gradient(smooth_values(log, heading, 1.0), time), heading + 0.5 * math.pi
         else:
             push, direction = np.gradient(pace, time), heading
-        block = np.floor((time - time[0]) / BLOCK_S)
+        block = np.floor((time - time[0]) / PART_S)
         parts.append(
             (shown, push, log.easting_m[used], log.northing_m[used], direction, block, np.full(len(time), number))
         )
@@ -229,7 +234,7 @@ def _estimate_mounting(rows: _TiltRows) -> tuple[float, float] | None:
     slope = float(np.sqrt(np.mean((rows.shown_fall - coefficients[0] - coefficients[1] * rows.push) ** 2)))
     if error[0] > max(_SURE_MOUNTING_SHARE * slope, _LEAST_SLOPE):
         return None
-    return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > SURE_SIGMAS * error[1] else 0.0
+    return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
 
 
 def _build_ground_columns(rows: _TiltRows) -> Array:
@@ -248,7 +253,6 @@ def _build_ground_columns(rows: _TiltRows) -> Array:
 
 
 STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
-_SLOWEST_MPS = 0.3
 _FEWEST_BLOCKS = 6
 _LEAST_GAIN = 0.1  # of the speed per slope: less is a centimetre per second on a slope of 10 %
 _SPEED_FACTORS = (0.5, 1.5)  # of the speed: limits, so that no outlier stops a tractor
@@ -277,11 +281,11 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
     # In reverse the tractor drives downhill where the ground rises ahead.
     forward_fall = ground_fall.fall * np.concatenate([np.where(log.shuttle[log.used] < 0.0, -1.0, 1.0) for log in logs])
     gain, error, spread, left = _estimate_grade_gain(logs, ground_fall, forward_fall)
-    if gain < -max(_LEAST_GAIN, SURE_SIGMAS * error):
+    if gain < -max(_LEAST_GAIN, MEASURED_SIGMAS * error):
         sensor_clause = "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
         ground_clause = f"the tractor is faster where they say uphill, {_OTHER_PLACE}"
         return _build_unused_grade(ground_clause if source else sensor_clause, source)
-    if gain < max(_LEAST_GAIN, SURE_SIGMAS * error):
+    if gain < max(_LEAST_GAIN, MEASURED_SIGMAS * error):
         return _build_unused_grade(f"the speed does not depend on {'them' if source else 'it'}", source)
     remark = (
         f"{ground_fall.source or 'pitch_deg'} {'explain' if source else 'explains'} speed: on a slope of 10 % the "
@@ -289,7 +293,7 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         "corrected for it; "
     )
     remark += (
-        f"over {BLOCK_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
+        f"over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
         "(root mean square)."
         if source
         else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
@@ -315,7 +319,7 @@ def _estimate_grade_gain(
         assert log.speed_mps is not None and log.speed_command_mps is not None
         is_own_row, used = ground_fall.log == number, log.used
         steady = measure_steady_time_s(log)[used] >= STEADY_COMMAND_S
-        use = steady & (log.speed_command_mps[used] > _SLOWEST_MPS)
+        use = steady & (log.speed_command_mps[used] > MOVING_MPS)
         ratios.append(log.speed_mps[used][use] / log.speed_command_mps[used][use])
         falls.append(forward_fall[is_own_row][use])
         blocks.append(ground_fall.block[is_own_row][use])
@@ -351,8 +355,6 @@ def _compute_block_rms(values: Array, block: Array) -> float:
     return float(np.sqrt(np.mean(means**2)))
 
 
-_UPHILL_SIGMAS = 3.0  # standard errors: a false alarm only means that the slope is not used
-_STRAIGHT_PER_M = 0.03
 _COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
 _LEAST_DRIFT = 0.03  # m/m per slope; tyres give way by about a tenth of the slope, soil by more
 _OTHER_PLACE = "so heights or positions are of another place or in another coordinate system"
@@ -396,7 +398,7 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
     if isinstance(ground_fall, str):
         return _build_unused_cross_slope(ground_fall, source)
     drift, error, spread, left = _estimate_drift(logs, ground_fall)
-    if drift < -max(_LEAST_DRIFT, _UPHILL_SIGMAS * error):
+    if drift < -max(_LEAST_DRIFT, CLEAR_SIGMAS * error):
         sensor_clause = (
             "it grows where the tractor drifts to the left, and no tractor drifts uphill; if it is positive with the "
             "left "
@@ -405,7 +407,7 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
         ground_clause = f"the tractor drifts uphill on them, and no tractor does, {_OTHER_PLACE}"
         return _build_unused_cross_slope(ground_clause if source else sensor_clause, source)
     remark = (
-        _describe_known_slope(ground_fall, drift if drift > _UPHILL_SIGMAS * error else 0.0, spread, left)
+        _describe_known_slope(ground_fall, drift if drift > CLEAR_SIGMAS * error else 0.0, spread, left)
         if source
         else f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
         "(root mean square); "
@@ -433,7 +435,7 @@ def _describe_known_slope(ground_fall: GroundFall, drift: float, spread: float, 
     return (
         f"{said}. On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of "
         f"10 %; this leaves {after_deg:.2f} of the {before_deg:.2f} degrees by which course and heading differ over "
-        f"{BLOCK_S:g} s (root mean square)."
+        f"{PART_S:g} s (root mean square)."
     )
 
 
@@ -458,7 +460,7 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         if chords is None:
             continue
         across, heading, block = (column[number] for column in columns)
-        use = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (log.shuttle[chords.row] > 0.0) & (chords.speed > 0.3)
+        use = (np.abs(chords.curvature) < STRAIGHT_PER_M) & (log.shuttle[chords.row] > 0.0) & (chords.speed > 0.3)
         crab = chords.course - heading[chords.row]
         slopes.append(across[chords.row][use])
         crabs.append(np.arctan2(np.sin(crab), np.cos(crab))[use])

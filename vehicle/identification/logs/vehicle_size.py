@@ -17,17 +17,16 @@ from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import compute_bends, compute_path_chords, find_largest_steering
 from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, STEERING_SPREAD_DEG, SURE_SIGMAS
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import PowerLaw, Tractor
 
-_FEWEST_CHORDS, _SPREAD_DEG = 12, 1.5  # chords, and the spread of the steering needed to fit a line
-_SURE_SIGMAS = 4.0  # standard errors
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
 _ROUGH_ERROR_SHARE = 0.1  # chosen, relative standard error of a ratio from such chords alone: surely within 40 %
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
 _LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
-_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = 59.0, QUANTITIES["wheelbase_m"].low
+_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
 _COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
 
@@ -67,13 +66,13 @@ def _compute_bend_ratio(angle: Array, curvature: Array, tractor: Tractor, ground
     Where the steering hardly varies or the line fits badly, a line through zero gives a rough ratio.
     """
     expected = compute_file_curvature(angle, tractor, ground)
-    if len(angle) >= _FEWEST_CHORDS and float(np.std(angle)) >= _SPREAD_DEG:
+    if len(angle) >= FEWEST_LINE_CHORDS and float(np.std(angle)) >= STEERING_SPREAD_DEG:
         x, y = expected - expected.mean(), curvature - curvature.mean()
         slope, correlation = _fit_line_through_zero(x, y)
         if correlation > _FOLLOWING_CORRELATION:
             return slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
     is_clear = np.abs(angle) >= _CLEAR_ANGLE_DEG
-    if np.count_nonzero(is_clear) < _FEWEST_CHORDS:
+    if np.count_nonzero(is_clear) < FEWEST_LINE_CHORDS:
         return None, math.inf
     slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
     return (slope, _ROUGH_ERROR_SHARE * slope) if correlation > _FOLLOWING_CORRELATION else (None, math.inf)
@@ -103,8 +102,8 @@ def explain_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) ->
     sensed = all(log.steering_deg is not None for log in logs)
     least_gain = gain_param.low * file_gain * (1.0 if sensed else _COMMAND_LAG_SHARE)
     if size.bend_ratio is not None and not (
-        least_gain <= size.bend_ratio + _SURE_SIGMAS * size.bend_ratio_error
-        and size.bend_ratio - _SURE_SIGMAS * size.bend_ratio_error <= gain_param.high * file_gain
+        least_gain <= size.bend_ratio + SURE_SIGMAS * size.bend_ratio_error
+        and size.bend_ratio - SURE_SIGMAS * size.bend_ratio_error <= gain_param.high * file_gain
     ):
         return (
             f"at the same wheel angles their path bends {size.bend_ratio:.2g} times as much as the file of "

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.series import measure_spread
 from vehicle.jit import compile_function
 
 # Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
@@ -25,7 +26,7 @@ _MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
 def _estimate_position_noise(east: Array, north: Array) -> float:
     """Return the standard deviation (m) of positions from row to row, from their third differences."""
     thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
-    return 1.4826 * float(np.median(np.abs(thirds))) / math.sqrt(20.0) if len(thirds) else 0.0
+    return measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
 
 
 def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import (
     GAP_SAMPLES,
@@ -27,14 +28,15 @@ from vehicle.identification.logs.schema import (
     Rows,
     split_drive_segments,
 )
+from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 from vehicle.identification.replay.courses import compute_course, compute_course_offset
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
 WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
-AGREEING_SIGMAS = 2.0  # chosen, in standard errors: the bias of a wider mean shows before it exceeds the noise removed
 # Chosen: closer values are equal up to rounding, larger differences are no last digit.
 DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
 
@@ -63,7 +65,7 @@ def estimate_angle_noise(values: Array) -> float:
     """
     if len(values) < 3:
         return 0.0
-    spread = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
+    spread = measure_noise(values)
     spacings = np.diff(np.unique(values))
     digit = float(np.min(spacings[(spacings > DIGIT_RANGE_RAD[0]) & (spacings < DIGIT_RANGE_RAD[1])], initial=np.inf))
     return max(spread, digit / math.sqrt(12.0)) if math.isfinite(digit) else spread
@@ -74,13 +76,13 @@ def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> 
     sums = np.concatenate([[0.0], np.cumsum(values)])
     ends = np.arange(1, len(values) + 1)
     mean, count = values.copy(), np.ones(len(values))
-    low, high = values - AGREEING_SIGMAS * noise, values + AGREEING_SIGMAS * noise
+    low, high = values - DOUBT_SIGMAS * noise, values + DOUBT_SIGMAS * noise
     agree = np.ones(len(values), dtype=np.bool_)
     for width in widths:
         starts = np.maximum(ends - width - 1, 0)
         window_rows = (ends - starts).astype(np.float64)
         window_mean = (sums[ends] - sums[starts]) / window_rows
-        error = AGREEING_SIGMAS * noise / np.sqrt(window_rows)
+        error = DOUBT_SIGMAS * noise / np.sqrt(window_rows)
         low, high = np.maximum(low, window_mean - error), np.minimum(high, window_mean + error)
         agree &= low <= high
         mean, count = np.where(agree, window_mean, mean), np.where(agree, window_rows, count)
@@ -88,7 +90,6 @@ def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> 
 
 
 Antenna = tuple[float, float]
-_SHOWN_LOGS = 3  # logs named in a refusal
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +260,7 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
 def _explain_no_segment(logs: Sequence[Log]) -> str:
     """Why no log has a segment to replay: the rule that excluded most rows, for up to three logs."""
     reasons = []
-    for log in logs[:_SHOWN_LOGS]:
+    for log in logs[:MAX_NAMED]:
         worst_rule = max(log.gated, key=lambda one: one.rows, default=None)
         lost = (
             ""
@@ -273,7 +274,7 @@ def _explain_no_segment(logs: Sequence[Log]) -> str:
             (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in split_drive_segments(log)[1]), default=0.0
         )
         reasons.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
-    more_logs = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
+    more_logs = f"; and {len(logs) - MAX_NAMED} more" if len(logs) > MAX_NAMED else ""
     return (
         f"No log holds {SHORTEST_SEGMENT_S:g} s driven in one gear without a gap: {'; '.join(reasons)}{more_logs}; "
         "fill or leave out "
@@ -424,7 +425,8 @@ def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str,
     return grids
 
 
-WINDOW_S = 20.0  # the longest horizon, so that no error piece lies in two windows
+HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # over which errors are compared: from a moment to a short swath at 5 km/h
+WINDOW_S = HORIZONS_S[-1]  # so that no error piece lies in two windows
 WindowNumbers = npt.NDArray[np.int64]
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from vehicle.fast_math import compute_cosine_sine, round_number
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
 from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
 from vehicle.jit import compile_function
 from vehicle.model.tractor import Settings
@@ -115,7 +115,6 @@ def add_centred_values(starts, ends, values, out) -> None:  # type: ignore[no-un
             out[k] += values[k] - middle
 
 
-HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
 LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
 FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
 InstrumentColumns = tuple[Array, Array, Array, Array]

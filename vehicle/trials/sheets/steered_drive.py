@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fields.errors import mark_parameter
+from fields.units import KMH_PER_MPS
 from vehicle.errors import VehicleError
-from vehicle.model.ground import Tyres, get_tyres
+from vehicle.model.ground import get_tyres
 from vehicle.model.tractor import load_tractor
 from vehicle.trials.drive import (
     Trace,
@@ -18,12 +19,11 @@ from vehicle.trials.drive import (
     is_sideslip_settled,
     replace_steering,
 )
-from vehicle.trials.fixed_steering import build_step_commands, move_centre_of_mass
+from vehicle.trials.fixed_steering import STUDY_RECORD_EVERY, build_step_commands, move_centre_of_mass
 from vehicle.trials.sheets.fixed_steering import build_slip_panel, build_trajectory_panel
 from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, SteeredDrive, build_time_panel
 
 MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
-RECORD_EVERY = 6
 SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
 MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
 
@@ -31,7 +31,7 @@ MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
 @dataclass(frozen=True)
 class SteeredDriveRequest:
     """The request for a steered drive. Steering in degrees, positive to the right; `mass_m` is the distance of the
-    centre of mass behind the front axle; tyre values, if given, replace those of the ground.
+    centre of mass behind the front axle.
     """
 
     steer_deg: float
@@ -41,12 +41,7 @@ class SteeredDriveRequest:
     speed_kmh: float = 5.0
     tractor: str = "eg105"
     steering: str = "none"
-    curve: bool = True
     mass_m: float | None = None
-    front_slope: float | None = None
-    front_limit_deg: float | None = None
-    rear_slope: float | None = None
-    rear_limit_deg: float | None = None
 
 
 def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace]:
@@ -58,9 +53,11 @@ def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace
     tractor = load_tractor(request.tractor)
     if request.mass_m is not None:
         tractor = move_centre_of_mass(tractor, request.mass_m)
-    tractors, tyres = [replace_steering(tractor, request.steering)], [_choose_tyres(request)]
-    commands, speed_mps = build_step_commands([request.steer_deg], request.seconds), request.speed_kmh / 3.6
-    trace = drive_by_steering_commands(tractors, tyres, commands, speed_mps=speed_mps, record_every=RECORD_EVERY)[0]
+    tractors, tyres = [replace_steering(tractor, request.steering)], [get_tyres(request.ground, request.model)]
+    commands, speed_mps = build_step_commands([request.steer_deg], request.seconds), request.speed_kmh / KMH_PER_MPS
+    (trace,) = drive_by_steering_commands(
+        tractors, tyres, commands, speed_mps=speed_mps, record_every=STUDY_RECORD_EVERY
+    )
     radius = compute_settled_radius(trace, trace.point_m)
     front, rear = (float(np.degrees(slip[-1])) for slip in trace.compute_slips())
     circle = math.isfinite(radius) and radius < MAX_CIRCLE_RADIUS_M
@@ -82,25 +79,6 @@ def _check_request(request: SteeredDriveRequest) -> None:
         raise VehicleError(
             f"{mark_parameter('speed_kmh')} is {request.speed_kmh:g}; use a speed above 0 and up to {MAX_SPEED_KMH:g}."
         )
-
-
-def _choose_tyres(request: SteeredDriveRequest) -> Tyres:
-    """The tyres of the ground with the values of the request. Raises VehicleError for values out of range."""
-    tyres = get_tyres(request.ground, request.model)
-    changes = {
-        "front_slope_per_deg": request.front_slope,
-        "front_limit_deg": request.front_limit_deg,
-        "rear_slope_per_deg": request.rear_slope,
-        "rear_limit_deg": request.rear_limit_deg,
-    }
-    given = {name: value for name, value in changes.items() if value is not None}
-    for name, value in given.items():
-        most = 90.0 if name.endswith("limit_deg") else 10.0
-        if not (math.isfinite(value) and 0 < value <= most):
-            raise VehicleError(f"{mark_parameter(name)} is {value:g}; use a value above 0 and up to {most:g}.")
-    if not request.curve:
-        given["curve"] = None  # type: ignore[assignment]
-    return tyres.model_copy(update=given)
 
 
 def build_drive_sheet(request: SteeredDriveRequest, driven: SteeredDrive, trace: Trace) -> ExperimentSheet:

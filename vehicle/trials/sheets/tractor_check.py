@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.units import HOUR_S, KILO, MINUTE_S
 from vehicle.arrays import Floats
-from vehicle.energy.fuel import S_PER_H, W_PER_KW, ElectricDrive, build_power_source
+from vehicle.energy.fuel import ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
@@ -40,7 +41,6 @@ STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
 RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
 ARC_POINTS = 91
-S_PER_MIN = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,17 +240,18 @@ def describe_electric_drive(tractor: Tractor) -> str:
     """Battery and motor in a sentence; "" for a diesel tractor."""
     if tractor.battery is None or tractor.engine is None:
         return ""
-    drive = build_power_source(tractor, W_PER_KW * tractor.engine.power_kw)
+    drive = build_power_source(tractor, KILO * tractor.engine.power_kw)
     assert isinstance(drive, ElectricDrive)
-    full_h = drive.usable_kwh * drive.efficiency / tractor.engine.power_kw
+    battery = drive.battery
+    full_h = drive.usable_kwh * battery.efficiency / tractor.engine.power_kw
     filled = (
-        f"charging that takes {drive.compute_charge_s(drive.usable_kwh) / S_PER_H:.1f} h at {drive.charger_kw:g} kW"
-        if drive.change_s is None
-        else f"changing the battery takes {drive.change_s / S_PER_MIN:.0f} min"
+        f"charging that takes {drive.compute_charge_s(drive.usable_kwh) / HOUR_S:.1f} h at {battery.charger_kw:g} kW"
+        if battery.change_s is None
+        else f"changing the battery takes {battery.change_s / MINUTE_S:.0f} min"
     )
     return (
-        f"Electric: {drive.usable_kwh:.3g} of {drive.battery_kwh:g} kWh can be used, enough for {full_h:.1f} h at the "
-        f"full {tractor.engine.power_kw:g} kW of the motor; {filled}."
+        f"Electric: {drive.usable_kwh:.3g} of {battery.capacity_kwh:g} kWh can be used, enough for {full_h:.1f} h at "
+        f"the full {tractor.engine.power_kw:g} kW of the motor; {filled}."
     )
 
 

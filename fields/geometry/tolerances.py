@@ -1,0 +1,15 @@
+"""Tolerances of geometry: one for each kind of error, each with its reason."""
+
+from __future__ import annotations
+
+GRID_M = 1e-6  # of overlays, without which GEOS leaves slivers along nearly coincident edges; less is rounding
+ROUNDING = 1e-9  # relative, of computed lengths, areas and degrees that are the same but for their order of terms
+PARALLEL_RAD = 1e-6
+SLIVER_M2 = 1e-6  # left by cutting
+EDGE_M = 1e-3  # by which lines that lie on an edge may miss it: a millimetre of what was drawn
+CURVE_M = 0.05  # by which a curve may be drawn by straight pieces: a guidance line is no better
+MITRE_LIMIT, SHARP_MITRE_LIMIT = 2.0, 20.0
+"""Of grown outlines: corners are cut at twice the distance; the sharp ones of a headland still count as worked."""
+MIN_SWATH_LENGTH_M = 5.0  # of swaths laid without being asked for: less than a tractor is long
+NEAR_FIELD_M = 50.0  # gates, hoses, heights and drawn features so far outside still belong to the field
+MACHINE_WIDTH_M = 3.0  # narrower openings let nothing through, and lines nearer to the outline lie on it

@@ -1,0 +1,10 @@
+"""Units that files and people use, in SI: for every package."""
+
+from __future__ import annotations
+
+MINUTE_S, HOUR_S, DAY_S = 60.0, 3600.0, 86_400
+KMH_PER_MPS = 3.6
+MPS_PER_KMH = 1.0 / KMH_PER_MPS
+FOOT_M = 0.3048
+KILO, PCT = 1000.0, 100.0
+J_PER_KWH = KILO * HOUR_S

@@ -1,0 +1,37 @@
+"""What is enough to say something of a log: numbers that several checks share, each with its reason."""
+
+# Standard errors. What differs by chance once in twenty holds a claim back; once in four hundred it costs some data at
+# most; once in sixteen thousand some hundred checks of a set of logs stay silent.
+DOUBT_SIGMAS, CLEAR_SIGMAS, SURE_SIGMAS = 2.0, 3.0, 4.0
+MEASURED_SIGMAS = 5.0  # where a correction is made, which a false alarm would carry into all that follows
+
+# How many there must be: times to be no accident, events to have a rate, readings to have a median and a scatter, rows
+# to show what is usual, rows to fit a line; chords (which overlap) to be no single swerve, to have a median, to fit a
+# line.
+FEWEST_TIMES, FEWEST_EVENTS, FEWEST_READINGS, FEWEST_ROWS, FEWEST_LINE_ROWS = 4, 10, 20, 50, 100
+FEWEST_BEND_CHORDS, FEWEST_CHORDS, FEWEST_LINE_CHORDS = 5, 8, 12
+
+# Shares of what was looked at. Few: late rows and moments of gear change. Most: where the steering changes, some are
+# misjudged. Steady: of a value that stays at its level. Nearly: within the tenth that estimates err by. Almost all: but
+# for damaged rows.
+FEW_SHARE, MAJORITY, MOST_SHARE, STEADY_SHARE, NEARLY_SHARE, ALMOST_ALL_SHARE = 0.1, 0.5, 0.8, 0.85, 0.9, 0.95
+STRAY_CORRELATION = 0.3  # a tenth of the variance: no relation
+CLEAR_CORRELATION = 0.7  # half of the variance; also the cosine of a heading that agrees with a course
+
+MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
+STANDSTILL_MPS = 0.1  # noise of a speed sensor at rest; larger negative speeds encode a direction
+PATH_MPS = 0.4  # slower, the noise of positions and headings bends the path
+MOVING_SHARE = 0.3  # of the usual speed of a log
+READING_S = 1.0  # between two readings of the slowest column that is read, 1 Hz
+MOMENT_S = 2.0 * READING_S  # what is nearer in time cannot be told apart with such a column
+PART_S = 5.0  # of driving, the least that counts as an observation of its own
+WINDOW_S = 10.0  # of driving that shows a lag, or the level of a value; longer ones hold what drifts
+LASTING_S = 3.0  # longer than bumps and late rows last: what contradicts so long is no accident
+GAP_STEPS = 2.5  # times the usual step: rows are missing
+BEND_PER_M = 0.06  # curvature from which the path is a bend
+STRAIGHT_PER_M = 0.5 * BEND_PER_M  # beside which the antenna is hardly faster than the tractor
+STANDING_FACTOR = 2.0  # times the usual hold, and the usual change after it: a value of a standing tractor
+CLEARLY_APART_DEG = 5.0  # wheels that are elsewhere than they should be, beyond any offset
+STEERING_NOISE_DEG = 2.0  # the least that a steering column must move by, beyond the noise of a sensor
+STEERING_SPREAD_DEG = 1.5  # of wheels that stand, at most; and standard deviation of angles whose path shows anything
+LOCK_QUANTILE = 0.998  # of the angles of a set of logs: all but spikes
