@@ -22,12 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.client import ClientConnection, connect
 
 from tests.benchmarks.attack.__main__ import COMMAND
-from tests.benchmarks.attack.robots import Robot, open_link, say_hello
-from tests.benchmarks.attack.service import run_service
+from tests.benchmarks.attack.robots import MOST_FRAME, Robot, say_hello
+from tests.benchmarks.attack.service import HOST, run_service
 from tests.benchmarks.attack.squad import Squad, run_squad
+from tests.benchmarks.attack.web import API
 
 DROPPED = 10  # robots that drop their links
 SETTLE_S = 3.0  # for what is on its way
@@ -65,11 +66,11 @@ class CarefulRobot(Robot):
         await super()._drive(link)
 
 
-async def watch(squad: Squad, late: list[float], until_s: float) -> None:
+async def watch(address: str, token: str, late: list[float], until_s: float) -> None:
     """A viewer: how old every new state is when it is there."""
     seen: dict[int, str] = {}
-    async with open_link(squad.service.port, squad.fleet) as link:
-        await link.send(say_hello("viewer", squad.orders))
+    async with connect(address, proxy=None, compression=None, max_size=MOST_FRAME) as link:
+        await link.send(say_hello("viewer", token))
         while time.monotonic() < until_s:
             frame = json.loads(await link.recv())
             now = time.time()
@@ -112,8 +113,9 @@ def measure(squad: Squad, robots: list[CarefulRobot], viewers: int, seconds: flo
     (cpu, memory), begin = measure_usage(pid), time.monotonic()
 
     async def look_on() -> None:
-        until_s = begin + seconds
-        await asyncio.gather(probe(asleep, until_s), *(watch(squad, late, until_s) for _ in range(viewers)))
+        until_s, address = begin + seconds, f"ws://{HOST}:{squad.service.port}{API}/fleets/{squad.fleet}/link"
+        viewing = (watch(address, squad.orders, late, until_s) for _ in range(viewers))
+        await asyncio.gather(probe(asleep, until_s), *viewing)
 
     squad.call(look_on(), seconds + 60.0)
     (cpu_end, memory_end), wall = measure_usage(pid), time.monotonic() - begin
