@@ -21,9 +21,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.coverage import found
 from tests.benchmarks.drawn_jobs import choose_parcels, draw_job
 from tests.benchmarks.machines import compute_quantiles
+from tests.benchmarks.parcels import iter_parcels
 from tests.benchmarks.planned_jobs import KMH, LIMIT_S, Answer, Job, build_field, compile_checkout, plan_apart
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +33,7 @@ ENOUGH_PCT, SLOWER = 95.0, 1.05  # less is worked only with a remark; no job fin
 
 def draw_jobs(options: argparse.Namespace) -> list[Job]:
     """The jobs of the command line."""
-    parcels = choose_parcels([field for _, field in found(options.folder)])
+    parcels = choose_parcels([*iter_parcels(options.folder)])
     if not parcels:
         raise SystemExit(f"There is no parcel of 0.5 to 40 ha in {options.folder}; name a folder with GeoJSON files.")
     names = [name for name in options.only.split(",") if name]

@@ -12,16 +12,18 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.task_logs.formats.isoxml_logs import parse_time_log
 from tests.benchmarks.terrain_logs import J_PER_KWH, Machine, PassLog
-from tests.benchmarks.time_logs import AREA_M2, SPEED, WORK_STATE, TimeLog, read_folder
 from vehicle.energy.fuel import NO_LOAD_L_PER_KWH, USE_L_PER_KWH, DieselEngine
 from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.model.work_load import WorkLoad
 
+WORK_STATE, SPEED, AREA_M2 = "008D", "EA7E", "0074"
 FUEL_ML, FUEL_MM3_PER_S, MASS_KG, LOAD_PCT = "0094", "0095", "005A", "EA6A"
 MPS_PER_UNIT, LPH_PER_MM3_PER_S = 0.1 / 3.6, 0.0036
 STANDING_MPS, MAX_GAP_S, MAX_STANDING_LPH = 0.1, 5.0, 60.0
@@ -40,9 +42,36 @@ class Job:
     is_sound: bool
 
 
+@dataclass(frozen=True, eq=False)
+class TimeLog:
+    """A job as logged: `time_s` (n,) from its start, `values` (n,) by DDI, NaN before the first."""
+
+    name: str
+    time_s: Floats
+    values: dict[str, Floats]
+
+    def last(self, ddi: str) -> float:
+        """The last value of a counter."""
+        return float(self.values[ddi][-1])
+
+
+def read_logs(folder: Path) -> list[TimeLog]:
+    """The logs of tasks that have just one, in the order of their names."""
+    root = ElementTree.parse(next(each for each in folder.iterdir() if each.name.upper() == "TASKDATA.XML")).getroot()
+    names = [[each.get("A", "") for each in task.iter("TLG")] for task in root.iter("TSK")]
+    return [read_log(folder / f"{name}.xml") for name in sorted(one[0] for one in names if len(one) == 1)]
+
+
+def read_log(header: Path) -> TimeLog:
+    """One log; `header` is its .xml file."""
+    log = parse_time_log(header.read_bytes(), header.with_suffix(".bin").read_bytes(), header.stem)
+    values = {ddi: log.values[:, place] for place, (ddi, _) in enumerate(log.columns)}
+    return TimeLog(header.stem, log.time_s - log.time_s[0], values)
+
+
 def read_jobs(folder: Path) -> list[tuple[Job, TimeLog]]:
     """Jobs with their logs."""
-    return [(build_job(log), log) for log in read_folder(folder)[1]]
+    return [(build_job(log), log) for log in read_logs(folder)]
 
 
 def build_job(log: TimeLog) -> Job:

@@ -5,13 +5,10 @@ The same parcel, count, edge and seed give the same field, whatever else runs. A
 
 from __future__ import annotations
 
-import json
 import math
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import shapely
 from shapely import affinity
@@ -158,20 +155,3 @@ def find_entrance(rng: random.Random, ring: shapely.LineString, obstacles: tuple
     places = [ring.interpolate(rng.random(), normalized=True) for _ in range(40)]
     best = max(places, key=measure_room_m)
     return float(best.x), float(best.y)
-
-
-def save_field(field: Field, path: Path) -> None:
-    """The field as GeoJSON in local metres, to be planned with `--local`."""
-    features = [_build_feature(field.boundary, {"id": field.name})]
-    for obstacle in field.obstacles:
-        size = {"Point": {"radius_m": obstacle.half_width_m}, "LineString": {"width_m": 2.0 * obstacle.half_width_m}}
-        marks = {"role": "obstacle", "kind": obstacle.kind, "name": obstacle.name}
-        features.append(_build_feature(obstacle.geometry, marks | size.get(obstacle.geometry.geom_type, {})))
-    features += [_build_feature(fence, {"edge": "fence"}) for fence in field.fences]
-    if field.entrance is not None:
-        features.append(_build_feature(shapely.Point(field.entrance), {"role": "entrance"}))
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-
-
-def _build_feature(geometry: shapely.Geometry, properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": json.loads(shapely.to_geojson(geometry))}

@@ -27,12 +27,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from fields.documents.writer import write_field
 from fields.geometry.field import Field
-from tests.benchmarks.coverage import found
 from tests.benchmarks.machine_cases import MACHINES, REFERENCE, TRACTORS, Machine, Row, plan_field, run_case
-from tests.benchmarks.machine_fields import EDGES, OBSTACLE_COUNTS, Condition, build_field, save_field
+from tests.benchmarks.machine_fields import EDGES, OBSTACLE_COUNTS, Condition, build_field
 from tests.benchmarks.odd_shapes import build_odd_shapes
-from tests.benchmarks.parcels import strip_numbers
+from tests.benchmarks.parcels import iter_parcels
 
 ASKED = "asked: 99 % feasible, worked median 99.5 %, tenth 98 %, formations 90 %, CPU ratio at most 1.5"
 SHAPE_MACHINES = (REFERENCE, next(one for one in MACHINES if one.key == "4m"))
@@ -62,7 +62,7 @@ def choose_conditions(number: int, choice: str) -> list[Condition]:
 
 def draw_parcels(folder: Path, count: int, seed: int, from_ha: float, to_ha: float) -> list[Field]:
     """So many parcels of a folder, in an order drawn by the seed."""
-    parcels = [field for _, field in found(folder) if from_ha <= field.area_ha <= to_ha]
+    parcels = [field for field in iter_parcels(folder) if from_ha <= field.area_ha <= to_ha]
     parcels.sort(key=lambda field: field.name)
     random.Random(seed).shuffle(parcels)
     return parcels[:count]
@@ -93,12 +93,12 @@ def run_shapes(options: argparse.Namespace) -> Iterator[Row]:
 def run_single_case(options: argparse.Namespace) -> Iterator[Row]:
     """The case of a name such as dk-004:6m@r55:5:fence; with `--save` its field is written to a file."""
     name, machine_key, count, edge = options.case.split(":")
-    parcel = next((field for _, field in found(options.folder) if field.name == name), None)
+    parcel = next((field for field in iter_parcels(options.folder) if field.name == name), None)
     if parcel is None:
         raise SystemExit(f"There is no parcel {name!r} in {options.folder}.")
     condition, machine = Condition(int(count), edge), choose_machines(machine_key, "")[0]
     if options.save is not None:
-        save_field(build_field(parcel, condition, options.seed), options.save)
+        write_field(build_field(parcel, condition, options.seed), options.save)
     yield run_case(parcel, condition, machine, options.seed, not options.no_formations, None)
 
 
@@ -207,6 +207,11 @@ def group_reasons(rows: Iterable[Row]) -> Iterator[str]:
         yield f"{len(cases):4} {reason}: {', '.join(cases[:4])}"
 
 
+def strip_numbers(reason: str) -> str:
+    """A sentence without the words that hold numbers, so that like ones can be counted."""
+    return " ".join(word for word in reason.split() if not any(letter.isdigit() for letter in word))[:100]
+
+
 def compare_rows(rows: Iterable[Row], before: Path) -> Iterator[str]:
     """Cases that were won or lost, or worked otherwise, since a run of which the rows are in a file."""
     lines = before.read_text(encoding="utf-8").splitlines()
@@ -239,7 +244,7 @@ def parse_options() -> argparse.Namespace:
     parser.add_argument("--shapes", action="store_true", help="odd shapes instead of parcels")
     parser.add_argument("--only", default="", help="some of the odd shapes")
     parser.add_argument("--case", default="", help="one case, by its name")
-    parser.add_argument("--save", type=Path, help="with --case: write its field, to be planned with --local")
+    parser.add_argument("--save", type=Path, help="with --case: write its field, for headland plan")
     parser.add_argument("--details", action="store_true", help="say where plans fail")
     parser.add_argument("--json", type=Path, help="append rows to this file of JSON lines")
     parser.add_argument("--compare", type=Path, help="rows of an earlier run")

@@ -24,16 +24,13 @@ from tests.truth.cases import ColumnClock, TruthCase
 from tests.truth.drives import default_programme, one_way_programme, reversing, three_speeds_programme
 from tests.truth.effects import NEUTRAL
 from tests.truth.fifth import make_fifth_logs
-from tests.truth.fifth_cases import draw_fifth_cases
 from tests.truth.fourth import MACHINES, MASS_POINT_M, make_fourth_logs, make_unseen_case
-from tests.truth.fourth_cases import draw_fourth_cases
+from tests.truth.menus import draw_reference
 from tests.truth.model import make_logs as make_first_logs
 from tests.truth.second import TRACTORS
 from tests.truth.second import second_logs as make_second_logs
 from tests.truth.sixth import make_sixth_logs
-from tests.truth.sixth_cases import draw_sixth_cases
 from tests.truth.third import make_third_logs
-from tests.truth.third_draw import draw_third_cases
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.model.effects import CATALOGUE
 from vehicle.model.tractor import Tractor, load_tractor
@@ -41,10 +38,7 @@ from vehicle.model.tractor import Tractor, load_tractor
 UNSEEN_SEED, UNSEEN_RUNS, VARIED_SEED = 500_000, 5, 7_000_000
 DATA = Path(__file__).parent / "data"
 REAL_LOGS = tuple((str(DATA / f"{name}.csv"), str(DATA / f"{name}.toml"), "asphalt") for name in ("rav4", "track_car"))
-FOREIGN = {
-    "third": (draw_third_cases, make_third_logs), "fourth": (draw_fourth_cases, make_fourth_logs),
-    "fifth": (draw_fifth_cases, make_fifth_logs), "sixth": (draw_sixth_cases, make_sixth_logs),
-}  # fmt: skip
+FOREIGN = {"third": make_third_logs, "fourth": make_fourth_logs, "fifth": make_fifth_logs, "sixth": make_sixth_logs}
 REFERENCES = ("first", "second", *FOREIGN, "demo", "varied", "mixups", "real")
 VARIED = ("third", "fifth")
 VARIED_KINDS, VARIED_EVERY = ("clean", "effect", "pair", "closed_loop"), 3
@@ -143,7 +137,7 @@ def draw_second(seed: int) -> list[LogSet]:
 
 def draw_foreign(reference: str, seed: int) -> list[LogSet]:
     """All cases of a reference that draws its own, by kind."""
-    cases = sorted(FOREIGN[reference][0](seed), key=lambda case: case.kind)
+    cases = sorted(draw_reference(reference, seed), key=lambda case: case.kind)
     return [LogSet(reference, case, tractor="lawn" if (reference, case.programme) == ("fourth", "lawn") else "eg105")
             for case in cases]  # fmt: skip
 
@@ -211,7 +205,7 @@ def make_frames(one: LogSet) -> Frames:
     """The logs of a set."""
     case = one.case
     if one.reference in FOREIGN:
-        return FOREIGN[one.reference][1](case)
+        return FOREIGN[one.reference](case)
     if one.reference == "mixups":
         return [mix_up(one.label, frame) for frame in make_right_frames(case.seed)]
     if one.reference == "demo":

@@ -8,10 +8,12 @@ from fractions import Fraction
 import pytest
 
 from tests.diagnosis import tally
-from tests.diagnosis.log_sets import list_sets
+from tests.diagnosis.log_sets import LogSet, list_sets
 from tests.diagnosis.records import build_record
 from tests.diagnosis.tally import Measure, format_tables, tally_records
 from tests.examples import draw_seed
+from tests.truth.cases import Law
+from tests.truth.drawing import build_case
 from vehicle.identification.diagnosis.results import NAMED
 
 SHARE = Fraction(1, 3)
@@ -40,18 +42,18 @@ def test_what_is_asked_holds(reference: str) -> None:
 
 @pytest.mark.matrix
 @pytest.mark.parametrize(
-    ("key", "seed"),
+    ("law", "seed"),
     [
         # The rate is not in the fit of the residuals: the wheel angle alone shows it.
-        ("law steering_rate:by_side drawn", 101003),
-        # Two runs of one bend each are unlike the others, as the gain was another one when they were driven.
-        ("law steering_gain:over_day drawn", 101000),
+        (Law("steering_rate", "by_side", {"left": 18.0, "right": 8.0}), 101_003_251),
+        # Runs of one bend each are unlike the others, as the gain was another one when they were driven.
+        (Law("steering_gain", "over_day", {"mean": 1.0, "amplitude": 0.14, "period_s": 7200.0, "phase_deg": 22.4}),
+         101_000_252),
     ],
-)
-def test_the_law_of_a_parameter_is_told_with_its_kind(key: str, seed: int) -> None:
-    one = next(one for one in list_sets("fourth", seed) if f" {key} " in one.key)
-    (law,) = one.case.laws
-    said = next(finding for finding in build_record(one)["said"] if finding["id"] == law.effect)
+)  # fmt: skip
+def test_the_law_of_a_parameter_is_told_with_its_kind(law: Law, seed: int) -> None:
+    case = build_case("law", seed, laws=(law,), programme="drawn")
+    said = next(one for one in build_record(LogSet("fourth", case))["said"] if one["id"] == law.effect)
     assert (said["status"], said["law"]["kind"]) == (NAMED, law.kind)
     if law.kind == "by_side":
         assert said["law"]["values"] == pytest.approx(law.values, rel=0.1)

@@ -1,9 +1,6 @@
 """The sets of a seed are what they are said to be, and a run goes on where it stopped."""
 
-import argparse
-import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.benchmarks import diagnosis
-from tests.diagnosis import log_sets, records
+from tests.diagnosis import log_sets
 from tests.diagnosis.drawn_sets import BLOCKS, EITHER_WAY, make_drawn_case
 from tests.diagnosis.log_sets import REFERENCES, LogSet, list_sets, load_set_tractor, make_frames, make_unseen_frames
 from tests.diagnosis.rerecording import VARIATIONS, Record, list_flips, list_losses, vary_logs
@@ -66,12 +62,6 @@ def test_a_share_meets_every_kind_of_set_equally_often_and_on_both_tractors(firs
     assert len(met) == 80 * 2 and set(met.values()) == {2}
 
 
-@pytest.mark.parametrize("text", ["0", "1/2", "6/5", "-1/3", "1/0", "much"])
-def test_a_share_that_is_none_is_refused_in_words(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError, match="give a part of the sets above 0 and up to 1"):
-        diagnosis.parse_share(text)
-
-
 def test_a_folder_without_logs_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=f"There is no log in {tmp_path}"):
         make_frames(LogSet("real", TruthCase("mixed", 0), str(tmp_path)))
@@ -89,46 +79,6 @@ def test_unseen_runs_are_other_runs_of_the_same_truth(reference: str) -> None:
     one = list_sets(reference, 71)[0]
     for frame, other in zip(make_frames(one), make_unseen_frames(one), strict=False):
         assert frame.attrs["name"] == other.attrs["name"] and frame.easting_m[0] != other.easting_m[0]
-
-
-def test_a_set_that_breaks_is_a_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(one: LogSet) -> list[pd.DataFrame]:
-        raise ValueError("no logs today")
-
-    monkeypatch.setattr(records, "make_frames", fail)
-    record = records.build_record(LogSet("fourth", EFFECT))
-    assert record["error"] == "ValueError: no logs today" and record["said"] == []
-    json.dumps(record)
-
-
-def answer_quickly(sets: Sequence[LogSet], jobs: int) -> Iterator[Record]:
-    for one in sets:
-        yield {**build(one.case), "key": one.key}
-
-
-def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    out, sets = tmp_path / "answers.jsonl", list_sets("second", 3)[:4]
-    diagnosis.run_sets(sets[:2], 1, out, "one", answer_quickly)
-    out.write_text(out.read_text(encoding="utf-8") + '{"key": "cut o', encoding="utf-8")
-    diagnosis.run_sets(sets, 1, out, "one", answer_quickly)
-    assert [record["key"] for record in diagnosis.read_answers(out, "one")] == [one.key for one in sets]
-    assert len(out.read_text(encoding="utf-8").splitlines()) == 5  # four answers, and the one that was cut off
-    assert not diagnosis.read_answers(out, "two") and len(diagnosis.read_answers(out, None)) == 4
-
-
-@pytest.mark.parametrize(("after_cm", "status"), [(7.0, 0), (9.0, 1)])
-def test_the_status_says_whether_something_saved_is_worse(
-    after_cm: float, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, one = tmp_path / "answers.jsonl", list_sets("fourth", 100)[0]
-    unseen = {"before": {"5": {"cm": 8.0, "deg": 0.1}}, "after": {"5": {"cm": after_cm, "deg": 0.1}}}
-    out.write_text(json.dumps({**build(one.case), "key": one.key, "unseen": unseen, "state": "any"}), encoding="utf-8")
-    command = ["--reference", "fourth", "--report", "--errors", "--out", str(out), "--only", one.key]
-    assert diagnosis.main(command) == status
-    said = capsys.readouterr().out
-    assert (
-        "1 of 1 sets" in said and f"8.0 -> {after_cm:.1f}" in said and ("WORSE on unseen runs" in said) == bool(status)
-    )
 
 
 def vary(*said: Record) -> tuple[list[str], list[str]]:

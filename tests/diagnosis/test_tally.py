@@ -8,7 +8,7 @@ from tests.diagnosis import tally
 from tests.diagnosis.log_sets import LogSet
 from tests.diagnosis.records import describe_set
 from tests.diagnosis.rerecording import Record
-from tests.diagnosis.tally import Count, Measure, format_tables, format_unseen, tally_records
+from tests.diagnosis.tally import Measure, tally_records
 from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
 
 
@@ -139,34 +139,3 @@ def test_an_equivalent_set_is_a_name_only_where_drives_are_narrow() -> None:
     narrow = tally_records([build(hide("one_sided"), SET)])
     assert not any("steering_offset is" in line for line in narrow.complaints)
     assert any("steering_offset is" in line for line in tally_records([build(hide("effect"), SET)]).complaints)
-
-
-def test_what_went_wrong_is_told_with_its_key() -> None:
-    (wrong, missed) = sorted(tally_records([build(EFFECT, WRONG)]).complaints, reverse=True)
-    key = build(EFFECT)["key"]
-    assert missed == f"{key}: WRONG NAME wheel_slip 1 [0.9, 1.1]" and wrong == f"{key}: steering_offset is not said "
-
-
-def test_an_interval_of_a_share_is_that_of_clopper_and_pearson() -> None:
-    assert Count(0, 100).interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
-    assert Count().interval == (0.0, 1.0)
-
-
-def test_tables_say_what_holds_and_what_is_missed_by_reference_kind_and_effect() -> None:
-    records = [build(EFFECT, RIGHT), build(hide("pair", 2.0), RIGHT, WRONG), {**build(CLEAN), "reference": "third"}]
-    lines = format_tables(tally_records(records))
-    rows = {line.split("  ")[1]: line for line in lines if line.strip()}
-    assert rows["clear effects named"].endswith("holds") and rows["sets with a wrong name"].endswith("MISSED")
-    assert rows["mix-ups read right"].split() == ["mix-ups", "read", "right", "95", "%", "-"]
-    assert rows["CPU of a set, s, median"].endswith("holds")
-    assert rows["fourth"].split()[1:4] == ["2/2", "1/2", "-"] and rows["fourth"].split()[-3:] == ["4.0", "4.0", "300"]
-    assert rows["third"].split()[1:4] == ["-", "0/1", "1/1"]
-    assert "steering_offset" in rows and "pair" in rows
-
-
-@pytest.mark.parametrize(("after", "savable", "end"), [
-    ({}, True, "unchanged |"), ({"5": (1.0, 0.5)}, True, "2.0 -> 1.0 | 8.0 -> 8.0 | yes |"),
-    ({"20": (9.0, 0.5)}, True, "| yes, WORSE |"), ({"20": (9.0, 0.5)}, False, "| no |"),
-])  # fmt: skip
-def test_rows_of_unseen_runs(after: dict[str, tuple[float, float | None]], savable: bool, end: str) -> None:
-    assert format_unseen([build(EFFECT, RIGHT, unseen=drive(after), savable=savable)])[-1].endswith(end)

@@ -5,14 +5,20 @@ import pytest
 import shapely
 
 from planner.evaluation.ground.coverage import InteriorCellTable
-from tests.benchmarks.drawn import big_field
 
 OFF_M = 2.5
 
 
 @pytest.fixture(scope="module")
 def area() -> shapely.Geometry:
-    return big_field("60").boundary
+    """Some 60 ha with 900 points on a waved outline, and two ponds in it."""
+    angle = 2.0 * np.pi * np.arange(900) / 900
+    reach = 420.0 * (1.0 + 0.08 * np.sin(3.0 * angle) + 0.03 * np.sin(17.0 * angle))
+    outline = shapely.Polygon(np.column_stack([1.3 * reach * np.cos(angle), 0.85 * reach * np.sin(angle)]))
+    ponds = [
+        shapely.Point(place).buffer(size_m) for place, size_m in (((90, 40), 25), ((-200, 0), 12), ((0, -170), 30))
+    ]
+    return shapely.difference(outline, shapely.union_all(ponds))
 
 
 @pytest.fixture(scope="module")

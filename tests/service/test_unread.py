@@ -19,7 +19,7 @@ from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.inbound_frames import LARGEST_FRAME, AcknowledgeFrame, is_about_obstacle
 from planner.fleet.session.state_recorder import MOST_SEQUENCES_AHEAD
 from planner.service.fleets.fleet_socket import _handle_frame
-from tests.benchmarks.links import malformed
+from tests.benchmarks.links import spoil_frame
 from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet, state
 from tests.service.test_safety import live, waiting
 
@@ -80,7 +80,7 @@ def test_ten_thousand_hold_one_tractor_once_and_its_states_are_taken_on() -> Non
     chance, taken = random.Random(2), 0
     good = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "s"} | state(MOST_SEQUENCES_AHEAD * 2))
     for number in range(10_000):
-        text = malformed(chance, good)
+        text = spoil_frame(chance, good)
         _handle_frame(fleet, first, text if isinstance(text, str) else None)
         if number % 100 == 0:
             _handle_frame(fleet, first, json.dumps(state(taken)))

@@ -18,7 +18,8 @@ from strategies.service_stops.load_search import (
     split_into_loads,
 )
 from strategies.service_stops.stops import find_cheapest_exact_stops, find_cheapest_stops
-from tests.benchmarks.orders import (
+from tests.examples import count_examples
+from tests.strategies.known_orders import (
     B_STAR,
     IN_LOADS,
     LOADS_RADIUS_M,
@@ -28,7 +29,6 @@ from tests.benchmarks.orders import (
     turned_only,
     without_stops,
 )
-from tests.examples import count_examples
 
 
 @st.composite

@@ -1,27 +1,138 @@
-"""How references draw their cases: rows of tables in a drawn order, and what may be said of each row."""
+"""How references draw their cases: kinds, sizes, signs, places and times by the seed, from a menu of the reference."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
 from tests.truth.effects import NEUTRAL, Effects, scaled
 
+
+class Either(NamedTuple):
+    """A number so far to either side of a middle."""
+
+    low: float
+    high: float
+    middle: float = 0.0
+
+
 Rng = np.random.Generator
 Row = TypeVar("Row")
-Drawers = Mapping[str, Callable[[Rng, int], list[TruthCase]]]
-Cause = tuple[dict[str, tuple[float, float]], tuple[str, ...], tuple[str, ...]]
-"""Of a cause outside the catalogue: ranges of its numbers, words of which one should be in a hint, ids as right."""
+Number = float | tuple[float, float] | Either
+"""A number of a table: as it is, from a range, or to either side."""
+Numbers = Mapping[str, Number]
+
+
+class Cause(NamedTuple):
+    """A cause outside the catalogue: its numbers, words of which one should be in a hint, ids that are as right.
+
+    Some need a programme, a rate, or an effect beside them to show.
+    """
+
+    values: Numbers
+    words: tuple[str, ...]
+    also: tuple[str, ...] = ()
+    programme: str = ""
+    rate_hz: float = 0.0
+    beside: Mapping[str, Numbers] = {}
+
+
+@dataclass(frozen=True)
+class Menu:
+    """What a reference draws from: how many cases of each kind (`faint`: small effects) and its causes outside.
+
+    `programmes` are those of a kind of case or of law, and under "" of all others; `fault_runs` the programme and the
+    runs in which each of FAULTS shows at once, `bend_runs` those with bends, `day_s` the period of laws of the day.
+    `more` draws cases of its own of a kind.
+    """
+
+    stream: int
+    counts: Mapping[str, int]
+    outside: Mapping[str, Cause]
+    programmes: Mapping[str, tuple[str, ...]]
+    rates_hz: tuple[float, ...] = (10.0,)
+    fault_runs: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=dict)
+    bend_runs: tuple[int, ...] = ()
+    day_s: float = 6000.0
+    more: Mapping[str, Callable[[Rng], list[TruthCase]]] = field(default_factory=dict)
+
+    def build(self, kind: str, rng: Rng, effects: Effects | None = None, *, of: str = "", **fields: Any) -> TruthCase:
+        """A case in a programme of its kind (or `of` another) at one of the rates."""
+        names = self.programmes.get(of or kind, self.programmes[""])
+        chosen = {"programme": str(rng.choice(names)), "rate_hz": float(rng.choice(self.rates_hz))}
+        return build_case(kind, 0, effects, **chosen | fields)
+
+
 EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
               "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
-LAW_WORDS = {
-    "over_minutes": ("time", "minute"), "over_day": ("day", "time", "run"), "by_place": ("place", "east", "north"),
-    "by_side": ("side", "left", "right"), "by_angle": ("angle",), "by_speed": ("speed",),
-    "by_implement": ("implement", "work"),
+CLEAR_SHARE, FAINT_SHARE, PATCH_AT_M, PATCH_RADIUS_M = (1.0, 1.35), (0.3, 0.5), (-12.0, 12.0), (9.0, 16.0)
+FAINT = tuple(name for name in NEUTRAL if name not in ("side_slip", "grip_patch"))
+CLOSED = (
+    "steering_offset", "steering_gain", "steering_dead_time", "steering_lag", "steering_rate", "steering_deadband",
+    "steering_backlash", "antenna_right", "antenna_forward", "gnss_latency", "wheel_slip", "implement_slip",
+    "cross_slope_drift", "implement_side_draft", "heading_bias",
+)  # fmt: skip
+ONE_SIDED = ("steering_gain", "antenna_right", "heading_bias", "steering_offset")
+ONE_SPEED = ("understeer", "gnss_latency", "antenna_forward", "speed_lag")
+BEHIND_A_LATE_COLUMN = ("steering_offset", "steering_gain", "wheel_slip", "antenna_right")
+PAIRS = (
+    ("steering_offset", "antenna_right"), ("steering_gain", "wheel_slip"), ("antenna_forward", "speed_lag"),
+    ("steering_dead_time", "implement_slip"), ("steering_asymmetry", "heading_bias"), ("steering_rate", "understeer"),
+    ("steering_backlash", "gnss_latency"), ("cross_slope_drift", "steering_gain"), ("grip_patch", "steering_deadband"),
+    ("implement_side_draft", "steering_lag"), ("side_slip", "antenna_right"), ("grip_drift", "antenna_forward"),
+)  # fmt: skip
+COLUMN_PLANS: tuple[tuple[dict[str, Numbers], tuple[str, ...]], ...] = (
+    ({"position": {"delay_s": (0.25, 0.45)}}, ()),
+    ({"heading": {"delay_s": (0.25, 0.45)}}, ()),
+    ({"heading": {"filter_s": (0.5, 0.8)}}, ()),
+    ({"speed": {"scale": Either(0.06, 0.08, 1.0)}}, ()),
+    ({"speed": {"delay_s": (0.45, 0.7)}}, ()),
+    ({"steering": {"scale": (0.88, 0.92)}}, ()),
+    ({"steering": {"offset_s": (0.3, 0.5)}}, ()),
+    ({"steering": {"hold_s": 1.0, "hold_jitter": 0.1}}, ()),
+    ({"steering": {"hold_s": 2.0, "hold_jitter": 0.05}, "steering_command": {"hold_s": 2.0, "hold_jitter": 0.05}}, ()),
+    ({"steering_command": {"offset_s": Either(0.25, 0.5)}}, ("steering_dead_time",)),
+    ({"position": {"offset_s": (-0.45, -0.25)}}, ()),
+    ({"heading": {"offset_s": (-0.45, -0.25)}}, ()),
+    ({"position": {"drift_s_per_min": Either(0.3, 0.5)}}, ()),
+    ({"position": {"hold_s": 0.8}}, ("position_delay",)),
+)
+"""Clocks of columns, and ids that are as right."""
+LAW_PLANS: tuple[tuple[str, str, Numbers, tuple[str, ...]], ...] = (
+    ("steering_offset", "over_minutes", {"start": 0.0, "per_minute": Either(1.6, 2.2)}, ("grip_drift",)),
+    ("steering_offset", "by_implement", {"lifted": 0.0, "working": Either(1.2, 1.8)}, ("implement_side_draft",)),
+    ("steering_offset", "by_speed", {"at_0": 0.0, "per_mps": Either(0.8, 1.0)}, ()),
+    ("steering_gain", "by_implement", {"lifted": 1.0, "working": (0.8, 0.85)}, ("implement_side_draft",)),
+    ("steering_gain", "by_place", {"at_origin": 1.0, "per_m_north": Either(0.006, 0.012)}, ("grip_patch",)),
+    ("steering_gain", "by_angle", {"at_0": 0.88, "at_27": (1.14, 1.2)}, ()),
+    ("steering_gain", "over_day", {"mean": 1.0, "amplitude": (0.12, 0.15), "phase_deg": (0.0, 360.0)}, ()),
+    ("steering_gain", "by_speed", {"at_0": 1.2, "per_mps": (-0.14, -0.1)}, ()),
+    ("steering_rate", "by_side", {"left": (8.0, 9.0), "right": 18.0}, ()),
+    ("steering_deadband", "by_side", {"left": 0.2, "right": (1.5, 1.8)}, ()),
+    ("steering_dead_time", "by_speed", {"at_0": 0.5, "per_mps": -0.15}, ()),
+    ("steering_lag", "over_minutes", {"start": 0.6, "per_minute": -0.45}, ()),
+    ("heading_bias", "over_day", {"mean": 0.0, "amplitude": (1.8, 2.5), "phase_deg": (0.0, 360.0)}, ()),
+    ("wheel_slip", "by_place", {"at_origin": 0.05, "per_m_north": Either(0.0015, 0.003)}, ()),
+    ("wheel_slip", "by_speed", {"at_0": 0.01, "per_mps": (0.05, 0.07)}, ()),
+    ("cross_slope_drift", "by_implement", {"lifted": 0.0, "working": (0.03, 0.045)}, ()),
+)  # fmt: skip
+"""Effect, kind, values, and ids that are as right."""
+FAULTS: Mapping[str, tuple[str, Numbers]] = {
+    "loose": ("steering_loose", {}), "torn": ("steering_loose", {"linkage": 1.0}),
+    "stuck": ("steering_stuck", {"side": Either(1.0, 1.0)}),
+    "wanders": ("position_lost", {"mode": 0.0, "size_m": (1.0, 2.2)}),
+    "jumps": ("position_lost", {"mode": 1.0, "size_m": (1.2, 3.5)}),
+    **{name: (name, {}) for name in ("position_frozen", "heading_frozen", "speed_frozen", "wheel_sensor_frozen")},
 }  # fmt: skip
+ODD_RUNS: tuple[tuple[str, Number, float], ...] = (
+    ("steering_gain", (0.8, 0.86), 1.0), ("steering_offset", Either(1.4, 2.0), 0.0),
+    ("steering_lag", (0.4, 0.6), 0.1), ("wheel_slip", (0.09, 0.12), 0.0),
+)  # fmt: skip
+"""Effect, its value in one run, and in all others."""
 
 
 def build_case(
@@ -61,46 +172,127 @@ def pick(table: Iterable[Row], count: int, rng: Rng) -> list[Row]:
     return [rows[place] for place in rng.permutation(len(rows))[:count]]
 
 
-def pick_names(names: Iterable[str], count: int, rng: Rng) -> list[str]:
-    """Names in a drawn order."""
-    return [str(name) for name in rng.permutation(list(names))[:count]]
-
-
-def draw_ranges(ranges: Mapping[str, tuple[float, float]], rng: Rng) -> dict[str, float]:
-    """A number of each range; runs have whole ones."""
-    values = {key: float(rng.uniform(low, high)) for key, (low, high) in ranges.items()}
+def draw_numbers(numbers: Numbers, rng: Rng) -> dict[str, float]:
+    """A value of each number; runs have whole ones."""
+    values = {key: draw_number(number, rng) for key, number in numbers.items()}
     return {key: float(int(value)) if key == "run" else value for key, value in values.items()}
 
 
-def draw_effect(name: str, rng: Rng) -> dict[str, float]:
-    """An effect of 1 to 1.35 times its clear size, to either side where it has two, somewhere in the field."""
-    values = scaled(name, float(rng.uniform(1.0, 1.35)))
-    if name in EITHER_WAY and rng.random() < 0.5:
-        values = {key: 2.0 * NEUTRAL[name][key] - value for key, value in values.items()}
-    places = {"bearing_deg": (0.0, 360.0), "east_m": (-12.0, 12.0), "north_m": (-12.0, 12.0), "radius_m": (9.0, 16.0)}
-    return {key: float(rng.uniform(*places[key])) if key in places else value for key, value in values.items()}
+def draw_number(number: Number, rng: Rng) -> float:
+    """A value of a number."""
+    if isinstance(number, Either):
+        return number.middle + float(rng.choice([-1.0, 1.0]) * rng.uniform(number.low, number.high))
+    return float(rng.uniform(*number)) if isinstance(number, tuple) else number
 
 
-def draw_one(names: Sequence[str], rng: Rng) -> Effects:
-    """One of some effects."""
-    name = str(rng.choice(names))
-    return {name: draw_effect(name, rng)}
+def draw_effects(names: Iterable[str], rng: Rng, share: tuple[float, float] = CLEAR_SHARE) -> Effects:
+    """Effects at a share of their clear size, to either side where they have two, somewhere in the field."""
+    places = {"bearing_deg": (0.0, 360.0), "east_m": PATCH_AT_M, "north_m": PATCH_AT_M, "radius_m": PATCH_RADIUS_M}
+    effects = {}
+    for name in names:
+        values = scaled(name, float(rng.uniform(*share)))
+        if name in EITHER_WAY and rng.random() < 0.5:
+            values = {key: 2.0 * NEUTRAL[name][key] - value for key, value in values.items()}
+        effects[name] = draw_numbers({key: places.get(key, value) for key, value in values.items()}, rng)
+    return effects
 
 
-def check_kinds(kinds: Iterable[str] | None) -> Collection[str]:
-    """The kinds asked for: all without any. Raises ValueError for an unknown one."""
+# --- kinds ---------------------------------------------------------------------------------------------------------
+
+
+def draw_alone(menu: Menu, rng: Rng) -> list[TruthCase]:
+    """Clear effects alone, and faint ones: of these a name is welcome, and none is no fault."""
+    clear = [menu.build("effect", rng, draw_effects([name], rng)) for name in pick(NEUTRAL, menu.counts["effect"], rng)]
+    return clear + [menu.build("effect", rng, draw_effects([name], rng, FAINT_SHARE), wanted=())
+                    for name in pick(FAINT, menu.counts.get("faint", 0), rng)]  # fmt: skip
+
+
+def draw_columns(menu: Menu, rng: Rng) -> list[TruthCase]:
+    """Columns that are late, held, filtered, scaled or stamped by another clock."""
+    return [
+        menu.build("column", rng, also=also, columns={
+            name: ColumnClock(**draw_numbers(clock, rng)) for name, clock in clocks.items()})
+        for clocks, also in pick(COLUMN_PLANS, menu.counts["column"], rng)
+    ]  # fmt: skip
+
+
+def draw_laws(menu: Menu, rng: Rng) -> list[TruthCase]:
+    """Parameters that depend on time, place, implement, side, angle or speed."""
+    cases = []
+    for name, kind, values, also in pick(LAW_PLANS, menu.counts["law"], rng):
+        effects = {name: {"bearing_deg": float(rng.uniform(0.0, 360.0))}} if name == "cross_slope_drift" else {}
+        period = {"period_s": menu.day_s} if kind == "over_day" else {}
+        law = Law(name, kind, draw_numbers(values, rng) | period)
+        cases.append(menu.build("law", rng, effects, of=kind, laws=(law,), also=also))
+    return cases
+
+
+def draw_faults(menu: Menu, rng: Rng) -> list[TruthCase]:
+    """Things that break in one run in which they are used: some heal, some last to the end."""
+    cases = []
+    for place, name in enumerate(pick(menu.fault_runs, menu.counts["fault"], rng)):
+        (programme, runs), (fault_id, detail) = menu.fault_runs[name], FAULTS[name]
+        from_s = float(rng.uniform(15.0, 28.0))
+        to_s = from_s + float(rng.uniform(12.0, 16.0)) if place % 2 else None
+        fault = Fault(fault_id, int(rng.choice(runs)), from_s, to_s, draw_numbers(detail, rng))
+        cases.append(menu.build("fault", rng, faults=(fault,), programme=programme))
+    return cases
+
+
+def draw_outside_case(menu: Menu, name: str, rng: Rng) -> TruthCase:
+    """A cause outside the catalogue."""
+    cause = menu.outside[name]
+    asked = {"programme": cause.programme, "rate_hz": cause.rate_hz}
+    return menu.build(
+        "outside", rng, {key: draw_numbers(values, rng) for key, values in cause.beside.items()},
+        outside={name: draw_numbers(cause.values, rng)}, wanted=(), also=cause.also, words=cause.words,
+        **{key: value for key, value in asked.items() if value},
+    )  # fmt: skip
+
+
+def draw_odd_runs(menu: Menu, rng: Rng) -> list[TruthCase]:
+    """One run with another tractor's values."""
+    return [
+        menu.build("odd_run", rng, wanted=(), words=("run",), laws=(Law(name, "by_run", {
+            "run": float(rng.choice(menu.bend_runs)), "value": draw_number(value, rng), "other": other}),))
+        for name, value, other in pick(ODD_RUNS, menu.counts["odd_run"], rng)
+    ]  # fmt: skip
+
+
+DRAWERS: Mapping[str, Callable[[Menu, Rng], list[TruthCase]]] = {
+    "clean": lambda menu, rng: [menu.build("clean", rng) for _ in range(menu.counts["clean"])],
+    "effect": draw_alone,
+    "pair": lambda menu, rng: [menu.build("pair", rng, draw_effects(names, rng))
+                               for names in pick(PAIRS, menu.counts["pair"], rng)],
+    "closed_loop": lambda menu, rng: [menu.build("closed_loop", rng, draw_effects([name], rng))
+                                      for name in pick(CLOSED, menu.counts["closed_loop"], rng)],
+    "column": draw_columns, "law": draw_laws, "fault": draw_faults, "odd_run": draw_odd_runs,
+    "outside": lambda menu, rng: [draw_outside_case(menu, name, rng)
+                                  for name in pick(menu.outside, menu.counts["outside"], rng)],
+    # Bends to one side, or one speed: clean, and with an effect that others can stand in for.
+    "one_sided": lambda menu, rng: [menu.build("one_sided", rng),
+                                    menu.build("one_sided", rng, draw_effects(pick(ONE_SIDED, 1, rng), rng))],
+    "one_speed": lambda menu, rng: [menu.build("one_speed", rng),
+                                    menu.build("one_speed", rng, draw_effects(pick(ONE_SPEED, 1, rng), rng))],
+    "mixed": lambda menu, rng: [
+        menu.build("mixed", rng, draw_effects(pick(BEHIND_A_LATE_COLUMN, 1, rng), rng),
+                   columns={"position": ColumnClock(delay_s=float(rng.uniform(0.25, 0.4)))})],
+}  # fmt: skip
+
+
+def draw_cases(menu: Menu, seed: int, kinds: Iterable[str] | None = None) -> list[TruthCase]:
+    """The cases of a seed, or those of some kinds; each kind has draws of its own, each case a seed of its own.
+
+    Raises ValueError for an unknown kind.
+    """
     wanted = KINDS if kinds is None else tuple(kinds)
     unknown = sorted(set(wanted) - set(KINDS))
     if unknown:
         raise ValueError(f"The kind {unknown[0]!r} is unknown; use one of: {', '.join(KINDS)}.")
-    return wanted
-
-
-def draw_kinds(seed: int, kinds: Iterable[str] | None, drawers: Drawers, stream: int) -> list[TruthCase]:
-    """The cases of a seed by the drawers of a reference, each kind with draws and seeds of its own."""
-    wanted = check_kinds(kinds)
     cases = []
     for number, kind in enumerate(KINDS):
-        if kind in wanted and kind in drawers:
-            cases += drawers[kind](np.random.default_rng([seed, stream, number]), seed * 1000 + number * 50)
+        if kind in wanted and kind in menu.counts:
+            rng = np.random.default_rng([seed, menu.stream, number])
+            drawn = DRAWERS[kind](menu, rng) + (menu.more[kind](rng) if kind in menu.more else [])
+            cases += [replace(case, seed=seed * 1000 + number * 50 + place) for place, case in enumerate(drawn)]
     return cases

@@ -1,8 +1,8 @@
 """The fifth reference: a rolling body on TMeasy tyres with a drawn implement, driven by three kinds of drivers.
 
-The tractor is tests.truth.fifth_body, the drivers and their runs fifth_drivers, instruments fifth_sensors, the cases of
-a seed fifth_cases. It shares with others the measured radii of the tractor, the tables of effects and laws and the
-forms of cases. Imports nothing of the project it tests.
+The tractor is tests.truth.fifth_body, the drivers and their runs fifth_drivers, what spoils its instruments
+fifth_outside, what its cases are drawn from in menus. It shares with others the measured radii of the tractor, the
+tables of effects and laws, the forms of cases and the recorder. Imports nothing of the project it tests.
 
 | cause outside, of the body | values | what it is |
 |---|---|---|
@@ -31,22 +31,28 @@ from tests.truth import fifth_body as body
 from tests.truth.cases import TruthCase
 from tests.truth.effects import complete
 from tests.truth.fifth_drivers import build_programme, lay_parts
-from tests.truth.fifth_sensors import (
-    EXACT,
-    INSTRUMENTS,
-    NOMINAL_M,
-    ROW_S,
-    Instruments,
-    draw_markov,
-    draw_receiver_error,
-    read_log,
-)
+from tests.truth.fifth_outside import ROW_S, find_lean, follow_play, spoil_headings, spoil_places
 from tests.truth.ground import CIRCLES_RAD, MAP_SPEED_MPS, draw_waves, measure_curvature, mirror_curve
 from tests.truth.laws import P_DEAD_BAND, P_DRAFT, fill_parameters
-from tests.truth.signals import mark_broken
+from tests.truth.recorder import (
+    ANTENNA_FORWARD_M,
+    Instruments,
+    Signals,
+    build_log,
+    draw_position_errors,
+    find_ages,
+    find_antenna,
+    list_row_times,
+    record_run,
+)
+from tests.truth.signals import draw_slow, mark_broken, pick_held
 
 Array = npt.NDArray[np.float64]
 MARGIN_S, DRAFT_N, HEAVY_N, OIL_DEG_S = 2.5, 1500.0, 6000.0, 60.0
+INSTRUMENTS = Instruments(
+    position_m=0.007, wander_m=0.015, wander_s=60.0, heading_deg=0.12, speed_mps=0.012, speed_digit_mps=0.01,
+    wheel_deg=0.03, wheel_digit_deg=0.1, pace_s=0.05, fast_pace_s=0.05, lost=0.01, shows_nearest=True, receiver_s=0.02,
+)  # fmt: skip
 RUT_RAD, TILT_RAD, WAVES, PULSES = 0.003, 0.005, 16, 0.25
 OUTSIDE_BODY = {
     "weight_shift": (body.P_LIFT, "share"), "tyre_leak": (body.P_TYRE, "per_minute"),
@@ -101,16 +107,17 @@ def calibrate_tractor() -> tuple[Array, Array, float]:
 
 def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int, quiet: bool = False) -> Array:
     """Rows of a run every 5 ms before any instrument sees it; `quiet` is even ground and a perfect receiver."""
-    rows, tool = int((parts[-1, 1] + MARGIN_S) / ROW_S), EXACT if quiet else INSTRUMENTS
+    rows, tool = int((parts[-1, 1] + MARGIN_S) / ROW_S), Instruments() if quiet else INSTRUMENTS
+    time = ROW_S * np.arange(rows, dtype=np.float64)
     rng, field = np.random.default_rng([case.seed, index, 54]), np.random.default_rng([case.seed, 55])
     loud = 0.0 if quiet else 1.0
     ruts, tilts = (draw_waves(field, loud * size, WAVES, 20.0) for size in (RUT_RAD, TILT_RAD))
-    pulses = loud * PULSES * np.column_stack([draw_markov(rng, rows, 0.4) for _ in range(2)])
+    pulses = loud * PULSES * np.column_stack([draw_slow(rng, time, 0.4, time[-1] + 1.1, 40) for _ in range(2)])
     base, laws = build_parameters(case, index)
     start = np.array([*rng.uniform(-8.0, 8.0, 2), math.radians(bearing_deg)])
     return body.drive_tractor(
-        start, parts, draw_receiver_error(case, index, rows, tool), loud * rng.standard_normal(rows), pulses, ruts,
-        tilts, index * find_gap(case), base, laws, mark_broken(case.faults, index, ROW_S * np.arange(rows)),
+        start, parts, draw_position_errors(case, index, time, tool), loud * rng.standard_normal(rows), pulses, ruts,
+        tilts, index * find_gap(case), base, laws, mark_broken(case.faults, index, time),
         guide_driver(case), *calibrate_tractor(),
     )  # fmt: skip
 
@@ -122,20 +129,34 @@ def find_gap(case: TruthCase) -> float:
 
 def guide_driver(case: TruthCase) -> Array:
     """What a driver's receiver does: rows that it is late, true and assumed antenna, heading bias (rad)."""
-    values, late = complete(case.effects), complete(case.effects)["gnss_latency"]["time_s"] + INSTRUMENTS.receiver_s
-    ages = {name: late + clock.delay_s + clock.filter_s + 0.5 * clock.hold_s for name, clock in case.columns.items()}
-    return np.array([round(ages.get("position", late) / ROW_S), round(ages.get("heading", late) / ROW_S),
-                     NOMINAL_M + values["antenna_forward"]["distance_m"], values["antenna_right"]["distance_m"],
-                     NOMINAL_M, math.radians(values["heading_bias"]["angle_deg"])])  # fmt: skip
+    values, ages = complete(case.effects), find_ages(case, INSTRUMENTS.receiver_s)
+    bias = math.radians(values["heading_bias"]["angle_deg"])
+    return np.array([*(round(age / ROW_S) for age in ages), *find_antenna(values), ANTENNA_FORWARD_M, bias])
 
 
 def log_run(case: TruthCase, name: str, parts: Array, bearing_deg: float, index: int,
             tool: Instruments = INSTRUMENTS) -> pd.DataFrame:  # fmt: skip
     """A run as its loggers have it, its name in `attrs`."""
-    rows = drive_run(case, parts, bearing_deg, index, quiet=tool is EXACT)
-    frame = read_log(case, index, rows, index * find_gap(case), draw_receiver_error(case, index, len(rows), tool), tool)
-    frame.attrs["name"] = name
-    return frame
+    rows = drive_run(case, parts, bearing_deg, index, quiet=tool == Instruments())
+    rng, outside = np.random.default_rng([case.seed, index, 52]), case.outside
+    speed = rows[:, body.RIM if "rim_speed" in outside else body.SPEED]
+    wheel = follow_play(rows[:, body.MOTOR].copy(), outside.get("wheel_hysteresis", {}).get("angle_deg", 0.0))
+    east, north, heading, command, down = (
+        rows[:, place] for place in (body.EAST, body.NORTH, body.HEADING, body.COMMAND, body.DOWN)
+    )
+    signals = Signals(ROW_S, index * find_gap(case), east, north, heading, speed, wheel, command, down)
+    places = signals.place_antenna(case, index, sway_m=find_lean(case, rows))
+    places = spoil_places(case, rows, places + draw_position_errors(case, index, signals.time_s, tool))
+    headings = np.degrees(heading) + signals.follow(case, "heading_bias", index)
+    headings = spoil_headings(case, rows, headings, places, rng)
+    times = list_row_times(float(parts[-1, 1]), case.rate_hz, tool, rng)
+    columns, now = record_run(case, index, signals, places, headings, times, tool, rng), pick_held(rows, times, ROW_S)
+    columns |= {"speed_command_mps": np.abs(now[:, body.TARGET]), "shuttle": now[:, body.GEAR].astype(int),
+                "implement": now[:, body.DOWN].astype(int)}  # fmt: skip
+    if "stamp_jitter" in outside:
+        late = np.minimum(rng.exponential(outside["stamp_jitter"]["time_s"], len(times)), 0.9 / case.rate_hz)
+        columns["time_s"] = np.round(columns["time_s"] + late, 3)
+    return build_log(name, columns)
 
 
 def make_fifth_logs(case: TruthCase) -> list[pd.DataFrame]:

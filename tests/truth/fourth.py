@@ -1,9 +1,8 @@
 """The fourth reference: another body, drive, autosteer and other instruments than all others. Imports nothing it tests.
 
-The machine is in tests.truth.fourth_body, laws in laws, instruments and their messages in fourth_messages,
-drives in fourth_drives, the cases of a seed in fourth_cases. What it shares with the other references are the measured
-radii of one tractor, the table of effects, and what a log is. Machines: the tractor `eg105`, an articulated one of its
-size, and a lawn tractor (`lawn`).
+The machine is in tests.truth.fourth_body, drives in fourth_drives, what its cases are drawn from in menus. What it
+shares with the other references are the measured radii of one tractor, the tables of effects and laws, and the
+recorder. Machines: the tractor `eg105`, an articulated one of its size, and a lawn tractor (`lawn`).
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from tests.truth.cases import Law, TruthCase
 from tests.truth.drives import Drive
 from tests.truth.effects import complete
 from tests.truth.fourth_drives import build_programme
-from tests.truth.fourth_messages import EXACT, INSTRUMENTS, Instruments, find_antenna, read_instruments
 from tests.truth.ground import (
     CIRCLES_RAD,
     EG105,
@@ -33,12 +31,29 @@ from tests.truth.ground import (
     mirror_curve,
 )
 from tests.truth.laws import P_DRAFT, fill_parameters
+from tests.truth.recorder import (
+    Instruments,
+    Signals,
+    build_log,
+    draw_position_errors,
+    draw_wander,
+    find_ages,
+    find_antenna,
+    list_row_times,
+    read_switches,
+    record_run,
+)
 from tests.truth.signals import draw_slow, mark_broken
 
 Array = npt.NDArray[np.float64]
 ROW_S = body.STEP_S * body.ROW_STEPS
-MARGIN_S, DAY_STARTS_S = 3.0, 30_000.0
+MARGIN_S = 3.0
 GROUND_RAD, WAVES, DRIFT_RAD, DRIFT_S = 0.003, 20, 0.0006, 6.0
+INSTRUMENTS = Instruments(
+    position_m=0.006, wander_m=0.012, wander_s=40.0, heading_deg=0.06, heading_wander_deg=0.04, heading_wander_s=2.0,
+    speed_mps=0.012, wheel_deg=0.04, wheel_digit_deg=0.03, row_jitter_s=0.001, phase_s=(0.012, 0.03), pace_s=0.05,
+    fast_pace_s=0.02, send_s=0.005, send_jitter_s=0.002,
+)  # fmt: skip
 LAWN_C = RADIUS_LAW * math.pi / 180.0 / 1.2  # of a wheelbase of 1.2 m, without slip
 MACHINES = {
     "eg105": body.Machine(3500.0, 6000.0, 2.4, 0.97, 1.45, 350.0, 230.0, 2.4, 0.0, False, 400.0, 0.9, 0.40, *EG105),
@@ -152,13 +167,11 @@ def find_gap(case: TruthCase) -> float:
 
 def guide_run(case: TruthCase, drive: Drive, start: tuple[float, float, float]) -> body.Guide:
     """The line of a closed loop, seen as late and as wrong as the instruments see it."""
-    values, late = complete(case.effects), complete(case.effects)["gnss_latency"]["time_s"]
-    ages = {name: late + (clock.delay_s + 0.5 * clock.hold_s + clock.filter_s) for name, clock in case.columns.items()}
+    values, ages = complete(case.effects), find_ages(case, 4 * ROW_S)
     forward, right = find_antenna(values, MASS_POINT_M[get_machine_name(case)])
     return make_guide(
         closed=drive.closed_loop, east=start[0], north=start[1], bearing=start[2],
-        position_late=4 + round(ages.get("position", late) / ROW_S),
-        heading_late=4 + round(ages.get("heading", late) / ROW_S),
+        position_late=round(ages[0] / ROW_S), heading_late=round(ages[1] / ROW_S),
         forward=forward, right=right, bias=math.radians(values["heading_bias"]["angle_deg"]),
         reach=3.4 if get_machine_name(case) != "lawn" else 1.8,
     )  # fmt: skip
@@ -176,14 +189,50 @@ def place_start(drive: Drive, machine: body.Machine, bearing: float, shift: Arra
     return float(shift[0] - middle[0]), float(shift[1] - middle[1])
 
 
-def log_run(case: TruthCase, drive: Drive, index: int, instruments: Instruments = INSTRUMENTS) -> pd.DataFrame:
+def log_run(case: TruthCase, drive: Drive, index: int, tool: Instruments = INSTRUMENTS) -> pd.DataFrame:
     """A run as its instruments log it, the name of the drive in `attrs`."""
-    drawn = draw_run(case, drive, index, quiet=instruments is EXACT)
-    rng = np.random.default_rng([case.seed, index, 42])
-    frame = read_instruments(case, drive, index, drawn.rows, drawn.clock_s + DAY_STARTS_S,
-                             MASS_POINT_M[get_machine_name(case)], instruments, rng)  # fmt: skip
-    frame.attrs["name"] = drive.name
-    return frame
+    drawn = draw_run(case, drive, index, quiet=tool == Instruments())
+    rng, rows, time = np.random.default_rng([case.seed, index, 42]), drawn.rows, drawn.time_s
+    east, north, heading, motor, speed, command = (
+        rows[:, place] for place in (body.EAST, body.NORTH, body.HEADING, body.MOTOR, body.SPEED, body.COMMAND)
+    )
+    signals = Signals(ROW_S, drawn.clock_s, east, north, heading, speed, motor, command, drive.implement(time))
+    sway_m = case.outside.get("antenna_sway", {}).get("m_per_mps2", 0.0) * rows[:, body.SIDE]
+    places = signals.place_antenna(case, index, MASS_POINT_M[get_machine_name(case)], sway_m)
+    places += draw_position_errors(case, index, time, tool)
+    places = spoil_places(case, places, time)
+    headings = np.degrees(heading) + signals.follow(case, "heading_bias", index)
+    times = list_row_times(drive.duration_s, case.rate_hz, tool, rng)
+    columns = record_run(case, index, signals, places, spoil_headings(case, headings, time, rng), times, tool, rng)
+    if "radar_threshold" in case.outside:
+        low = case.outside["radar_threshold"]["speed_mps"]
+        columns["speed_mps"] = np.where(columns["speed_mps"] < low, 0.0, columns["speed_mps"] - 0.15 * low)
+    return build_log(drive.name, columns | read_switches(drive, times))
+
+
+def spoil_places(case: TruthCase, places: Array, time: Array) -> Array:
+    """Positions (k, 2) with what reflections at a place and a wandering base add."""
+    out = places.copy()
+    for axis, phase in enumerate((0.0, 1.7)):
+        own, other = places[:, axis], places[:, 1 - axis]
+        if "multipath" in case.outside:
+            size = case.outside["multipath"]["size_m"] * (own + other > 0.0)
+            out[:, axis] += size * np.sin(own / 2.1 + phase) * np.sin(other / 1.7 + 2.0 * phase)
+        if "base_drift" in case.outside:
+            drift = case.outside["base_drift"]
+            out[:, axis] += drift["size_m"] * np.sin(2.0 * math.pi * time / drift["period_s"] + phase)
+    return out
+
+
+def spoil_headings(case: TruthCase, headings_deg: Array, time: Array, rng: np.random.Generator) -> Array:
+    """Headings (k,) with what a gyroscope that walks and a compass that deviates add."""
+    out = headings_deg
+    if "gyro_walk" in case.outside:
+        out = out + case.outside["gyro_walk"]["size_deg"] * draw_wander(rng, time, 12.0)
+    if "compass_deviation" in case.outside:
+        compass = case.outside["compass_deviation"]
+        out = out + compass["size_deg"] * np.sin(np.radians(headings_deg - compass["bearing_deg"]))
+    return out
 
 
 def make_fourth_logs(case: TruthCase) -> list[pd.DataFrame]:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from tests.truth.drives import Drive
+from tests.truth.recorder import build_log, read_switches
 
 Array = npt.NDArray[np.float64]
 FRONT, REAR, JOINT = "front", "rear", "joint"
@@ -102,12 +103,7 @@ def _measure(rows: Array, time: Array, drive: Drive, rng: np.random.Generator, s
         "northing_m": np.round(rows[:, 1] + POSITION_M * noise[1], 3),
         "heading_deg": np.round(np.mod(np.degrees(rows[:, 2]) + HEADING_DEG * noise[2], 360.0), 2),
         "speed_mps": np.round(np.maximum(np.abs(rows[:, 4]) + SPEED_MPS * noise[4], 0.0), 3),
-        "speed_command_mps": drive.speed(time),
         "steering_command_deg": np.round(drive.steering(time), 2),
-        "steering_deg": np.round(rows[:, 3] + ANGLE_DEG * noise[3], 2),
-        "shuttle": drive.shuttle(time).astype(int),
-        "implement": drive.implement(time).astype(int),
     }
-    frame = pd.DataFrame({name: values for name, values in columns.items() if sensed or name != "steering_deg"})
-    frame.attrs["name"] = drive.name
-    return frame
+    wheel = {"steering_deg": np.round(rows[:, 3] + ANGLE_DEG * noise[3], 2)} if sensed else {}
+    return build_log(drive.name, columns | wheel | read_switches(drive, time))

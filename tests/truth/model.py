@@ -21,11 +21,11 @@ from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import Effects, complete
 from tests.truth.ground import find_point
 from tests.truth.laws import name_parameters
+from tests.truth.recorder import ANTENNA_FORWARD_M, build_log, find_antenna, read_switches
 from tests.truth.sensors import Instruments, disturbed, log_times
 from tests.truth.signals import draw_coloured, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
-ANTENNA_FORWARD_M = 1.1  # nominal place of the antenna, ahead of the rear axle
 CONTROLLER_S, CONTROLLER_JITTER_S = 0.02, 0.006
 LINE_CONTROLLER_S = 0.1
 SOIL_MEMORY_S = 0.5
@@ -95,15 +95,13 @@ class Truth:
         drive = drive.mirrored() if self.mirrored else drive
         rng = np.random.default_rng([self.seed, index, 2])
         times = log_times(drive.duration_s, self.rate_hz, self.uneven, self.gaps, rng)
-        columns = self._measured(trace, times, rng) | self._switches(drive, times)
+        columns = self._measured(trace, times, rng) | read_switches(drive, times)
         if self.terrain is not None:
             columns |= self._terrain(trace, times)
         if self.ground is not None:
             columns |= self._tilt(trace, times, self.ground)
         columns["time_s"] = np.round(times + rng.integers(0, 1000), 3)
-        frame = pd.DataFrame({name: columns[name] for name in COLUMNS if name in columns and name not in self.drop})
-        frame.attrs["name"] = drive.name
-        return frame
+        return build_log(drive.name, {name: values for name, values in columns.items() if name not in self.drop})
 
     def _integrate(
         self, drive: Drive, start: tuple[float, float, float], rng: np.random.Generator, clock_s: float
@@ -144,16 +142,13 @@ class Truth:
         return Trace(time, states, held, wheels, speed)
 
     def _loop(self, drive: Drive, start: tuple[float, float, float], values: dict[str, dict[str, float]]) -> body.Loop:
-        forward = ANTENNA_FORWARD_M + values["antenna_forward"]["distance_m"]
-        right = values["antenna_right"]["distance_m"]
         late = round(values["gnss_latency"]["time_s"] / self.step_s)
-        return body.Loop(drive.closed_loop, start[0], start[1], start[2], late, forward, right)
+        return body.Loop(drive.closed_loop, *start, late, *find_antenna(values))
 
     def _measured(self, trace: Trace, times: Array, rng: np.random.Generator) -> dict[str, Array]:
         values, tool = complete(self.effects), self.instruments
         late = times - values["gnss_latency"]["time_s"]
-        forward = ANTENNA_FORWARD_M + values["antenna_forward"]["distance_m"]
-        east, north = trace.antenna(forward, values["antenna_right"]["distance_m"])
+        east, north = trace.antenna(*find_antenna(values))
         drift, columns = (tool.position_drift_m, tool.position_digit_m, tool.drift_s, rng), {}
         for name, axis, zero in (("easting_m", east, self.origin[0]), ("northing_m", north, self.origin[1])):
             columns[name] = disturbed(np.interp(late, trace.time_s, axis) + zero, times, tool.position_m, *drift)
@@ -171,13 +166,6 @@ class Truth:
         angle = angle + tool.steering_deg * rng.standard_normal(len(times))
         columns["steering_deg"] = round_to(angle, tool.steering_digit_deg)
         return columns
-
-    def _switches(self, drive: Drive, times: Array) -> dict[str, Array]:
-        return {
-            "speed_command_mps": drive.speed(times),
-            "shuttle": drive.shuttle(times).astype(int),
-            "implement": drive.implement(times).astype(int),
-        }
 
     def _terrain(self, trace: Trace, times: Array) -> dict[str, Array]:
         grade, bearing = self.terrain or (0.0, 0.0)
@@ -197,12 +185,6 @@ class Truth:
         )
         ahead -= tool.pitch_mounting_deg + tool.tilt_deg * rng.standard_normal(len(times))
         return {"roll_deg": np.round(right, 2), "pitch_deg": np.round(-ahead, 2)}
-
-
-COLUMNS = (
-    "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", "steering_command_deg",
-    "steering_deg", "shuttle", "implement", "roll_deg", "pitch_deg",
-)  # fmt: skip
 
 
 @lru_cache(maxsize=1)

@@ -21,10 +21,10 @@ from tests.truth.drives import Drive
 from tests.truth.effects import OUTSIDE, Effects, complete
 from tests.truth.ground import EG105, Curve, find_point
 from tests.truth.laws import name_parameters
+from tests.truth.recorder import build_log, find_antenna, read_switches
 from tests.truth.signals import draw_coloured, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
-ANTENNA_FORWARD_M = 1.1
 STEP_S = 0.005
 BEAT_S = 0.05  # of the controller that hands over commands; 0.1 s when it keeps to a line
 GROUND_M, GROUND_MEMORY_M = 0.2, 0.8
@@ -32,8 +32,6 @@ TRACTORS = {
     "eg105": EG105,
     "mr1000a": Curve(0.6527535, 1.040, 0.7555497, 1.006),  # thesis, Eq. 5.1
 }
-COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps",
-           "steering_command_deg", "steering_deg", "shuttle", "implement")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,15 +107,8 @@ class Second:
         rolled, rng = self.roll(drive, index), np.random.default_rng([self.seed, index, 12])
         times = np.arange(0.0, drive.duration_s - 1e-9, 1.0 / self.rate_hz)
         times[1:] += self.receiver.clock_s * np.clip(rng.standard_normal(len(times) - 1), -3.0, 3.0)
-        columns = self._seen(rolled, times, rng) | {
-            "time_s": np.round(times + 100.0, 3),
-            "speed_command_mps": drive.speed(times),
-            "shuttle": drive.shuttle(times).astype(int),
-            "implement": drive.implement(times).astype(int),
-        }
-        frame = pd.DataFrame({name: columns[name] for name in COLUMNS})
-        frame.attrs["name"] = drive.name
-        return frame
+        columns = self._seen(rolled, times, rng) | read_switches(drive, times)
+        return build_log(drive.name, columns | {"time_s": np.round(times + 100.0, 3)})
 
     def _rolled(self, drive: Drive, start: tuple[float, float, float], rng: np.random.Generator) -> Rolled:
         values = complete(self.effects)
@@ -129,29 +120,21 @@ class Second:
         ground = self.roughness * draw_coloured(rng, int(way / GROUND_M) + 20, GROUND_M, GROUND_MEMORY_M)
         seen = self.receiver.position_m * rng.standard_normal(len(time))
         targets = drive.speed(time) * drive.shuttle(time)
+        late = round(values["gnss_latency"]["time_s"] / STEP_S)
+        guide = rolling.Guide(drive.closed_loop, *start, late, *find_antenna(values))
         states, held = rolling.roll_out(
             state, STEP_S, signal, targets, drive.implement(time), seen,
             beats(drive, len(time)), round(values["steering_dead_time"]["time_s"] / STEP_S), ground, GROUND_M,
-            TRACTORS[self.tractor], faults(values), self._guide(drive, start, values),
+            TRACTORS[self.tractor], faults(values), guide,
         )  # fmt: skip
         left = (1.0 - values["wheel_slip"]["ratio"]) * (1.0 - values["implement_slip"]["ratio"] * drive.implement(time))
         return Rolled(time, states, held, states[:, rolling.SPEED] * left)
-
-    def _guide(
-        self, drive: Drive, start: tuple[float, float, float], values: dict[str, dict[str, float]]
-    ) -> rolling.Guide:
-        place = self._antenna(values)
-        return rolling.Guide(drive.closed_loop, *start, round(values["gnss_latency"]["time_s"] / STEP_S), *place)
-
-    def _antenna(self, values: dict[str, dict[str, float]]) -> tuple[float, float]:
-        """Where the antenna really is: ahead of the rear axle, and to its right."""
-        return ANTENNA_FORWARD_M + values["antenna_forward"]["distance_m"], values["antenna_right"]["distance_m"]
 
     def _seen(self, rolled: Rolled, times: Array, rng: np.random.Generator) -> dict[str, Array]:
         values, tool, count = complete(self.effects), self.receiver, len(times)
         old, columns = times - values["gnss_latency"]["time_s"], {}
         step = 1.0 / self.rate_hz
-        for name, axis in zip(("easting_m", "northing_m"), rolled.point(*self._antenna(values)), strict=True):
+        for name, axis in zip(("easting_m", "northing_m"), rolled.point(*find_antenna(values)), strict=True):
             wander = tool.wander_m * draw_coloured(rng, count, step, tool.wander_s)
             white = tool.position_m * rng.standard_normal(count)
             columns[name] = np.round(np.interp(old, rolled.time_s, axis) + wander + white, 3)

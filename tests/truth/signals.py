@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 
 import numba
 import numpy as np
@@ -13,8 +13,6 @@ from tests.truth.cases import ColumnClock, Fault
 
 Array = npt.NDArray[np.float64]
 NO_CLOCK = ColumnClock()
-FROZEN = {"position_frozen": "position", "heading_frozen": "heading", "speed_frozen": "speed",
-          "wheel_sensor_frozen": "steering"}  # fmt: skip
 
 
 @numba.njit(cache=True)
@@ -75,20 +73,3 @@ def mark_broken(faults: Iterable[Fault], run: int, time: Array) -> Array:
             place = 0 if fault.id == "steering_loose" else 1
             broken[is_within(fault, time), place] = fault.detail.get("side", 1.0) if place else 1.0
     return broken
-
-
-def lose_position(
-    columns: dict[str, Array], times: Array, faults: Sequence[Fault], rng: np.random.Generator, turn: float,
-    wander: Callable[[], Array],
-) -> None:  # fmt: skip
-    """Spoil positions while a receiver has lost its fix: mode 0 wanders, 1 jumps (up to `turn` rad round), 2 holds."""
-    for fault in faults:
-        during = is_within(fault, times)
-        if fault.id != "position_lost" or not during.any():
-            continue
-        mode, size, way = int(fault.detail.get("mode", 0)), fault.detail.get("size_m", 0.5), rng.uniform(0.0, turn)
-        for name, share in (("easting_m", math.sin(way)), ("northing_m", math.cos(way))):
-            if mode == 2:
-                columns[name][during] = columns[name][during][0]
-            else:
-                columns[name] = columns[name] + during * size * (share if mode else wander())

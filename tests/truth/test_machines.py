@@ -15,11 +15,11 @@ from tests.truth.drives import Drive, constant, drive, stairs
 from tests.truth.effects import Effects
 from tests.truth.ground import EG105, find_point, measured_curvature
 from tests.truth.model import Truth
+from tests.truth.recorder import Instruments
 from tests.truth.second import EXACT as EXACT_RECEIVER
 from tests.truth.second import TRACTORS, Second
 from tests.truth.sensors import PERFECT
 from tests.truth.third import Third
-from tests.truth.third_columns import EXACT as EXACT_SENSORS
 
 Array = np.ndarray
 PACE, BEARING, G = 1.4, math.radians(70.0), 9.80665
@@ -60,7 +60,7 @@ def ride_second(effects: Effects, run: Drive, tractor: str = "eg105") -> Ride:
 
 
 def ride_third(effects: Effects, run: Drive, seed: int = 3) -> Ride:
-    track = Third(TruthCase("clean", seed, effects), EXACT_SENSORS, 0.0).track(run)
+    track = Third(TruthCase("clean", seed, effects), Instruments(), 0.0).track(run)
     columns = (track.column(place) for place in (third_body.HEADING, third_body.AHEAD, third_body.WHEEL))
     return Ride(track.time_s, *track.find_point(1.1, 0.0), *columns)
 

@@ -8,12 +8,13 @@ import pandas as pd
 import pytest
 
 from tests.examples import draw_seed
-from tests.truth import fifth, fifth_sensors, fourth, fourth_messages, sixth, third_columns
+from tests.truth import fifth, fourth, sixth
 from tests.truth import second as other
 from tests.truth.cases import FAULT_IDS, ColumnClock, Fault, TruthCase
 from tests.truth.drives import Drive, default_programme, drive, stairs, three_speeds_programme, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE, OUTSIDE_NEUTRAL
 from tests.truth.model import Truth, make_logs
+from tests.truth.recorder import Instruments
 from tests.truth.sensors import PERFECT
 from tests.truth.test_machines import lay_drive
 from tests.truth.third import Third, make_third_logs
@@ -25,18 +26,15 @@ BEND = drive("bend", 40.0, stairs((12.0, 0.0), (14.0, 10.0), (14.0, -10.0)), sta
 WEAVE = drive("weave", 40.0, triangle(12.0, 14.0), stairs((20.2, 1.4), (19.8, 2.0)), bearing_deg=30.0)
 
 
-def log_fifth(case: TruthCase, run: Drive, index: int, tool: Any) -> pd.DataFrame:
-    return fifth.log_run(case, run.name, lay_drive(run), run.bearing_deg or 0.0, index, tool)
-
-
 LOGS: dict[str, Callable[[TruthCase, Drive, int], pd.DataFrame]] = {
     "first": lambda case, run, index: Truth(
         case.effects, 3, case.rate_hz, soil_deg_per_s=0.0, instruments=PERFECT).log(run, index),
     "second": lambda case, run, index: other.Second(
         case.effects, 3, roughness=0.0, receiver=other.EXACT).log(run, index),
-    "third": lambda case, run, index: Third(case, third_columns.EXACT, 0.0).log(run, index),
-    "fourth": lambda case, run, index: fourth.log_run(case, run, index, fourth_messages.EXACT),
-    "fifth": lambda case, run, index: log_fifth(case, run, index, fifth_sensors.EXACT),
+    "third": lambda case, run, index: Third(case, Instruments(), 0.0).log(run, index),
+    "fourth": lambda case, run, index: fourth.log_run(case, run, index, Instruments()),
+    "fifth": lambda case, run, index: fifth.log_run(
+        case, run.name, lay_drive(run), run.bearing_deg or 0.0, index, Instruments()),
 }  # fmt: skip
 """Logs without noise, on even ground."""
 

@@ -2,14 +2,14 @@
 
 It shares with the other references the programmes of commands, the table of effects, the forms of cases and the
 measured radii, and nothing of how a log comes about: tests.truth.third_body is the tractor, tests.truth.third_run a
-drive, tests.truth.third_columns the instruments. The ground pushes by place (the same when driven again) and by time.
+drive. The ground pushes by place (the same when driven again) and by time.
 Imports nothing of the project it tests.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,26 +17,40 @@ import numpy.typing as npt
 import pandas as pd
 
 from tests.truth import third_body as body
-from tests.truth import third_columns as columns
 from tests.truth import third_run as run
-from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
+from tests.truth.cases import Law, TruthCase
 from tests.truth.drives import Drive
 from tests.truth.effects import complete
 from tests.truth.ground import MAP_SPEED_MPS, find_point
-from tests.truth.laws import BODY_EFFECTS, P_LAG, P_RATE, encode_law, evaluate_rows
-from tests.truth.signals import NO_CLOCK, draw_coloured, low_pass, pick_held, round_to
-from tests.truth.third_columns import EXACT, Reading, Rows, Sensors
+from tests.truth.laws import BODY_EFFECTS, P_LAG, P_RATE, encode_law
+from tests.truth.recorder import (
+    ANTENNA_FORWARD_M,
+    Instruments,
+    Signals,
+    build_log,
+    draw_position_errors,
+    find_antenna,
+    freeze_times,
+    list_row_times,
+    read_switches,
+    record_run,
+    time_messages,
+)
+from tests.truth.signals import NO_CLOCK, draw_coloured, low_pass
 from tests.truth.third_drives import PROGRAMMES
 from tests.truth.third_outside import OUTSIDE_CAUSES, make_odd
 
 Array = npt.NDArray[np.float64]
-ANTENNA_FORWARD_M = 1.1
-DAY_STEP_S, MORNING_S = 150.0, 30000.0  # from run to run, and the clock of the first one
+Rows = npt.NDArray[np.int64]
+DAY_STEP_S = 150.0  # from run to run
 TAIL_S = 2.0  # driven on after the last row, for clocks that run ahead
 FIELD_SPREAD_M, PATCH_EDGE_M = 9.0, 0.8
 GROUND_BY_PLACE, GROUND_BY_TIME, GROUND_S, GUST_S, DEPTH_S = 0.0040, 0.0024, 0.35, 4.0, 7.0
-COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps",
-           "steering_command_deg", "steering_deg", "shuttle", "implement")  # fmt: skip
+SENSORS = Instruments(
+    position_m=0.008, wander_m=0.012, wander_s=25.0, heading_deg=0.08, heading_wander_deg=0.10, heading_wander_s=1.2,
+    heading_digit_deg=0.01, speed_mps=0.02, speed_digit_mps=0.01, wheel_deg=0.05, wheel_digit_deg=0.05,
+    row_jitter_s=0.004,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +70,12 @@ class Track:
         """East and north of a point ahead of the rear axle and to its right."""
         return find_point(*self.states[:, : body.HEADING + 1].T, forward_m - body.REAR, right_m)
 
+    def list_signals(self, drive: Drive) -> Signals:
+        """What instruments measure: the rear axle's place, the way ahead, and the wheel sensor."""
+        columns = (self.column(place) for place in (body.HEADING, body.AHEAD, body.WHEEL))
+        return Signals(run.STEP_S, self.day_s, *self.find_point(0.0, 0.0), *columns, self.held_deg,
+                       drive.implement(self.time_s))  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Third:
@@ -65,7 +85,7 @@ class Third:
     """
 
     case: TruthCase
-    sensors: Sensors = field(default_factory=Sensors)
+    sensors: Instruments = SENSORS
     ground: float = 1.0
 
     def __post_init__(self) -> None:
@@ -89,33 +109,34 @@ class Third:
         rng = np.random.default_rng([self.case.seed, index, 31])
         bearing = math.radians(rng.uniform(0.0, 360.0) if drive.bearing_deg is None else drive.bearing_deg)
         place = rng.uniform(-FIELD_SPREAD_M, FIELD_SPREAD_M, 2)
-        plain = Third(TruthCase("clean", self.case.seed), EXACT, 0.0)
+        plain = Third(TruthCase("clean", self.case.seed), Instruments(), 0.0)
         east, north = plain._drive(drive, index, (0.0, 0.0, bearing)).find_point(0.0, 0.0)
         middle = [0.5 * float(np.min(axis) + np.max(axis)) for axis in (east, north)]
         return self._drive(drive, index, (float(place[0]) - middle[0], float(place[1]) - middle[1], bearing))
 
     def log(self, drive: Drive, index: int = 0) -> pd.DataFrame:
         """The drive as a log in the columns of the contract, the name of the drive in `attrs`."""
-        track = self.track(drive, index)
-        rng = np.random.default_rng([self.case.seed, index, 32])
-        times = np.arange(0.0, drive.duration_s - 1e-9, 1.0 / self.case.rate_hz)
-        jitter = min(self.sensors.jitter_s, 0.1 / self.case.rate_hz)
-        times[1:] += jitter * np.clip(rng.standard_normal(len(times) - 1), -3.0, 3.0)
-        values = self._measure(track, drive, index, times, rng) | {
-            "time_s": np.round(times + MORNING_S + track.day_s, 3),
-            "speed_command_mps": drive.speed(times),
-            "shuttle": drive.shuttle(times).astype(int),
-            "implement": drive.implement(times).astype(int),
-        }
-        frame = pd.DataFrame({name: values[name] for name in COLUMNS})
-        frame.attrs["name"] = drive.name
-        return frame
+        track, case, tool = self.track(drive, index), self.case, self.sensors
+        rng = np.random.default_rng([case.seed, index, 32])
+        signals = track.list_signals(drive)
+        times = list_row_times(drive.duration_s, case.rate_hz, tool, rng)
+        headings = np.degrees(signals.heading) + signals.follow(case, "heading_bias", index)
+        columns = record_run(case, index, signals, self._find_places(track, signals, index), headings, times, tool, rng)
+        return build_log(drive.name, columns | read_switches(drive, times))
 
-    def _clock(self, name: str) -> ColumnClock:
-        return self.case.columns.get(name, NO_CLOCK)
-
-    def _faults(self, index: int, *ids: str) -> list[Fault]:
-        return [fault for fault in self.case.faults if fault.run == index and fault.id in ids]
+    def _find_places(self, track: Track, signals: Signals, index: int) -> Array:
+        """Where the receiver would say its antenna is, at every step (k, 2)."""
+        outside, nominal, sway = self.case.outside, ANTENNA_FORWARD_M, np.zeros(len(track.time_s))
+        if "mast_sway" in outside:
+            pull = low_pass(track.column(body.SIDE_PULL), run.STEP_S, 0.3)
+            sway = -outside["mast_sway"]["m_per_mps2"] * pull
+        if "articulated" in outside:
+            nominal = outside["articulated"]["antenna_forward_m"]
+        places = signals.place_antenna(self.case, index, nominal, sway)
+        if "trees" in outside:
+            odd = make_odd(outside, index)
+            places += np.array([run.see_past_trees(east, north, odd) for east, north in places])
+        return places + draw_position_errors(self.case, index, track.time_s, self.sensors)
 
     def _law(self, name: str, index: int) -> Array:
         """A parameter of an effect as a row of tests.truth.laws; a patch and a drift of grip are laws themselves."""
@@ -149,7 +170,7 @@ class Third:
         signal, laws = drive.steering(time), self._laws(index)
         state[body.WHEEL] = 0.0 if drive.closed_loop else signal[0]
         dead = float(self._law("steering_dead_time", index)[2])
-        old, old_heading, errors = self._seen(index, time, rng)
+        old, old_heading, errors = self._see(index, time, rng)
         slope_to = math.radians(complete(self.case.effects)["cross_slope_drift"]["bearing_deg"])
         odd = make_odd(self.case.outside, index)._replace(slope_to=slope_to)
         states, held = run.roll_on(
@@ -162,118 +183,33 @@ class Third:
 
     def _breaks(self, index: int) -> body.Breaks:
         breaks = body.Breaks()
-        for fault in self._faults(index, "steering_loose", "steering_stuck"):
+        for fault in (fault for fault in self.case.faults if fault.run == index):
             end = 1e9 if fault.to_s is None else fault.to_s
             if fault.id == "steering_loose":
                 breaks = breaks._replace(
                     loose_from=fault.from_s, loose_to=end, linkage=fault.detail.get("linkage", 0.0)
                 )
-            else:
+            elif fault.id == "steering_stuck":
                 side = fault.detail.get("side", 1.0)
                 breaks = breaks._replace(stuck_from=fault.from_s, stuck_to=end, stuck_side=side)
         return breaks
 
     def _way(self, drive: Drive, start: tuple[float, float, float]) -> body.Way:
         values = complete(self.case.effects)
-        forward = ANTENNA_FORWARD_M + values["antenna_forward"]["distance_m"]
-        right, bias = values["antenna_right"]["distance_m"], math.radians(values["heading_bias"]["angle_deg"])
-        return body.Way(drive.closed_loop, *start, forward, right, ANTENNA_FORWARD_M, bias)
+        bias = math.radians(values["heading_bias"]["angle_deg"])
+        return body.Way(drive.closed_loop, *start, *find_antenna(values), ANTENNA_FORWARD_M, bias)
 
-    def _seen(self, index: int, time: Array, rng: np.random.Generator) -> tuple[Rows, Rows, Array]:
+    def _see(self, index: int, time: Array, rng: np.random.Generator) -> tuple[Rows, Rows, Array]:
         """Rows that the path follower gets position and heading from at each step, and the errors of the position."""
-        latency = float(self._law("gnss_latency", index)[2])
-        rows: list[Rows] = []
-        for name, frozen in (("position", ("position_frozen", "position_lost")), ("heading", ("heading_frozen",))):
+        latency, rows = float(self._law("gnss_latency", index)[2]), []
+        for name in ("position", "heading"):
             # Where a value stands is not the receiver's stamp: the follower has it when it arrives.
-            clock = replace(self._clock(name), offset_s=0.0, drift_s_per_min=0.0)
-            when = columns.read_column(clock, time, np.random.default_rng([self.case.seed, index, 34])).when_s
-            when = columns.freeze_values(when, time, [each for each in self._faults(index, *frozen) if is_freeze(each)])
+            clock = replace(self.case.columns.get(name, NO_CLOCK), offset_s=0.0, drift_s_per_min=0.0)
+            own = np.random.default_rng([self.case.seed, index, 34])
+            when = freeze_times(time_messages(time, 0.0, clock, self.sensors, own), self.case, index, name)
             rows.append(np.maximum(((when - latency) / run.STEP_S).astype(np.int64), 0))
-        errors = columns.lose_position(time, self._faults(index, "position_lost"), (self.case.seed, index, 35))
-        errors += self.sensors.position_m * rng.standard_normal(errors.shape)
-        return rows[0], rows[1], errors
-
-    def _measure(
-        self, track: Track, drive: Drive, index: int, times: Array, rng: np.random.Generator
-    ) -> dict[str, Array]:
-        down = drive.implement(track.time_s)
-        values = self._measure_position(track, index, times, down, rng)
-        values["heading_deg"] = self._measure_heading(track, index, times, down, rng)
-        tool = self.sensors
-        reading, speed = self._read(track, "speed", np.abs(track.column(body.AHEAD)), times, rng)
-        noise = columns.draw_noise(reading, tool.speed_mps, 0.0, 1.0, rng) * np.minimum(speed / 0.2, 1.0)
-        speed = round_to(np.maximum(speed + noise, 0.0), tool.speed_digit_mps)
-        values["speed_mps"] = columns.freeze_values(speed, times, self._faults(index, "speed_frozen"))
-        reading, wheel = self._read(track, "steering", track.column(body.WHEEL), times, rng)
-        wheel = round_to(wheel + columns.draw_noise(reading, tool.wheel_deg, 0.0, 1.0, rng), tool.wheel_digit_deg)
-        values["steering_deg"] = columns.freeze_values(wheel, times, self._faults(index, "wheel_sensor_frozen"))
-        _, command = self._read(track, "steering_command", track.held_deg, times, rng, stairs=True)
-        values["steering_command_deg"] = np.round(command, 3)
-        return values
-
-    def _measure_position(
-        self, track: Track, index: int, times: Array, down: Array, rng: np.random.Generator
-    ) -> dict[str, Array]:
-        tool, outside = self.sensors, self.case.outside
-        forward = ANTENNA_FORWARD_M + self._along("antenna_forward", track, index, down)
-        right = self._along("antenna_right", track, index, down)
-        if "mast_sway" in outside:
-            pull = low_pass(track.column(body.SIDE_PULL), run.STEP_S, 0.3)
-            right = right - outside["mast_sway"]["m_per_mps2"] * pull
-        if "articulated" in outside:
-            forward = forward + outside["articulated"]["antenna_forward_m"] - ANTENNA_FORWARD_M
-        axes = np.array(track.find_point(forward, right))
-        if "trees" in outside:
-            odd = make_odd(outside, index)
-            axes += np.array([run.see_past_trees(east, north, odd) for east, north in axes.T]).T
-        lost = self._faults(index, "position_lost")
-        axes += columns.lose_position(track.time_s, lost, (self.case.seed, index, 35)).T
-        clock, latency = self._clock("position"), self._along("gnss_latency", track, index, down)
-        reading, frozen = columns.read_column(clock, times, rng), self._faults(index, "position_frozen")
-        frozen += [each for each in lost if is_freeze(each)]
-        when, values = reading.when_s - np.interp(times, track.time_s, latency), {}
-        for name, axis in zip(("easting_m", "northing_m"), axes, strict=True):
-            axis = low_pass(axis, run.STEP_S, clock.filter_s)
-            noise = columns.draw_noise(reading, tool.position_m, tool.wander_m, tool.wander_s, rng)
-            value = np.round(np.interp(when, track.time_s, axis) + noise, 3)
-            values[name] = columns.freeze_values(value, times, frozen)
-        return values
-
-    def _measure_heading(self, track: Track, index: int, times: Array, down: Array, rng: np.random.Generator) -> Array:
-        tool, latency = self.sensors, self._along("gnss_latency", track, index, down)
-        true = np.degrees(track.column(body.HEADING)) + self._along("heading_bias", track, index, down)
-        clock = self._clock("heading")
-        reading = columns.read_column(clock, times, rng)
-        when = reading.when_s - np.interp(times, track.time_s, latency)
-        heading = np.interp(when, track.time_s, low_pass(true, run.STEP_S, clock.filter_s))
-        heading = heading + columns.draw_noise(
-            reading, tool.heading_deg, tool.heading_memory_deg, tool.heading_memory_s, rng
-        )
-        heading = np.mod(round_to(heading, tool.heading_digit_deg), 360.0)
-        return columns.freeze_values(heading, times, self._faults(index, "heading_frozen"))
-
-    def _read(
-        self, track: Track, name: str, true: Array, times: Array, rng: np.random.Generator, stairs: bool = False
-    ) -> tuple[Reading, Array]:
-        """What a column's clock makes of a signal; `stairs` for one that jumps."""
-        clock = self._clock(name)
-        reading = columns.read_column(clock, times, rng)
-        value = low_pass(true, run.STEP_S, clock.filter_s) * clock.scale
-        if not stairs:
-            return reading, np.interp(reading.when_s, track.time_s, value)
-        return reading, pick_held(value, reading.when_s, run.STEP_S)
-
-    def _along(self, name: str, track: Track, index: int, down: Array) -> Array:
-        """A parameter of an instrument at every step of a track."""
-        time, places = track.time_s, (body.EAST, body.NORTH, body.WHEEL, body.AHEAD)
-        east, north, wheel, speed = (track.column(place) for place in places)
-        here = np.column_stack([time, track.day_s + time, east, north, down, wheel, speed])
-        return evaluate_rows(self._law(name, index), here)
-
-
-def is_freeze(fault: Fault) -> bool:
-    """Whether a fault repeats the last position, and does not degrade it."""
-    return fault.id != "position_lost" or fault.detail.get("mode", 0) == 2
+        errors = draw_position_errors(self.case, index, time, self.sensors)
+        return rows[0], rows[1], errors + self.sensors.position_m * rng.standard_normal(errors.shape)
 
 
 def draw_waves(seed: int, ground: float) -> Array:

@@ -50,6 +50,7 @@ class Robot:
     stays: bool = True  # comes back when its link is lost
     welcomed: bool = False
     closed_with: int | None = None
+    link: ClientConnection | None = None
     heard: dict[str, int] = field(default_factory=dict)
     sentences: list[str] = field(default_factory=list)
     positions: list[tuple[float, Point]] = field(default_factory=list)
@@ -137,6 +138,7 @@ class Robot:
 
     async def _link_once(self) -> None:
         async with open_link(self.port, self.fleet) as link:
+            self.link = link
             await link.send(say_hello("tractor", self.token, self.number))
             driving = asyncio.create_task(self._drive(link))
             try:

@@ -41,10 +41,12 @@ class Stop:
 class Squad:
     """Robots of one fleet, and a link for control."""
 
-    def __init__(self, service: Service, fleet: str, lines: Sequence[Line], speed_mps: float) -> None:
+    def __init__(
+        self, service: Service, fleet: str, lines: Sequence[Line], speed_mps: float, robot: type[Robot] = Robot
+    ) -> None:
         token = service.token("admin")
         self.service, self.fleet, self.orders = service, fleet, service.token("operator", "planner")
-        self.robots = [Robot(service.port, fleet, number, token, line, speed_mps)
+        self.robots = [robot(service.port, fleet, number, token, line, speed_mps)
                        for number, line in enumerate(lines, start=1)]  # fmt: skip
         self.loop = asyncio.new_event_loop()
         self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
@@ -158,11 +160,11 @@ class Squad:
 
 
 @contextlib.contextmanager
-def run_squad(service: Service, tractors: int, length_m: float = 2000.0) -> Iterator[Squad]:
+def run_squad(service: Service, tractors: int, length_m: float = 2000.0, robot: type[Robot] = Robot) -> Iterator[Squad]:
     """A fleet of tractors side by side, linked and standing."""
     lines = lay_lines(tractors, length_m)
     fleet = make_fleet(service, f"squad {time.monotonic_ns() % 10**9}", lines)
-    squad = Squad(service, fleet, lines, 1.0)
+    squad = Squad(service, fleet, lines, 1.0, robot)
     try:
         squad.open()
         yield squad

@@ -1,20 +1,19 @@
-"""Orders of tracks in loads beside known ones: python -m tests.benchmarks.orders
+"""Orders of tracks in loads that are known, and their problems.
 
-Table 1: parallel tracks of equal length worked in loads, with ways along the lower headland to a depot on it after
-every load, every turn an omega or a U in closed form: one after another, the best that a circuit model found (proven
-for 12 tracks), and what the planner's search finds. Table 2: 24 tracks in three loads, the order B* of Bochtis,
-Sorensen and Green (Decision Support Systems, 2012, doi 10.1016/j.dss.2011.12.005) beside ours by the same turns.
+Parallel tracks of equal length are worked in loads, with ways along the lower headland to a depot on it after every
+load, and every turn an omega or a U in closed form. IN_LOADS has the best that a circuit model found (proven for 12
+tracks), B_STAR the order of Bochtis, Sorensen and Green (Decision Support Systems, 2012, doi
+10.1016/j.dss.2011.12.005) for 24 tracks in three loads.
 """
 
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.service_stops.load_search import UNREACHABLE_S, LoadOrderingTask, order_in_loads, split_into_loads
+from strategies.service_stops.load_search import UNREACHABLE_S, LoadOrderingTask
 
 Floats = npt.NDArray[np.float64]
 
@@ -77,27 +76,3 @@ def turned_only(radius: float) -> LoadOrderingTask:
 def without_stops(seconds: float, task: LoadOrderingTask) -> float:
     """What is driven between the tracks: the stops that cannot be spared taken out."""
     return seconds - STOP_S * (math.ceil(float(task.need.sum()) / task.capacity) - 1)
-
-
-def loads_rows() -> None:
-    """Print both tables."""
-    print(f"{'n':>4} {'load':>5} {'depot m':>8} {'in a row':>9} {'stated':>9} {'best known':>10} {'ours':>9} "
-          f"{'above %':>8} {'CPU s':>6}")  # fmt: skip
-    for n, load, depot_m, stated, known in IN_LOADS:
-        task, row = from_depot(n, load, depot_m), np.arange(n)
-        begun = time.process_time()
-        ours = without_stops(order_in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M)).seconds, task)
-        took = time.process_time() - begun
-        in_a_row = without_stops(split_into_loads(row, task).seconds, task)
-        print(f"{n:4} {load:5} {depot_m:8.1f} {in_a_row:9.2f} {stated:9.2f} {known:10.2f} {ours:9.2f} "
-              f"{100.0 * (ours / known - 1.0):8.3f} {took:6.2f}")  # fmt: skip
-    print(f"\n{'n':>4} {'R m':>7} {'B*':>9} {'ours':>9} {'below %':>8}")
-    for radius in (LOADS_RADIUS_M, 10.9):
-        task = turned_only(radius)
-        printed = without_stops(split_into_loads(np.array(B_STAR) - 1, task).seconds, task)
-        ours = without_stops(order_in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds, task)
-        print(f"{24:4} {radius:7.1f} {printed:9.2f} {ours:9.2f} {100.0 * (1.0 - ours / printed):8.2f}")
-
-
-if __name__ == "__main__":
-    loads_rows()
