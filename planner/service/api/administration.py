@@ -156,6 +156,7 @@ class ConnectionMetrics(Collector):
 
 TOKENS_STALE_S = 5.0
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
 health_router = APIRouter(tags=["service"])
 
@@ -183,8 +184,9 @@ async def show_caller(caller: OwnReadAccess) -> CallerInfo:
     rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
     command = caller.format_token_command("planner --scope operator")
     return CallerInfo(
-        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command
-    )
+        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command,
+        identity=caller.identity,
+    )  # fmt: skip
 
 
 async def log_in_browser(request: Request) -> Response:
@@ -233,6 +235,8 @@ def list_service_faults(request: Request) -> list[str]:
     faults = []
     if book.age_s > TOKENS_STALE_S:
         faults.append(DATABASE_DOWN.format(age_s=min(book.age_s, 1e6)))
+    elif not state.watch.is_writable:
+        faults.append(NOTHING_WRITTEN.format(age_s=min(state.watch.age_s, 1e6)))
     try:
         state.store.blobs.check_disk_space(0)
     except StorageError as error:
@@ -293,12 +297,16 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     return NewToken(**info.model_dump(), token=text)
 
 
-@tokens_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
-def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
-    """Revoke a token."""
-    request.app.state.store.revoke_token(name)
-    _refresh_token_cache(request)
-    request.app.state.store.add_event(None, caller.name, "token revoked", {"name": name})
+revocation_router = APIRouter(prefix="/tokens", tags=["tokens"])
+
+
+@revocation_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
+async def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
+    """Revoke a token: it is refused and its links end at once, also while the database cannot be written to."""
+    try:
+        await request.app.state.book.revoke_token(name, caller.name)
+    finally:
+        await request.app.state.hub.check_tokens()
 
 
 def _refresh_token_cache(request: Request) -> None:

@@ -53,6 +53,7 @@ from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
 from planner.service.settings import ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
+from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 DOCS_ASSETS = {
@@ -157,7 +158,10 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [administration.health_router, fleet_routes.fleet_router, video_router, twin_router, link_router]
+    return [
+        administration.health_router, administration.revocation_router, fleet_routes.fleet_router, video_router,
+        twin_router, link_router,
+    ]  # fmt: skip
 
 
 @cache
@@ -190,7 +194,7 @@ def _build_app(
 
 def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state = app.state
-    state.book = TokenCache(state.store)
+    state.book, state.watch = TokenCache(state.store), DatabaseWatch(state.store)
     state.logins = BrowserLogins(secure=state.settings.public_url.startswith("https://"))
     state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
     state.diagnosing = TwinDiagnosis(state.store, state.reader)
@@ -264,10 +268,12 @@ async def _run_office_lifespan(app: FastAPI) -> AsyncIterator[None]:
 @contextlib.asynccontextmanager
 async def _run_control(app: FastAPI) -> AsyncIterator[None]:
     try:
+        await asyncio.to_thread(app.state.watch.start)
         await app.state.hub.start()
         yield
     finally:
         await app.state.hub.stop()
+        await asyncio.to_thread(app.state.watch.close)
         app.state.reader.close()
 
 

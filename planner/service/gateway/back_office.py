@@ -71,7 +71,7 @@ class OfficeForwarder:
             return
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
         # Requests are counted by token, or by address without one.
-        client = caller.name if caller is not None and caller.token_sha256 else _get_address(scope)
+        client = caller.token_sha256 if caller is not None and caller.token_sha256 else _get_address(scope)
         is_own_limit = self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT
         if is_own_limit or self._running_requests.total() >= MOST_REQUESTS_IN_ALL:
             requests = f"{MOST_REQUESTS_IN_ALL} requests of all"

@@ -57,7 +57,8 @@ class ReadinessInfo(ApiModel):
 class CallerInfo(ApiModel):
     """The caller; a robot is bound to one tractor of one fleet.
 
-    `token_command` makes a token where it is entered on the machine of the service.
+    `identity` is that of the token, which files and jobs name as their owner. `token_command` makes a token where it is
+    entered on the machine of the service.
     """
 
     name: str
@@ -65,12 +66,14 @@ class CallerInfo(ApiModel):
     fleet: str | None
     tractor: int | None
     token_command: str
+    identity: str | None = None
 
 
 class FileInfo(ApiModel):
     """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap_axes, local).
 
-    `owner` is the name of the token that added it; it and an administrator may change and delete it.
+    `owner` is the name of the token that added it, `owner_identity` tells it from other tokens of that name; it and an
+    administrator may change and delete it.
     """
 
     kind: str
@@ -82,6 +85,7 @@ class FileInfo(ApiModel):
     sample: bool = False
     options: dict[str, Any] = {}
     owner: str | None = None
+    owner_identity: str | None = None
     changed: str | None = None
 
 
@@ -102,7 +106,8 @@ class JobProgress(ApiModel):
 class JobInfo(ApiModel):
     """A job; `error` says in one sentence why it failed, `results` are the names of its files.
 
-    `owner` is the name of the token that asked for it; it and an administrator may rename, cancel and delete it.
+    `owner` is the name of the token that asked for it, `owner_identity` tells it from other tokens of that name; it and
+    an administrator may rename, cancel and delete it.
     """
 
     id: str
@@ -116,6 +121,7 @@ class JobInfo(ApiModel):
     request: dict[str, Any]
     results: list[str]
     owner: str | None = None
+    owner_identity: str | None = None
 
 
 class JobList(ApiModel):

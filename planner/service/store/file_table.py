@@ -9,7 +9,7 @@ import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
-from planner.service.store.tables import FileRow
+from planner.service.store.tables import FileRow, Owner
 
 SUFFIXES_BY_KIND = {
     "field": (".geojson", ".json", ".zip", ".kml", ".kmz", ".gpkg", ".fgb", ".gpx", ".xml"),
@@ -77,7 +77,7 @@ class FileStore(StorePart):
         content: bytes,
         suffix: str = "",
         options: Mapping[str, Any] | None = None,
-        owner: str | None = None,
+        owner: Owner | None = None,
     ) -> FileRow:
         """Store a file under its name, with the options for reading it.
 
@@ -86,7 +86,8 @@ class FileStore(StorePart):
         """
         name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
         values = self._put_content(content, suffix, options)
-        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), owner=owner, **values)
+        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), **values)
+        row.owner, row.owner_identity = owner or (None, None)
         try:
             with self.database.open_write_session() as session:
                 session.add(row)
