@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import shutil
 import signal
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -43,6 +44,7 @@ from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
 from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
 from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
+from planner.service.gateway.bodies import BODIES_FOLDER, BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
@@ -199,6 +201,8 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
     state.diagnosing = TwinDiagnosis(state.store, state.reader)
     state.hub = FleetSessions(state.store, state.diagnosing.follow_up, book=state.book)
+    state.bodies = BodyBudget(state.settings)
+    shutil.rmtree(state.settings.data / BODIES_FOLDER, ignore_errors=True)  # those of a service that was killed
     state.greetings = ConnectionRegistry(PENDING_LIMITS)
     state.metrics = ServiceMetrics()
     state.metrics.registry.register(FleetMetrics(state.hub))
@@ -232,7 +236,7 @@ def _add_middleware(app: FastAPI) -> None:
     settings: ServiceSettings = app.state.settings
     rules = list_route_rules(list_control_routers(), API_PREFIX, settings, are_orders=True)
     rules += list_route_rules(list_back_office_routers(), API_PREFIX, settings)
-    app.add_middleware(RequestGate, settings=settings, rules=rules)
+    app.add_middleware(RequestGate, settings=settings, rules=rules, bodies=app.state.bodies)
     app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 

@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, ConfigDict, field_validator
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import Match
 
 from planner.errors import HeadlandError, render_refusal, strip_unit
@@ -255,6 +256,9 @@ def add_error_handlers(app: FastAPI) -> None:
         logging.getLogger(__name__).error("The database: %s", error)
         return build_error_response(503, "The database cannot be reached now; try again.")
 
+    async def handle_gone_client(_request: Request, _error: Exception) -> Response:
+        return Response(status_code=400)  # which nobody reads
+
     async def handle_os_error(_request: Request, error: Exception) -> JSONResponse:
         if not is_disk_full(error):
             raise error
@@ -268,6 +272,7 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, handle_http_exception)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
         app.add_exception_handler(kind, handle_lost_database)
+    app.add_exception_handler(ClientDisconnect, handle_gone_client)
     app.add_exception_handler(OSError, handle_os_error)
     app.add_exception_handler(Exception, handle_internal_error)
 
