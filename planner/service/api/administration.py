@@ -1,10 +1,11 @@
 """Routes for health, readiness, caller, login, tokens, events, and metrics for Prometheus.
 
-Metrics are of requests, links, ages, stops and jobs.
+Metrics are of requests, links, ages, stops, jobs, database, disk, and memory and descriptors of both processes.
 """
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -12,7 +13,7 @@ from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from pydantic import BaseModel, ConfigDict, Field
@@ -33,6 +34,7 @@ from planner.service.access.permissions import (
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ServiceError, StorageError
 from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.gateway.bodies import BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import (
     CHANGE_ERRORS,
@@ -52,6 +54,7 @@ from planner.service.gateway.responses import (
     document_errors,
 )
 from planner.service.settings import find_version
+from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -66,6 +69,7 @@ class ServiceMetrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
+        ProcessCollector(registry=self.registry)  # memory, descriptors and CPU of this process, where Linux shows them
         self.requests = Histogram(
             "headland_request_seconds",
             "How long requests took, forwarded ones included.",
@@ -133,6 +137,26 @@ class FleetMetrics(Collector):
             for level in sorted(set(levels)):
                 alarms.add_metric((id, level), levels.count(level))
         return links, ages, alarms
+
+
+class StoreMetrics(Collector):
+    """Database, room on the disk, and bodies under way."""
+
+    def __init__(self, store: Store, watch: DatabaseWatch, bodies: BodyBudget) -> None:
+        self.store, self.watch, self.bodies = store, watch, bodies
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        values = {
+            "headland_database_write_age_seconds": ("Since a write went through.", self.watch.age_s),
+            "headland_database_write_seconds": ("How long the last write took.", self.watch.last_write_s),
+            "headland_bodies_bytes": ("Large bodies under way.", self.bodies.held_bytes),
+            "headland_bodies_limit_bytes": ("Room for large bodies.", self.bodies.most_bytes),
+        }
+        with suppress(OSError):
+            free_bytes = shutil.disk_usage(self.store.settings.data).free
+            values["headland_disk_free_bytes"] = ("Room on the disk of the data folder.", free_bytes)
+        return [GaugeMetricFamily(name, text, value=value) for name, (text, value) in values.items()]
 
 
 class ConnectionMetrics(Collector):

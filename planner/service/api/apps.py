@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection
 
 import uvicorn
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Response
+from prometheus_client import ProcessCollector
 from sqlalchemy.exc import DBAPIError
 from starlette.routing import BaseRoute
 
@@ -27,7 +28,7 @@ from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
-from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics
+from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics, StoreMetrics
 from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import (
     JOB_KIND_BY_PATH,
@@ -127,6 +128,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
     _set_up_control_state(app, reads_inline=False)
     app.state.office = office
     app.state.metrics.registry.register(ConnectionMetrics(connections))
+    ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
     app.router.routes.extend(_build_routes(has_office=False))
 
     async def flush_recordings(path: str) -> None:
@@ -206,6 +208,7 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state.greetings = ConnectionRegistry(PENDING_LIMITS)
     state.metrics = ServiceMetrics()
     state.metrics.registry.register(FleetMetrics(state.hub))
+    state.metrics.registry.register(StoreMetrics(state.store, state.watch, state.bodies))
     state.hub.on_stop = partial(state.metrics.count_stop, "link")
     app.add_route(LOGIN_PATH, administration.log_in_browser, methods=["GET"], include_in_schema=False)
     app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)

@@ -196,6 +196,12 @@ class BackOffice:
         self._kept_process = KeptProcess("headland-office", run, SHORT_LIFE_S, PATIENCE_S)
         self._task: asyncio.Task[None] | None = None
 
+    @property
+    def pid(self) -> int:
+        """The number of the process, 0 where there is none."""
+        process = self._kept_process.process
+        return 0 if process is None else process.pid or 0
+
     def start(self) -> None:
         """Start the process, and again whenever it ends."""
         self._task = asyncio.create_task(self._keep_running())

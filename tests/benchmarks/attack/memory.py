@@ -86,7 +86,7 @@ def make_ends(kind: str, number: int) -> tuple[bytes, str, bytes]:
         plan = write_plan(lines, 1.0)
         if "many" in kind:
             leg = json.loads(plan)["tractors"][0][0]
-            legs = json.dumps([leg] * 100_000).encode()
+            legs = json.dumps([leg] * 20_000).encode()
             plan = plan.replace(json.dumps([[leg]])[1:-1], legs.decode())
         return json.dumps({"name": name, "plan": plan}).encode(), "application/json", b""
     return b"[", "application/json", b"[]]"
