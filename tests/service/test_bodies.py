@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def test_a_client_has_two_uploads_and_all_have_four() -> None:
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.lists(st.integers(0, 3 * MEGABYTE_BYTES), max_size=4))))
 def test_a_budget_is_never_exceeded_and_all_of_it_comes_back(bodies: list[tuple[str, list[int]]]) -> None:
-    budget, shares, held = BodyBudget(SETTINGS), [], {}
+    budget, shares, held = BodyBudget(SETTINGS), [], dict[str, int]()
     for client, sizes in bodies:
         opened = budget.open_share(client)
         share = opened.__enter__()
@@ -117,7 +117,9 @@ def test_a_client_that_goes_away_is_no_fault(
 ) -> None:
     token = bearer(app, "operator planner")["Authorization"].encode()
     begin = b"--x\r\n" if path == "fields" else b"{"
-    messages = iter([{"type": "http.request", "body": begin, "more_body": True}, {"type": "http.disconnect"}])
+    messages: Iterator[dict[str, Any]] = iter(
+        [{"type": "http.request", "body": begin, "more_body": True}, {"type": "http.disconnect"}]
+    )
     headers = [(b"host", b"x"), (b"authorization", token), (b"content-type", b"application/json")]
     if path == "fields":
         headers[-1] = b"content-type", b"multipart/form-data; boundary=x"

@@ -173,6 +173,7 @@ class FleetSessions:
         async with self._creating:
             if len(self.by_id) >= MOST_FLEETS:
                 raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
+            # Prepared plans take about as much memory as their texts: together no more than one upload.
             room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
             new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
             session = self._build_session(new.id, new.name, new.plan, new.settings, new.created)

@@ -159,8 +159,7 @@ class RequestGate:
         """The refusal of a request; None where it may pass."""
         connection = HTTPConnection(scope)
         is_stop = scope["method"] == "POST" and STOP_PATH.fullmatch(scope["path"]) is not None
-        address = compute_network_key(str((scope.get("client") or ("",))[0]))
-        wait_s = self.rate_limiter.take_token(address) if scope["path"].startswith(API_PATH) else 0.0
+        wait_s = self.rate_limiter.take_token(_find_network(scope)) if scope["path"].startswith(API_PATH) else 0.0
         if wait_s > 0.0 and not is_stop:
             return self._build_rate_refusal(wait_s)
         try:
@@ -219,8 +218,12 @@ def _get_length(scope: Scope) -> int:
 def _name_client(scope: Scope) -> str:
     """Whose share of the budget a body takes: that of its token, or of its network without one."""
     caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
-    address = compute_network_key(str((scope.get("client") or ("",))[0]))
-    return address if caller is None or caller.token_sha256 is None else caller.token_sha256
+    return _find_network(scope) if caller is None or caller.token_sha256 is None else caller.token_sha256
+
+
+def _find_network(scope: Scope) -> str:
+    """What counts as one address among callers without a token."""
+    return compute_network_key(str((scope.get("client") or ("",))[0]))
 
 
 def _limit_body(receive: Receive, most_bytes: int, share: BodyShare) -> Receive:
