@@ -46,9 +46,13 @@ class SqliteFile:
         if self._mark is not None and self._read_mark() != self._mark:
             raise sqlite3.OperationalError(REPLACED.format(path=self._path))
 
-    def _read_mark(self) -> int:
-        with open(self._path, "rb") as stream:
-            return int.from_bytes(stream.read(MARK_PLACE.stop)[MARK_PLACE], "big")
+    def _read_mark(self) -> int | None:
+        """The mark in the file, None where there is no file to read."""
+        try:
+            with open(self._path, "rb") as stream:
+                return int.from_bytes(stream.read(MARK_PLACE.stop)[MARK_PLACE], "big")
+        except OSError:
+            return None
 
     def _note_file(self, _connection: sqlite3.Connection, record: Any) -> None:
         record.info["file"] = self._find_file()
