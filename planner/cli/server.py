@@ -36,6 +36,10 @@ BACKGROUND_HELP = (
     "Background of maps: an address such as https://tiles.example/{z}/{x}/{y}.png (XYZ, WMTS; WMS with {bbox}), or an "
     ".mbtiles or .tif file. The service fetches and keeps its tiles; browsers ask nobody else."
 )
+VIDEO_HELP = (
+    "Host that operators may name for video, such as https://gateway.example:8443; may be repeated. The "
+    "browsers of all who look load it."
+)
 SHUTDOWN_S = 5
 MAX_FRAME_BYTES = 2**18
 BACKLOG, ACCEPTS_PER_TURN = 1024, 32
@@ -51,6 +55,7 @@ def serve(
     public_url: Annotated[
         str, typer.Option(help="Address of a proxy in front, as browsers see it, such as https://farm.example")
     ] = "",
+    video_host: Annotated[Optional[list[str]], typer.Option(help=VIDEO_HELP)] = None,
     background: Annotated[str, typer.Option(help=BACKGROUND_HELP)] = "",
     background_attribution: Annotated[
         str, typer.Option(help="Whose background it is, shown on every map, such as '© OpenStreetMap contributors'.")
@@ -67,7 +72,8 @@ def serve(
 
     limit_linear_algebra_threads()
     settings = build_settings(
-        data, database, host=host, port=port, public_url=public_url.rstrip("/"), background=background,
+        data, database, host=host, port=port, public_url=public_url.rstrip("/"),
+        video_hosts=tuple(video_host or ()), background=background,
         background_attribution=background_attribution, background_zoom=background_zoom,
         background_cache_mb=background_cache_mb,
     )  # fmt: skip

@@ -116,13 +116,25 @@ def fifth() -> Tables:
     return tables
 
 
+def sixth() -> Tables:
+    """Since the sixth version tokens have identities, by which files and jobs name their owners."""
+    tables = fifth()
+    for row in tables["tokens"]:
+        row["identity"] = f"{row['id']:032x}"
+    for name in ("files", "jobs"):
+        for row in tables[name]:
+            row["owner_identity"] = None
+    tables["files"][0]["owner_identity"] = f"{2:032x}"
+    return tables
+
+
 def rename(values: dict[str, Any]) -> dict[str, Any]:
     """Options with the names of today."""
     names = dict(zip(OLD_REQUEST, NEW_REQUEST, strict=True))
     return {names.get(key, key): value for key, value in values.items()}
 
 
-EARLIER = {"0001": first, "0002": second, "0003": third, "0004": fourth, "0005": fifth}
+EARLIER = {"0001": first, "0002": second, "0003": third, "0004": fourth, "0005": fifth, "0006": sixth}
 """By revision: each is to stay as it is, for a database that was made so stays as it is, too."""
 
 

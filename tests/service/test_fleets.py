@@ -18,7 +18,8 @@ from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
-from planner.service.fleets import fleet_routes
+from planner.service.fleets import fleet_creation
+from planner.service.fleets.fleet_creation import store_new_fleet
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
@@ -103,12 +104,12 @@ def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) ->
     old = store.blobs.put_bytes(b"as it was")
     job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put_bytes(b"")})
     store.add_file("field", "other", b"another", ".kml")
-    wanted = fleet_routes.FleetRequest(name="north", plan=job.id)
-    contents, kept = fleet_routes._read_replacement_files(store, wanted)
+    wanted = fleet_creation.FleetRequest(name="north", plan=job.id)
+    contents, kept = fleet_creation._read_replacement_files(store, wanted)
     assert contents == {"field": (".geojson", b"as it was")} and kept == {"field": (".geojson", old)}
-    given, _ = fleet_routes._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
+    given, _ = fleet_creation._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
     assert given == {"field": (".kml", b"another")}
-    assert fleet_routes._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
+    assert fleet_creation._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
     store.close()
 
 
@@ -164,9 +165,8 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
 
     async def before() -> str:
         hub = InlineHub(store)
-        fleet = await hub.create_session(
-            "north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
-        )
+        given = {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
+        fleet = await hub.create_session(store_new_fleet, store, "north", TEXT, {}, given)
         fleet.manager.operators.start_fleet_work("anna", time.monotonic())
         tractor = FleetClient(TRACTOR, "tractor 1", 0)
         fleet.add_client(tractor, time.monotonic())
@@ -232,9 +232,8 @@ def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written
 
     async def ended() -> None:
         hub = InlineHub(store)
-        fleet = await hub.create_session(
-            "north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
-        )
+        given = {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
+        fleet = await hub.create_session(store_new_fleet, store, "north", TEXT, {}, given)
         fleet.manager.log_event("anna", "seen once")
         fleet.send_pending_outputs()
         keeping = asyncio.create_task(hub.save(fleet))

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.farm.inventory import read_example_farm_text
+from planner.service.store.tables import Owner
 from tests.service.conftest import SMALL, bearer
 
 Header = Mapping[str, str]
@@ -157,7 +158,7 @@ def test_a_name_that_is_taken_while_an_upload_is_read_stays_its_owners(
 
     async def read_slowly(*arguments: Any, **options: Any) -> None:
         await read(*arguments, **options)
-        app.state.store.add_file("field", "north", SMALL, owner="somebody else")
+        app.state.store.add_file("field", "north", SMALL, owner=Owner("somebody else", "0"))
 
     monkeypatch.setattr(app.state.reader, "read", read_slowly)
     assert add_field(client, token, "north", LARGER, replace="true").status_code == 403

@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Page
 from planner.farm.inventory import read_example_farm_text
 from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
+from planner.service.store.tables import Owner
 from tests.service.accessibility import find_faults_at_widths, open_all_details
 from tests.service.conftest import SMALL
 from tests.service.test_library import LARGER
@@ -102,8 +103,8 @@ def test_a_field_is_added_replaced_renamed_copied_and_deleted(service: Service, 
 
 def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
     watched, app = service
-    app.state.store.add_file("field", "theirs", SMALL, owner="yard")
-    done = app.state.store.add_job("plan", "their plan", {}, owner="yard")
+    app.state.store.add_file("field", "theirs", SMALL, owner=Owner("yard", "0"))
+    done = app.state.store.add_job("plan", "their plan", {}, owner=Owner("yard", "0"))
     app.state.store.cancel_job(done.id)
     page = watched.open("/library/plans")
     open_change(page, "their plan")

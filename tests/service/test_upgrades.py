@@ -11,26 +11,32 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 
 from planner.service.access.permissions import build_caller
+from planner.service.errors import ScopeError
 from planner.service.settings import ServiceSettings
 from planner.service.store.backup import back_up
-from planner.service.store.database import MIGRATIONS_FOLDER
+from planner.service.store.database import MIGRATIONS_FOLDER, Database
 from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
-from planner.service.store.tables import TableBase
+from planner.service.store.tables import COPIED_TABLES, TableBase
 from tests.service.databases import KINDS
 from tests.service.earlier import BEGAN, EARLIER, FLEET, MEANS, NEW_REQUEST, PROGRESS, ROWS, SHA, Tables, make, rename
 
 JSON = ("request", "work", "inputs", "settings", "progress", "data", "options")
 DEFAULTS: dict[str, dict[str, Any]] = {
-    "files": {"options": {}, "owner": None, "changed": None},
-    "jobs": {"owner": None},
+    "files": {"options": {}, "owner": None, "changed": None, "owner_identity": None},
+    "jobs": {"owner": None, "owner_identity": None},
     "tokens": {"fleet": None, "tractor": None, "expires": None},
 }
 """What later columns say of rows that are older than they are."""
 
 
-def expected(name: str, row: dict[str, Any]) -> dict[str, Any]:
-    """A row as it is to be today."""
+def expected(store: Store, name: str, row: dict[str, Any]) -> dict[str, Any]:
+    """A row as it is to be today; identities of before there were any are those that the store has given."""
+    given = {each["name"]: each["identity"] for each in rows_of(store, "tokens")}
+    if name == "tokens":
+        row = {"identity": given[row["name"]]} | row
+    if row.get("owner") and "owner_identity" not in row:
+        row = row | {"owner_identity": given[row["owner"]]}
     today = DEFAULTS.get(name, {}) | {key: json.loads(value) if key in JSON else value for key, value in row.items()}
     if name in ("files", "jobs"):
         today |= {key: rename(today[key]) for key in ("options", "request", "work") if key in today}
@@ -104,7 +110,9 @@ def test_every_row_means_the_same_after_an_upgrade(both: ServiceSettings, revisi
     for _ in range(2):  # the second time nothing is to do
         store = Store(both)
         for name, rows in tables.items():
-            assert rows_of(store, name) == [expected(name, row) for row in rows], name
+            assert rows_of(store, name) == [expected(store, name, row) for row in rows], name
+        identities = [row["identity"] for row in rows_of(store, "tokens")]
+        assert len(set(identities)) == len(tables["tokens"]) and all(len(each) == 32 for each in identities)
         check_meaning(store, tables)
         with store.database.engine.connect() as connection:
             assert compare_metadata(MigrationContext.configure(connection), TableBase.metadata) == []
@@ -121,7 +129,7 @@ def renumber(settings: ServiceSettings) -> None:
 
     database = Database(settings.url)
     with database.open_write_session() as session:
-        for table in TableBase.metadata.sorted_tables:
+        for table in COPIED_TABLES:
             _advance_sequence(session.connection(), table)
     database.close()
 
@@ -140,7 +148,7 @@ def test_a_folder_of_an_earlier_version_is_backed_up_and_brought_back(
     store = Store(both)
     restore_backup(store, tmp_path / "copy.zip")
     for name in tables:
-        assert rows_of(store, name) == [expected(name, row) for row in tables[name]], name
+        assert rows_of(store, name) == [expected(store, name, row) for row in tables[name]], name
     check_goes_on(store)
     store.close()
 
@@ -160,6 +168,30 @@ def test_an_upgrade_that_fails_half_way_changes_nothing(both: ServiceSettings, m
         Store(both)
     monkeypatch.undo()
     store = Store(both)
-    assert rows_of(store, "tokens") == [expected("tokens", row) for row in tables["tokens"]]
+    assert rows_of(store, "tokens") == [expected(store, "tokens", row) for row in tables["tokens"]]
     assert rows_of(store, "files")[0]["created"] == BEGAN
+    store.close()
+
+
+def test_what_an_earlier_token_of_a_name_made_is_not_that_of_the_token_of_today(both: ServiceSettings) -> None:
+    both.data.mkdir()
+    make(both.url, "0005")
+    older, newer = "2026-04-30T06:10:00.000Z", "2026-05-02T06:10:00.000Z"
+    database = Database(both.url)
+    with database.open_write_session() as session:
+        for number, created in ((8, older), (9, newer)):
+            session.execute(sa.text(f"UPDATE jobs SET owner = 'office', created = '{created}' WHERE number = {number}"))
+        session.execute(sa.text("UPDATE jobs SET owner = 'long gone' WHERE number = 12"))
+    database.close()
+    store = Store(both)
+    office = build_caller(next(row for row in store.list_tokens() if row.name == "office"))
+    may = {}
+    for number in (7, 8, 9, 12):
+        try:
+            office.check_may_change(store.get_job(f"{number:012x}"), "The job")
+            may[number] = True
+        except ScopeError as refusal:
+            may[number] = False
+            assert ("an earlier token 'office'" in str(refusal)) == (number == 8)
+    assert may == {7: True, 8: False, 9: True, 12: False}
     store.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from planner.service.access.browser_policy import CONTENT_SECURITY_POLICY, build
 from planner.service.errors import ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel
 from planner.service.fleets.video_addresses import VideoAddresses, check_video_address, find_origin
+from planner.service.settings import ServiceSettings
 from tests.service.conftest import bearer
 
 PUT = "/api/v1/fleets/f1/tractors/{}/video"
@@ -25,6 +27,12 @@ class Session:
     """As much of a fleet as the route asks."""
 
     id, name, tractor_count = "f1", "north", 2
+
+
+@pytest.fixture
+def settings(settings: ServiceSettings) -> ServiceSettings:
+    """Settings with the gateway of the camera."""
+    return replace(settings, video_hosts=("https://gateway.example:8443",))
 
 
 @pytest.fixture
@@ -64,8 +72,9 @@ def test_all_else_is_refused_in_a_sentence_that_keeps_secrets(address: str, why:
 
 
 def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
-    videos = VideoAddresses()
-    videos.restore("f1", {"videos": {"1": CAMERA, "2": "/video/2.m3u8"}})
+    videos = VideoAddresses(["https://gateway.example:8443", "http://camera.example:80/", "http://unused.example"])
+    videos.restore("f1", {"videos": {"1": CAMERA, "2": "/video/2.m3u8", "3": "http://192.168.1.1/reboot"}})
+    assert videos.get_addresses("f1") == {1: CAMERA, 2: "/video/2.m3u8"}
     videos.set_address("f2", 1, "HTTP://Camera.example/a/b.mjpg")
     assert videos.list_origins() == ["http://camera.example", "https://gateway.example:8443"]
     policy = build_page_policy(videos.list_origins())
@@ -81,14 +90,30 @@ def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
 
 
 def test_hosts_are_refused_where_the_policy_has_no_room_for_them() -> None:
-    videos = VideoAddresses()
-    for number in range(32):
-        videos.set_address("a", number + 1, f"https://camera-{number:02}.farm.example/live.m3u8")
-    assert len(build_page_policy(videos.list_origins())) < 2600
-    videos.check_room("https://camera-07.farm.example/other.m3u8")
-    videos.check_room("/video/1/index.m3u8")
+    hosts = [f"https://camera-{number:02}.farm.example" for number in range(30)]
+    videos = VideoAddresses(hosts)
+    for number, host in enumerate(hosts):
+        videos.set_address("a", number + 1, f"{host}/live.m3u8")
+    assert videos.list_origins() == hosts and len(build_page_policy(hosts)) < 2600
     with pytest.raises(ServiceError, match="one gateway"):
-        videos.check_room("https://camera-32.farm.example/live.m3u8")
+        VideoAddresses([*hosts, *(f"https://camera-{number}.farm.example" for number in range(30, 33))])
+
+
+@pytest.mark.parametrize("host", ["camera.example", "/video", "https://camera.example/path", "rtsp://camera", ""])
+def test_a_video_host_is_scheme_host_and_port(host: str) -> None:
+    with pytest.raises(ServiceError):
+        VideoAddresses([host])
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["https://gateway.example/1", "http://gateway.example:8443/1", "https://gateway.example:8443.evil.example/1",
+     "https://evil.example/?https://gateway.example:8443", "http://127.0.0.1/", "http://[::1]:8443/"],
+)  # fmt: skip
+def test_only_hosts_that_the_administrator_named_are_allowed(address: str) -> None:
+    videos = VideoAddresses(["https://gateway.example:8443"])
+    assert videos.is_allowed(CAMERA) and videos.is_allowed("HTTPS://Gateway.Example:8443/2")
+    assert videos.is_allowed("/video/1/index.m3u8") and not videos.is_allowed(address)
 
 
 @pytest.mark.slow
@@ -104,6 +129,8 @@ def test_operators_set_it_and_pages_may_load_it_until_it_is_removed(app: FastAPI
     assert app.state.store.list_events(fleet="f1")[-1].data == {"tractor": 1, "address": CAMERA}
     refused = fleet.put(PUT.format(1), json={"address": "rtsp://camera/1"}, headers=operator)
     assert refused.status_code == 422 and refused.json()["parameter"] == "address"
+    refused = fleet.put(PUT.format(1), json={"address": "http://192.168.1.1/reboot"}, headers=operator)
+    assert refused.status_code == 422 and "--video-host" in refused.json()["error"]
     assert fleet.put(PUT.format(3), json={"address": CAMERA}, headers=operator).status_code == 404
     assert fleet.put(PUT.format(1), json={"address": None}, headers=operator).json() == {"address": None}
     assert not re.search("media-src", fleet.get("/").headers["content-security-policy"])

@@ -17,7 +17,7 @@ from planner.service.access.one_time_links import BrowserLogins
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ScopeError, TokenError
 from planner.service.settings import ServiceSettings
-from planner.service.store.tables import TokenRow
+from planner.service.store.tables import FileRow, JobRow, Owner, TokenRow
 from planner.service.store.token_table import BROWSER_TOKEN_PREFIX
 
 BEARER_SCHEME = HTTPBearer(
@@ -60,7 +60,7 @@ class RequiredRight:
 
 @dataclass(frozen=True)
 class Caller:
-    """Who sends a request: name, scopes and SHA-256 of the token (None without one).
+    """Who sends a request: name, scopes, SHA-256 and identity of the token (None without one).
 
     A robot is bound to a `tractor`, counted from 1, of a `fleet`. `data_option` names the folder of the service in the
     commands that refusals give, where the caller may know it.
@@ -72,6 +72,7 @@ class Caller:
     fleet: str | None = None
     tractor: int | None = None
     data_option: str = ""
+    identity: str | None = None
 
     def has_right(self, right: str, fleet: str | None = None, tractor: int | None = None) -> bool:
         """Whether the caller has a right, for a fleet and one of its tractors where these are given."""
@@ -106,19 +107,23 @@ class Caller:
         return f"headland token new{self.data_option} --scope {scope}"
 
     @property
-    def owner_name(self) -> str | None:
-        """The name for what the caller makes; None without a token and for browsers, which get a new one each time."""
-        return None if self.token_sha256 is None or self.name.startswith(BROWSER_TOKEN_PREFIX) else self.name
+    def owner(self) -> Owner | None:
+        """The owner of what the caller makes; None without a token and for browsers, which get a new one each time."""
+        if self.identity is None or self.name.startswith(BROWSER_TOKEN_PREFIX):
+            return None
+        return Owner(self.name, self.identity)
 
-    def check_may_change(self, owner: str | None, subject: str) -> None:
+    def check_may_change(self, row: FileRow | JobRow, subject: str) -> None:
         """Raise ScopeError where something belongs to another token; an administrator may change everything.
 
-        `subject` names it at the start of the sentence; an `owner` of None stands for things of nobody.
+        `subject` names it at the start of the sentence. A later token of the owner's name is another token.
         """
-        if owner in (None, self.name) or self.has_right(ADMINISTER):
+        is_own = row.owner is None or (row.owner_identity is not None and row.owner_identity == self.identity)
+        if is_own or self.has_right(ADMINISTER):
             return
+        which = "an earlier token" if row.owner == self.name else "the token"
         raise ScopeError(
-            f"{subject} belongs to the token {owner!r}; ask who has that token or one of the scope 'admin' to change "
+            f"{subject} belongs to {which} {row.owner!r}; ask who has that token or one of the scope 'admin' to change "
             "it, or make a copy of your own."
         )
 
@@ -188,7 +193,8 @@ async def identify_socket(websocket: WebSocket, first_frame_token: str | None = 
 
 def build_caller(token: TokenRow) -> Caller:
     """The caller that a token stands for."""
-    return Caller(token.name, tuple(token.scopes.split()), token.sha256, token.fleet, token.tractor)
+    scopes = tuple(token.scopes.split())
+    return Caller(token.name, scopes, token.sha256, token.fleet, token.tractor, identity=token.identity)
 
 
 def read_bearer(connection: HTTPConnection) -> str | None:

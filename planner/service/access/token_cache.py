@@ -13,7 +13,8 @@ from concurrent.futures import Future
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.service.errors import ServiceError, TokenError
+from planner.service.errors import DatabaseError, ServiceError, TokenError
+from planner.service.store.revocations import Revocation
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_token
@@ -25,6 +26,10 @@ UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
 UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
 EXPIRED_TOKEN = "This token expired at {expires}; make a new one with headland token new."
 REVOKED_LINK_TOKEN = "The token of this link was revoked; link again with another one."
+REVOKED_UNTIL_RESTART = (
+    "The token {name!r} is refused from now on, but only until a restart, as nothing can be stored now; revoke it "
+    "again once the database and the disk can be used."
+)
 EXPIRED_LINK_TOKEN = "The token of this link has expired; link again with another one."
 
 
@@ -38,6 +43,7 @@ class TokenCache:
     def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock = store, clock
         self._rows: dict[str, TokenRow] = {}
+        self._revoked: set[str] = set()
         self._refreshed_at = -math.inf
         self._waiting: list[Future[None]] = []
         self._lock, self._refresh_lock = threading.Lock(), threading.Lock()
@@ -97,6 +103,31 @@ class TokenCache:
             raise TokenError(EXPIRED_TOKEN.format(expires=row.expires), parameter="token")
         return row
 
+    async def revoke_token(self, name: str, who: str) -> None:
+        """Revoke a token: it is refused when this returns, whatever the database does, and stays so after a restart.
+
+        Raises NotFoundError, and DatabaseError where it holds only until a restart, as nothing can be stored.
+        """
+        row = self._find_by_name(name)
+        if row is None and await asyncio.to_thread(self.refresh):
+            row = self._find_by_name(name)
+        if row is None:
+            raise self._store.build_unknown_token_error(name)
+        with self._lock:
+            self._revoked.add(row.sha256)
+            self._rows = {sha256: each for sha256, each in self._rows.items() if sha256 != row.sha256}
+        revocation, is_kept = Revocation(row.sha256, row.name, who), False
+        with contextlib.suppress(ServiceError, OSError):
+            await asyncio.to_thread(self._store.revocations.add, revocation)
+            is_kept = True
+        writing = asyncio.create_task(asyncio.to_thread(self._store.write_revocation, revocation))
+        done, _ = await asyncio.wait([writing], timeout=REFRESH_TIMEOUT_S if is_kept else None)
+        if writing in done and (error := writing.exception()) is not None and not is_kept:
+            raise DatabaseError(REVOKED_UNTIL_RESTART.format(name=name)) from error
+
+    def _find_by_name(self, name: str) -> TokenRow | None:
+        return next((row for row in self._rows.values() if row.name == name), None)
+
     def refresh(self) -> bool:
         """Read all tokens now; False where the database does not answer, which leaves all as it was."""
         with self._refresh_lock:
@@ -110,7 +141,9 @@ class TokenCache:
                     logging.getLogger(__name__).error("Tokens cannot be read; known ones stay valid: %s", words)
                 self.last_error = words
             else:
-                self._rows, self._refreshed_at, self.last_error = rows, self._clock(), None
+                with self._lock:  # what was revoked while they were read stays revoked
+                    self._rows = {sha256: row for sha256, row in rows.items() if sha256 not in self._revoked}
+                self._refreshed_at, self.last_error = self._clock(), None
             finally:
                 for future in waiting:
                     if future.set_running_or_notify_cancel():

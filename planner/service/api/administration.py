@@ -1,10 +1,11 @@
 """Routes for health, readiness, caller, login, tokens, events, and metrics for Prometheus.
 
-Metrics are of requests, links, ages, stops and jobs.
+Metrics are of requests, links, ages, stops, jobs, database, disk, and memory and descriptors of both processes.
 """
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -12,7 +13,7 @@ from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from pydantic import BaseModel, ConfigDict, Field
@@ -33,6 +34,7 @@ from planner.service.access.permissions import (
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ServiceError, StorageError
 from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.gateway.bodies import BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import (
     CHANGE_ERRORS,
@@ -52,6 +54,7 @@ from planner.service.gateway.responses import (
     document_errors,
 )
 from planner.service.settings import find_version
+from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -66,6 +69,7 @@ class ServiceMetrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
+        ProcessCollector(registry=self.registry)  # memory, descriptors and CPU of this process, where Linux shows them
         self.requests = Histogram(
             "headland_request_seconds",
             "How long requests took, forwarded ones included.",
@@ -135,6 +139,26 @@ class FleetMetrics(Collector):
         return links, ages, alarms
 
 
+class StoreMetrics(Collector):
+    """Database, room on the disk, and bodies under way."""
+
+    def __init__(self, store: Store, watch: DatabaseWatch, bodies: BodyBudget) -> None:
+        self.store, self.watch, self.bodies = store, watch, bodies
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        values = {
+            "headland_database_write_age_seconds": ("Since a write went through.", self.watch.age_s),
+            "headland_database_write_seconds": ("How long the last write took.", self.watch.last_write_s),
+            "headland_bodies_bytes": ("Large bodies under way.", self.bodies.held_bytes),
+            "headland_bodies_limit_bytes": ("Room for large bodies.", self.bodies.most_bytes),
+        }
+        with suppress(OSError):
+            free_bytes = shutil.disk_usage(self.store.settings.data).free
+            values["headland_disk_free_bytes"] = ("Room on the disk of the data folder.", free_bytes)
+        return [GaugeMetricFamily(name, text, value=value) for name, (text, value) in values.items()]
+
+
 class ConnectionMetrics(Collector):
     """Open connections, and those that were closed unfinished."""
 
@@ -156,6 +180,7 @@ class ConnectionMetrics(Collector):
 
 TOKENS_STALE_S = 5.0
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
 health_router = APIRouter(tags=["service"])
 
@@ -183,8 +208,9 @@ async def show_caller(caller: OwnReadAccess) -> CallerInfo:
     rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
     command = caller.format_token_command("planner --scope operator")
     return CallerInfo(
-        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command
-    )
+        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command,
+        identity=caller.identity,
+    )  # fmt: skip
 
 
 async def log_in_browser(request: Request) -> Response:
@@ -233,6 +259,8 @@ def list_service_faults(request: Request) -> list[str]:
     faults = []
     if book.age_s > TOKENS_STALE_S:
         faults.append(DATABASE_DOWN.format(age_s=min(book.age_s, 1e6)))
+    elif not state.watch.is_writable:
+        faults.append(NOTHING_WRITTEN.format(age_s=min(state.watch.age_s, 1e6)))
     try:
         state.store.blobs.check_disk_space(0)
     except StorageError as error:
@@ -293,12 +321,16 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     return NewToken(**info.model_dump(), token=text)
 
 
-@tokens_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
-def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
-    """Revoke a token."""
-    request.app.state.store.revoke_token(name)
-    _refresh_token_cache(request)
-    request.app.state.store.add_event(None, caller.name, "token revoked", {"name": name})
+revocation_router = APIRouter(prefix="/tokens", tags=["tokens"])
+
+
+@revocation_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
+async def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
+    """Revoke a token: it is refused and its links end at once, also while the database cannot be written to."""
+    try:
+        await request.app.state.book.revoke_token(name, caller.name)
+    finally:
+        await request.app.state.hub.check_tokens()
 
 
 def _refresh_token_cache(request: Request) -> None:

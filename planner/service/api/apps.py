@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import shutil
 import signal
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -19,6 +20,7 @@ from multiprocessing.connection import Connection
 
 import uvicorn
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Response
+from prometheus_client import ProcessCollector
 from sqlalchemy.exc import DBAPIError
 from starlette.routing import BaseRoute
 
@@ -26,7 +28,7 @@ from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
-from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics
+from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics, StoreMetrics
 from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import (
     JOB_KIND_BY_PATH,
@@ -43,6 +45,7 @@ from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
 from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
 from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
+from planner.service.gateway.bodies import BODIES_FOLDER, BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
@@ -53,6 +56,7 @@ from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
 from planner.service.settings import ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
+from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 DOCS_ASSETS = {
@@ -124,6 +128,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
     _set_up_control_state(app, reads_inline=False)
     app.state.office = office
     app.state.metrics.registry.register(ConnectionMetrics(connections))
+    ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
     app.router.routes.extend(_build_routes(has_office=False))
 
     async def flush_recordings(path: str) -> None:
@@ -157,7 +162,10 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [administration.health_router, fleet_routes.fleet_router, video_router, twin_router, link_router]
+    return [
+        administration.health_router, administration.revocation_router, fleet_routes.fleet_router, video_router,
+        twin_router, link_router,
+    ]  # fmt: skip
 
 
 @cache
@@ -190,14 +198,17 @@ def _build_app(
 
 def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     state = app.state
-    state.book = TokenCache(state.store)
+    state.book, state.watch = TokenCache(state.store), DatabaseWatch(state.store)
     state.logins = BrowserLogins(secure=state.settings.public_url.startswith("https://"))
     state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
     state.diagnosing = TwinDiagnosis(state.store, state.reader)
     state.hub = FleetSessions(state.store, state.diagnosing.follow_up, book=state.book)
+    state.bodies = BodyBudget(state.settings)
+    shutil.rmtree(state.settings.data / BODIES_FOLDER, ignore_errors=True)  # those of a service that was killed
     state.greetings = ConnectionRegistry(PENDING_LIMITS)
     state.metrics = ServiceMetrics()
     state.metrics.registry.register(FleetMetrics(state.hub))
+    state.metrics.registry.register(StoreMetrics(state.store, state.watch, state.bodies))
     state.hub.on_stop = partial(state.metrics.count_stop, "link")
     app.add_route(LOGIN_PATH, administration.log_in_browser, methods=["GET"], include_in_schema=False)
     app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
@@ -228,7 +239,7 @@ def _add_middleware(app: FastAPI) -> None:
     settings: ServiceSettings = app.state.settings
     rules = list_route_rules(list_control_routers(), API_PREFIX, settings, are_orders=True)
     rules += list_route_rules(list_back_office_routers(), API_PREFIX, settings)
-    app.add_middleware(RequestGate, settings=settings, rules=rules)
+    app.add_middleware(RequestGate, settings=settings, rules=rules, bodies=app.state.bodies)
     app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 
@@ -264,10 +275,12 @@ async def _run_office_lifespan(app: FastAPI) -> AsyncIterator[None]:
 @contextlib.asynccontextmanager
 async def _run_control(app: FastAPI) -> AsyncIterator[None]:
     try:
+        await asyncio.to_thread(app.state.watch.start)
         await app.state.hub.start()
         yield
     finally:
         await app.state.hub.stop()
+        await asyncio.to_thread(app.state.watch.close)
         app.state.reader.close()
 
 

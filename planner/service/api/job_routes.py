@@ -162,7 +162,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
         """The store, where the caller may change a job in it; raises NotFoundError, ScopeError for somebody else's."""
         store: Store = request.app.state.store
         row = store.get_job(id, kind)
-        caller.check_may_change(row.owner, f"The job {row.name!r}")
+        caller.check_may_change(row, f"The job {row.name!r}")
         return store
 
     @router.post("/{id}/cancel", responses=CHANGE_ERRORS, operation_id=f"cancel_{kind}")
@@ -192,7 +192,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
     def copy_job(request: Request, caller: PlanAccess, id: str, body: CopyRequest) -> JobInfo:
         """Copy a job that has ended, with its results; the copy belongs to who makes it."""
         store: Store = request.app.state.store
-        row = store.copy_job(id, kind, body.name, caller.owner_name)
+        row = store.copy_job(id, kind, body.name, caller.owner)
         store.add_event(None, caller.name, f"{kind} copied", {"id": id, "to": row.id})
         return describe_job(row)
 

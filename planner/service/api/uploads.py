@@ -145,11 +145,11 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
         if copy_name in taken:
             raise ConflictError(f"There is a {kind} {copy_name!r} already; choose another name.", parameter="name")
         if name in list_samples(kind):
-            row = store.add_file(kind, copy_name, _read_sample(kind, name), owner=caller.owner_name)
+            row = store.add_file(kind, copy_name, _read_sample(kind, name), owner=caller.owner)
         else:
             source = store.get_file(kind, name)
             content = store.blobs.read_bytes(source.sha256)
-            row = store.add_file(kind, copy_name, content, source.suffix, source.options, caller.owner_name)
+            row = store.add_file(kind, copy_name, content, source.suffix, source.options, caller.owner)
         store.add_event(None, caller.name, f"{kind} copied", {"name": name, "to": row.name})
         return FileInfo.model_validate(row)
 
@@ -283,7 +283,7 @@ def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInf
     if replaced:
         row = store.replace_file(kind, name, upload.content, suffix, options)
     else:
-        row = store.add_file(kind, name, upload.content, suffix, options, caller.owner_name)
+        row = store.add_file(kind, name, upload.content, suffix, options, caller.owner)
     store.add_event(None, caller.name, f"{kind} {'replaced' if replaced else 'uploaded'}", {"name": name} | options)
     return FileInfo.model_validate(row)
 
@@ -312,7 +312,7 @@ def _find_changeable_file(store: Store, caller: Caller, kind: str, name: str, *,
     if name in list_samples(kind):
         raise ConflictError(f"{name!r} comes with Headland and cannot be changed; copy it.", parameter="name")
     row = store.get_file(kind, name)
-    caller.check_may_change(row.owner, f"The {kind} {row.name!r}")
+    caller.check_may_change(row, f"The {kind} {row.name!r}")
     users = list_tractor_users(store, name) if moves and kind == "tractor" else []
     if users:
         more = f" and {len(users) - 1} more" if len(users) > 1 else ""

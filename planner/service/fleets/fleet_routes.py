@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
-from dataclasses import asdict
 from functools import lru_cache
-from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Depends, Request, Response
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import models_json_schema
 from starlette.concurrency import run_in_threadpool
 
-from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
-from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
+from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
-from planner.request.option_texts import parse_clock
-from planner.request.validation_messages import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
-from planner.service.errors import NotFoundError, ServiceError
+from planner.service.errors import NotFoundError
+from planner.service.fleets.fleet_creation import FleetRequest, build_requested_fleet
 from planner.service.fleets.fleet_sessions import FleetLabel, FleetSessions
+from planner.service.gateway.bodies import BODIES_FOLDER, spool_body
 from planner.service.gateway.request_gate import LARGE_BODY_KEY
 from planner.service.gateway.responses import (
     CHANGE_ERRORS,
@@ -34,7 +30,6 @@ from planner.service.gateway.responses import (
     document_file,
 )
 from planner.service.store.service_store import Store
-from planner.service.store.store_part import check_name
 
 INBOUND_FRAMES: tuple[type[inbound_frames.InboundFrame], ...] = (
     inbound_frames.ConnectFrame,
@@ -96,28 +91,7 @@ def _describe_operation(action: str, models: tuple[type[Any], ...], summary: str
 
 fleet_router = APIRouter(tags=["fleets"])
 FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
-LONGEST_PLAN = 30_000_000
-RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
 JSON_TYPE = "application/json"
-
-
-class FleetRequest(BaseModel):
-    """A fleet to create: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
-
-    `field` is by default that of the job. `deadline` (hh:mm, the next one) is by default that of the plan. `horizon_s`
-    is for how many seconds tractors drive their base without contact to the service.
-    """
-
-    model_config = ConfigDict(extra="forbid")
-    name: Annotated[str, Field(min_length=1, max_length=80)]
-    plan: Annotated[str, Field(min_length=1, max_length=LONGEST_PLAN)]
-    result: Annotated[str, Field(max_length=120)] = "plan.json"
-    field: Annotated[str, Field(max_length=80)] | None = None
-    tractor: Annotated[str, Field(max_length=80)] | None = None
-    deadline: Annotated[str, Field(max_length=5)] | None = None
-    twin_method: Literal["predict", "thesis"] = "predict"
-    times: Annotated[float, Field(ge=0.1, le=100.0, allow_inf_nan=False)] = 1.0
-    horizon_s: Annotated[float, Field(ge=2.0, le=600.0, allow_inf_nan=False)] = 20.0
 
 
 REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
@@ -202,60 +176,11 @@ async def list_fleets(request: Request, who: OwnReadAccess) -> FleetList:
 )
 async def create_fleet(request: Request, who: OperateAccess) -> FleetAnswer:
     """Create a fleet from a plan; it stands until it is started."""
-    store, sessions = request.app.state.store, _get_sessions(request)
-    fleet_request: FleetRequest = await sessions.run_in_process(read_fleet_request, await request.body())
-    check_name(fleet_request.name)
-    text, finish_distribution = await run_in_threadpool(_read_plan, store, fleet_request)
-    files, stored_files = await run_in_threadpool(_read_replacement_files, store, fleet_request)
-    deadline_s, chances = None, None
-    if fleet_request.deadline is not None:
-        deadline_s = find_next_time_s(parse_clock(fleet_request.deadline, "deadline"))
-    if finish_distribution is not None:
-        chances = asdict(finish_distribution)
-    settings: dict[str, Any] = fleet_request.model_dump(include={"times", "horizon_s"})
-    settings |= {"way": fleet_request.twin_method, "deadline_s": deadline_s, "files": stored_files, "chances": chances}
-    session = await sessions.create_session(fleet_request.name, text, files, settings)
-    session.manager.log_event(who.name, "created", name=fleet_request.name)
+    state, sessions = request.app.state, _get_sessions(request)
+    async with spool_body(request.stream(), state.settings.data / BODIES_FOLDER) as path:
+        session = await sessions.create_session(build_requested_fleet, state.settings, path)
+    session.manager.log_event(who.name, "created", name=session.name)
     return _build_answer(sessions, sessions.get_label(session.id))
-
-
-def read_fleet_request(body: bytes) -> FleetRequest:
-    """Read a request, which may be large, in a process of its own. Raises ServiceError."""
-    try:
-        return FleetRequest.model_validate_json(body)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-    place = format_location(fault["loc"]) or "The body"
-    name = next((part for part in fault["loc"] if isinstance(part, str)), None)
-    raise ServiceError(describe_fault(fault, place), parameter=name)
-
-
-def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
-    """The text of the plan, with its finish times if it is from a job with samples."""
-    if fleet_request.plan.lstrip().startswith("{"):
-        return fleet_request.plan, None
-    result = store.get_result(fleet_request.plan, fleet_request.result, "plan")
-    text = store.blobs.read_bytes(result.sha256).decode("utf-8", "replace")
-    ranking = json.loads(store.blobs.read_bytes(store.get_result(fleet_request.plan, RANKING_FILE, "plan").sha256))
-    return text, read_finish_distribution(ranking, fleet_request.result)
-
-
-def _read_replacement_files(
-    store: Store, fleet_request: FleetRequest
-) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:
-    """Contents of the named files, and their suffixes and digests in the store."""
-    stored_files: dict[str, tuple[str, str]] = {}
-    for kind, name in (("field", fleet_request.field), ("tractor", fleet_request.tractor)):
-        if name is not None:
-            row = store.get_file(kind, name)
-            stored_files[kind] = row.suffix, row.sha256
-    if fleet_request.field is None and not fleet_request.plan.lstrip().startswith("{"):
-        # The field as the plan was made for it: the boundary is not in the plan.
-        for place, sha256 in store.get_job(fleet_request.plan, "plan").inputs.items():
-            if place.startswith(FIELD_FOLDER):
-                stored_files["field"] = PurePosixPath(place).suffix, sha256
-    files = {kind: (suffix, store.blobs.read_bytes(sha256)) for kind, (suffix, sha256) in stored_files.items()}
-    return files, stored_files
 
 
 @fleet_router.get("/fleets/{id}", responses=CHANGE_ERRORS)

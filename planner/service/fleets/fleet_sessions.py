@@ -28,7 +28,6 @@ from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import MOST_EVENTS, FleetSession
 from planner.fleet.session.fleet_twins import warm_up
-from planner.fleet.session.frame_content import find_next_time_s
 from planner.fleet.session.state_recorder import select_rising_rows
 from planner.pipeline.executors import LocalPool
 from planner.service.access.token_cache import TokenCache
@@ -73,6 +72,18 @@ class FleetLabel:
     created: str
 
 
+@dataclass(frozen=True)
+class NewFleet:
+    """A fleet that was stored and has no session yet; its plan has so many bytes as text."""
+
+    id: str
+    name: str
+    plan: FleetPlan
+    settings: dict[str, Any]
+    created: str
+    plan_bytes: int
+
+
 class FleetSessions:
     """Live fleets by id. `faults` says why a stored fleet could not be restored, `labels` names both kinds.
 
@@ -87,7 +98,7 @@ class FleetSessions:
         self.neighbourhood = Neighbourhood()
         self.faults: dict[str, str] = {}
         self.labels: dict[str, FleetLabel] = {}
-        self.videos = VideoAddresses()
+        self.videos = VideoAddresses(store.settings.video_hosts)
         self.on_stop: Callable[[float], None] | None = None
         self.lag_s = 0.0  # delay of the last step of the fleets, itself included
         self._pool: LocalPool | None = None
@@ -95,6 +106,8 @@ class FleetSessions:
         self._saving, self._order_given = asyncio.Lock(), asyncio.Event()
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="saving")
         self._unsaved: set[str] = set()
+        self._plan_bytes: dict[str, int] = {}
+        self._creating = asyncio.Lock()
 
     async def start(self) -> None:
         """Compile what is needed, restore stored fleets, and start the clock."""
@@ -151,21 +164,21 @@ class FleetSessions:
             raise NotFoundError(f"There is no live fleet {id[:40]!r}; see the list of fleets.", parameter="id")
         return self.by_id[id]
 
-    async def create_session(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> FleetSession:
-        """Create a fleet, ready to start; its deadline is by default that of its plan.
+    async def create_session(self, build: Callable[..., NewFleet], *arguments: Any) -> FleetSession:
+        """Create a fleet, ready to start; one after the other, so that few plans are in memory.
 
-        Raises BusyError for too many fleets, HeadlandError for a plan that cannot be driven.
+        `build` does so in a process of its own, of an id, the bytes that a plan may have, and the arguments. Raises
+        BusyError for too many fleets, and what `build` raises.
         """
-        if len(self.by_id) >= MOST_FLEETS:
-            raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
-        plan = await self.run_in_process(prepare_with_files, text, files)
-        settings = settings | {"begin_s": time.time()}
-        deadline_of_day_s = plan.scenario.deadline_s
-        if settings.get("deadline_s") is None and deadline_of_day_s is not None:
-            settings["deadline_s"] = find_next_time_s(deadline_of_day_s)
-        session = self._build_session(secrets.token_hex(8), name, plan, settings)
-        session.created = await asyncio.to_thread(self.store.save_fleet, session.id, name, text, settings)
-        self.add(session)
+        async with self._creating:
+            if len(self.by_id) >= MOST_FLEETS:
+                raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
+            # Prepared plans take about as much memory as their texts: together no more than one upload.
+            room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
+            new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
+            session = self._build_session(new.id, new.name, new.plan, new.settings, new.created)
+            self._plan_bytes[new.id] = new.plan_bytes
+            self.add(session)
         return session
 
     def check_capacity(self, client: FleetClient) -> None:
@@ -210,6 +223,7 @@ class FleetSessions:
             self.neighbourhood.remove(id, time.monotonic())
         self.faults.pop(id, None)
         self.labels.pop(id, None)
+        self._plan_bytes.pop(id, None)
         self.videos.remove_fleet(id)
         await asyncio.to_thread(self.store.delete_fleet, id)
 
@@ -231,6 +245,7 @@ class FleetSessions:
                 session = self._build_session(row.id, row.name, plan, row.settings, row.created)
                 restore_progress(session.manager, saved.get("centre", {}), time.monotonic(), time.time())
                 session.plan_text = saved.get("plan")
+                self._plan_bytes[row.id] = len(text.encode())
                 await asyncio.to_thread(self._restore_twin_files, session, saved.get("mended", {}))
                 await self._restore_coverage(session)
                 self.add(session)

@@ -63,7 +63,9 @@ class TwinDiagnosis:
     async def begin_diagnosis(self, session: FleetSession, number: int, who: Caller) -> None:
         """Diagnose the recording of a tractor, as a job. Raises HeadlandError, NotFoundError without a recording."""
         body = await run_in_threadpool(self._build_request, session, number)
-        row = await submit_job(self.store, self.reader, f"token {who.name}", DIAGNOSIS_KIND, body, who)
+        row = await submit_job(
+            self.store, self.reader, f"token {who.token_sha256 or who.name}", DIAGNOSIS_KIND, body, who
+        )
         session.diagnoses[number] = row.id
         session.findings.pop(number, None)
         session.manager.alarms.end_alarm(FINDING, number)

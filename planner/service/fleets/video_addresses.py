@@ -1,19 +1,21 @@
 """Addresses of real video, one per tractor of a fleet and stored with it; browsers load them, the service never does.
 
-The page's content security policy allows the hosts of these addresses and no others (access/browser_policy.py).
+Only hosts that the administrator named count, as a browser reaches more than this service does; the page's content
+security policy allows those in use and no others (access/browser_policy.py).
 """
 
 from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 from urllib.parse import SplitResult, urlsplit
 
 from fastapi import APIRouter, Request
 from pydantic import BaseModel, ConfigDict, Field
 
+from planner.service.access.browser_policy import STANDARD_PORT
 from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.gateway.responses import ITEM_ERRORS, ApiModel
@@ -24,6 +26,7 @@ MOST_ORIGIN_CHARS = 1000
 """Of all hosts together: answers name each twice in their policy, and proxies may refuse headers of 4 kB."""
 GATEWAY_SCHEMES = ("rtsp", "rtsps", "rtmp", "rtmps", "udp", "srt")
 PARAMETER = "address"
+ALLOW_HOST = "headland serve --video-host, or give a path of this service's host"
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\]")
 _ADDRESS_CHARACTERS = re.compile(r"[A-Za-z0-9._~:/?#\[\]@!$&()*+=%-]+")  # no blanks, quotes, commas and semicolons
 
@@ -44,9 +47,19 @@ class VideoAnswer(ApiModel):
 
 
 class VideoAddresses:
-    """The addresses of all fleets, by tractor counted from 1."""
+    """The addresses of all fleets, by tractor counted from 1; they may be on these hosts and the service's own.
 
-    def __init__(self) -> None:
+    Raises ServiceError for hosts that are none, or too many for the policy of pages.
+    """
+
+    def __init__(self, hosts: Iterable[str] = ()) -> None:
+        self.allowed_origins = {_parse_host(host) for host in hosts}
+        if len(" ".join(self.allowed_origins)) > MOST_ORIGIN_CHARS:
+            raise ServiceError(
+                f"The video hosts have more than {MOST_ORIGIN_CHARS} characters, for which answers have no room; let "
+                "one gateway serve several videos.",
+                parameter="video_host",
+            )
         self._by_fleet: dict[str, dict[int, str]] = {}
 
     def restore(self, fleet: str, settings: Mapping[str, Any]) -> None:
@@ -62,25 +75,32 @@ class VideoAddresses:
         return {str(number): one for number, one in sorted(addresses.items())}
 
     def get_addresses(self, fleet: str) -> dict[int, str]:
-        """The addresses of a fleet by tractor."""
-        return dict(sorted(self._by_fleet.get(fleet, {}).items()))
+        """The addresses of a fleet by tractor, without those on hosts that are not allowed any more."""
+        found = sorted(self._by_fleet.get(fleet, {}).items())
+        return {tractor: address for tractor, address in found if self.is_allowed(address)}
 
-    def check_room(self, address: str) -> None:
-        """Raise ServiceError where the policy of pages has no room for the host of one more address."""
-        origin = find_origin(address)
-        if origin and len(" ".join({*self.list_origins(), origin})) > MOST_ORIGIN_CHARS:
-            raise _refuse(
-                address, "is on one host too many for the policy of pages; let one gateway serve several videos"
-            )
+    def is_allowed(self, address: str) -> bool:
+        """Whether an address is on the service's own host or one that the administrator named."""
+        return find_origin(address) in (None, *self.allowed_origins)
 
     def remove_fleet(self, fleet: str) -> None:
         """Forget a deleted fleet."""
         self._by_fleet.pop(fleet, None)
 
     def list_origins(self) -> list[str]:
-        """Scheme, host and port of every address that names a host."""
+        """Scheme, host and port of every allowed address that names a host."""
         found = {find_origin(one) for addresses in self._by_fleet.values() for one in addresses.values()}
-        return sorted(origin for origin in found if origin)
+        return sorted(origin for origin in found if origin in self.allowed_origins)
+
+
+def _parse_host(host: str) -> str:
+    """The origin that an administrator allows; raises ServiceError for what is more or less than one."""
+    if (origin := find_origin(check_video_address(host))) is None or urlsplit(host).path.strip("/"):
+        raise ServiceError(
+            f"The video host {host[:80]!r} is none; give scheme, host and port, such as https://gateway.example:8443.",
+            parameter="video_host",
+        )
+    return origin
 
 
 def check_video_address(address: str) -> str:
@@ -128,7 +148,8 @@ def _refuse(address: str, why: str) -> ServiceError:
 def find_origin(address: str) -> str | None:
     """Scheme, host and port of a checked address; None for a path on the service's own host."""
     parts = urlsplit(address)
-    return f"{parts.scheme.lower()}://{parts.netloc.lower()}" if parts.scheme else None
+    scheme = parts.scheme.lower()
+    return f"{scheme}://{parts.netloc.lower().removesuffix(f':{STANDARD_PORT[scheme]}')}" if scheme else None
 
 
 @video_router.put("/fleets/{id}/tractors/{tractor}/video", responses=ITEM_ERRORS)
@@ -143,8 +164,8 @@ async def set_video_address(
             f"The fleet has no tractor {tractor}; use 1 to {session.tractor_count}.", parameter="tractor"
         )
     address = None if body.address is None else check_video_address(body.address)
-    if address is not None:
-        sessions.videos.check_room(address)
+    if address is not None and not sessions.videos.is_allowed(address):
+        raise _refuse(address, f"is on a host that is not allowed; ask the administrator for {ALLOW_HOST}")
     stored = sessions.videos.set_address(id, tractor, address)
     await asyncio.to_thread(sessions.store.save_fleet_setting, id, SETTINGS_KEY, stored)
     await asyncio.to_thread(

@@ -18,6 +18,7 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
+from starlette.requests import ClientDisconnect
 from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -71,7 +72,7 @@ class OfficeForwarder:
             return
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
         # Requests are counted by token, or by address without one.
-        client = caller.name if caller is not None and caller.token_sha256 else _get_address(scope)
+        client = caller.token_sha256 if caller is not None and caller.token_sha256 else _get_address(scope)
         is_own_limit = self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT
         if is_own_limit or self._running_requests.total() >= MOST_REQUESTS_IN_ALL:
             requests = f"{MOST_REQUESTS_IN_ALL} requests of all"
@@ -171,7 +172,7 @@ async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
     while True:
         message: Message = await receive()
         if message["type"] == "http.disconnect":
-            raise ConnectionResetError("The client went away.")
+            raise ClientDisconnect
         if body := message.get("body", b""):
             yield body
         if not message.get("more_body", False):
@@ -194,6 +195,12 @@ class BackOffice:
         self.starts = 0
         self._kept_process = KeptProcess("headland-office", run, SHORT_LIFE_S, PATIENCE_S)
         self._task: asyncio.Task[None] | None = None
+
+    @property
+    def pid(self) -> int:
+        """The number of the process, 0 where there is none."""
+        process = self._kept_process.process
+        return 0 if process is None else process.pid or 0
 
     def start(self) -> None:
         """Start the process, and again whenever it ends."""

@@ -24,13 +24,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from planner.errors import suggest_name
 from planner.service.access.permissions import (
     CALLER_SCOPE_KEY,
+    Caller,
     RequiredRight,
     check_required_right,
     find_required_right,
     identify_caller,
     read_bearer,
 )
-from planner.service.errors import ServiceError
+from planner.service.errors import BusyError, ServiceError
+from planner.service.gateway.bodies import UNCOUNTED_BYTES, BodyBudget, BodyShare
 from planner.service.gateway.connection_limits import RateLimiter, compute_network_key
 from planner.service.gateway.responses import build_error_response, build_refusal_response
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
@@ -69,7 +71,7 @@ def _list_query_names(dependant: Dependant) -> Iterator[str]:
 
 
 KILOBYTE_BYTES = 1024
-MOST_ORDER_BYTES = 64 * KILOBYTE_BYTES
+MOST_ORDER_BYTES = UNCOUNTED_BYTES
 FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
 LARGE_BODY_KEY = "x-headland-large"
 """Key in the `openapi_extra` of a route whose body may be as large as an upload."""
@@ -112,6 +114,10 @@ def find_route_rule(rules: Iterable[RouteRule], method: str, path: str) -> tuple
 API_PATH = "/api/"
 STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
 MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
+BODIES_FULL = (
+    "Too many large bodies are under way; wait until yours, or those of others, are through, then send it again."
+)
+BODIES_RETRY = {"retry-after": "5", "connection": "close"}
 MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
 
 
@@ -121,8 +127,8 @@ class RequestGate:
     An order to stop from a caller with the right is passed however many requests were sent.
     """
 
-    def __init__(self, app: ASGIApp, settings: ServiceSettings, rules: Sequence[RouteRule]) -> None:
-        self.app, self.settings, self.rules = app, settings, rules
+    def __init__(self, app: ASGIApp, settings: ServiceSettings, rules: Sequence[RouteRule], bodies: BodyBudget) -> None:
+        self.app, self.settings, self.rules, self.bodies = app, settings, rules, bodies
         self.rate_limiter = RateLimiter(settings.rate_per_minute / 60.0, settings.rate_per_minute)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -141,7 +147,11 @@ class RequestGate:
                 refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
             return
-        await self.app(scope, _limit_body(receive, most_bytes), send)
+        with self.bodies.open_share(_name_client(scope)) as share:
+            if not share.grow_to(_get_length(scope)):
+                await build_error_response(BusyError.http_status, BODIES_FULL, BODIES_RETRY)(scope, receive, send)
+                return
+            await self.app(scope, _limit_body(receive, most_bytes, share), send)
 
     async def _find_refusal(
         self, scope: Scope, matched: tuple[RouteRule, dict[str, str]] | None, most_bytes: int
@@ -149,8 +159,7 @@ class RequestGate:
         """The refusal of a request; None where it may pass."""
         connection = HTTPConnection(scope)
         is_stop = scope["method"] == "POST" and STOP_PATH.fullmatch(scope["path"]) is not None
-        address = compute_network_key(str((scope.get("client") or ("",))[0]))
-        wait_s = self.rate_limiter.take_token(address) if scope["path"].startswith(API_PATH) else 0.0
+        wait_s = self.rate_limiter.take_token(_find_network(scope)) if scope["path"].startswith(API_PATH) else 0.0
         if wait_s > 0.0 and not is_stop:
             return self._build_rate_refusal(wait_s)
         try:
@@ -159,8 +168,7 @@ class RequestGate:
                 check_required_right(caller, matched[0].required_right, matched[1])
         except ServiceError as error:
             return self._build_rate_refusal(wait_s) if wait_s > 0.0 else build_refusal_response(error)
-        length = connection.headers.get("content-length", "")
-        if length.isdigit() and int(length[:18]) > most_bytes:
+        if _get_length(scope) > most_bytes:
             return build_error_response(413, _build_too_large_message(most_bytes), {"connection": "close"})
         return None
 
@@ -201,8 +209,25 @@ async def _drain_body(scope: Scope, receive: Receive) -> bool:
     return False
 
 
-def _limit_body(receive: Receive, most_bytes: int) -> Receive:
-    """The same, but a body that is longer than allowed is refused."""
+def _get_length(scope: Scope) -> int:
+    """The length that the header of a request gives, 0 without one."""
+    length = dict(scope["headers"]).get(b"content-length", b"")
+    return int(length[:18]) if length.isdigit() else 0
+
+
+def _name_client(scope: Scope) -> str:
+    """Whose share of the budget a body takes: that of its token, or of its network without one."""
+    caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
+    return _find_network(scope) if caller is None or caller.token_sha256 is None else caller.token_sha256
+
+
+def _find_network(scope: Scope) -> str:
+    """What counts as one address among callers without a token."""
+    return compute_network_key(str((scope.get("client") or ("",))[0]))
+
+
+def _limit_body(receive: Receive, most_bytes: int, share: BodyShare) -> Receive:
+    """The same, but a body that is longer than allowed, or has no room beside others, is refused."""
     received_bytes = 0
 
     async def receive_counted() -> Message:
@@ -211,6 +236,8 @@ def _limit_body(receive: Receive, most_bytes: int) -> Receive:
         received_bytes += len(message.get("body", b""))
         if received_bytes > most_bytes:
             raise HTTPException(413, _build_too_large_message(most_bytes), {"connection": "close"})
+        if not share.grow_to(received_bytes):
+            raise HTTPException(BusyError.http_status, BODIES_FULL, BODIES_RETRY)
         return message
 
     return receive_counted

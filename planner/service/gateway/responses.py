@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, ConfigDict, field_validator
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import Match
 
 from planner.errors import HeadlandError, render_refusal, strip_unit
@@ -57,7 +58,8 @@ class ReadinessInfo(ApiModel):
 class CallerInfo(ApiModel):
     """The caller; a robot is bound to one tractor of one fleet.
 
-    `token_command` makes a token where it is entered on the machine of the service.
+    `identity` is that of the token, which files and jobs name as their owner. `token_command` makes a token where it is
+    entered on the machine of the service.
     """
 
     name: str
@@ -65,12 +67,14 @@ class CallerInfo(ApiModel):
     fleet: str | None
     tractor: int | None
     token_command: str
+    identity: str | None = None
 
 
 class FileInfo(ApiModel):
     """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap_axes, local).
 
-    `owner` is the name of the token that added it; it and an administrator may change and delete it.
+    `owner` is the name of the token that added it, `owner_identity` tells it from other tokens of that name; it and an
+    administrator may change and delete it.
     """
 
     kind: str
@@ -82,6 +86,7 @@ class FileInfo(ApiModel):
     sample: bool = False
     options: dict[str, Any] = {}
     owner: str | None = None
+    owner_identity: str | None = None
     changed: str | None = None
 
 
@@ -102,7 +107,8 @@ class JobProgress(ApiModel):
 class JobInfo(ApiModel):
     """A job; `error` says in one sentence why it failed, `results` are the names of its files.
 
-    `owner` is the name of the token that asked for it; it and an administrator may rename, cancel and delete it.
+    `owner` is the name of the token that asked for it, `owner_identity` tells it from other tokens of that name; it and
+    an administrator may rename, cancel and delete it.
     """
 
     id: str
@@ -116,6 +122,7 @@ class JobInfo(ApiModel):
     request: dict[str, Any]
     results: list[str]
     owner: str | None = None
+    owner_identity: str | None = None
 
 
 class JobList(ApiModel):
@@ -249,6 +256,9 @@ def add_error_handlers(app: FastAPI) -> None:
         logging.getLogger(__name__).error("The database: %s", error)
         return build_error_response(503, "The database cannot be reached now; try again.")
 
+    async def handle_gone_client(_request: Request, _error: Exception) -> Response:
+        return Response(status_code=400)  # which nobody reads
+
     async def handle_os_error(_request: Request, error: Exception) -> JSONResponse:
         if not is_disk_full(error):
             raise error
@@ -262,6 +272,7 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, handle_http_exception)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
         app.add_exception_handler(kind, handle_lost_database)
+    app.add_exception_handler(ClientDisconnect, handle_gone_client)
     app.add_exception_handler(OSError, handle_os_error)
     app.add_exception_handler(Exception, handle_internal_error)
 

@@ -218,7 +218,7 @@ class FileReader:
 def build_client_queue_key(request: HTTPConnection, caller: Caller) -> str:
     """Name of the client for the queue: its token, or its address without one."""
     if caller.token_sha256 is not None:
-        return f"token {caller.name}"
+        return f"token {caller.token_sha256}"
     return f"address {request.client.host if request.client else ''}"
 
 

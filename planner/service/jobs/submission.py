@@ -29,7 +29,7 @@ async def submit_job(
 
     def add_job() -> JobRow:
         request = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
-        row = store.add_job(kind, body.name or _choose_job_name(body), request, inputs, values, caller.owner_name)
+        row = store.add_job(kind, body.name or _choose_job_name(body), request, inputs, values, caller.owner)
         store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
         return row
 

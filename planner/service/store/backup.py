@@ -24,7 +24,7 @@ from planner.service.store.database import Database, get_current_version, migrat
 from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import BYTES_FOLDER, format_utc_now_ms
-from planner.service.store.tables import FileRow, FleetRow, JobRow, ResultRow, TableBase
+from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
 
 MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
 MOST_MANIFEST_BYTES = 64 * 2**20
@@ -175,8 +175,9 @@ def _copy_database(store: Store, copy: Path) -> list[str]:
     if snapshot.dialect.name == "postgresql":
         snapshot = snapshot.execution_options(isolation_level="REPEATABLE READ")
     with snapshot as source, target.open_write_session() as session:
-        for table in TableBase.metadata.sorted_tables:
+        for table in COPIED_TABLES:
             copy_rows(table, source, session)
+        session.execute(sa.delete(TokenRow).where(TokenRow.sha256.in_(store.revocations.list_waiting())))
         names = sorted(set(list_named_bytes(source)))
     with target.engine.connect() as connection:
         connection.exec_driver_sql("COMMIT")

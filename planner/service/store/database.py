@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session
 from planner.service.errors import ConflictError, DatabaseError
 from planner.service.settings import ServiceSettings
 from planner.service.store.disk_storage import translate_disk_full
+from planner.service.store.sqlite_file import SqliteFile
 from planner.service.store.tables import TableBase
 
 SQLITE_BUSY_TIMEOUT_MS, POOL_TIMEOUT_S = 10_000, 5.0
@@ -39,6 +40,12 @@ class Database:
         self.engine = _create_engine(url)
         file = self.engine.url.database if self.engine.dialect.name == "sqlite" else None
         self._folder = Path(file).absolute().parent if file else None
+        self._file = SqliteFile(self.engine, Path(file).absolute()) if file and file != ":memory:" else None
+
+    def keep_to_file(self) -> None:
+        """Use from now on only the SQLite file that is there now: one that is gone is not made anew."""
+        if self._file is not None:
+            self._file.keep()
 
     @contextmanager
     def open_read_session(self) -> Iterator[Session]:

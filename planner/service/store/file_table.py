@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from fields.documents.sources import FIELD_FORMATS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
-from planner.service.store.tables import FileRow
+from planner.service.store.tables import FileRow, Owner
 
 SUFFIXES_BY_KIND = {
     "field": (*(end for form in FIELD_FORMATS if form.has_lone_files for end in form.extensions), ".zip"),
@@ -78,7 +78,7 @@ class FileStore(StorePart):
         content: bytes,
         suffix: str = "",
         options: Mapping[str, Any] | None = None,
-        owner: str | None = None,
+        owner: Owner | None = None,
     ) -> FileRow:
         """Store a file under its name, with the options for reading it.
 
@@ -87,7 +87,8 @@ class FileStore(StorePart):
         """
         name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
         values = self._put_content(content, suffix, options)
-        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), owner=owner, **values)
+        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), **values)
+        row.owner, row.owner_identity = owner or (None, None)
         try:
             with self.database.open_write_session() as session:
                 session.add(row)

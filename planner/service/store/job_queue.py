@@ -19,7 +19,7 @@ from planner.service.store.store_part import (
     is_found,
     is_storable_text,
 )
-from planner.service.store.tables import JobRow, ResultRow
+from planner.service.store.tables import JobRow, Owner, ResultRow
 
 QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
 UNFINISHED_STATUSES = (QUEUED, RUNNING)
@@ -40,17 +40,18 @@ class JobStore(StorePart):
         request: Mapping[str, Any],
         inputs: Mapping[str, str] | None = None,
         work: Mapping[str, Any] | None = None,
-        owner: str | None = None,
+        owner: Owner | None = None,
     ) -> JobRow:
         """Queue a job: its request, and `work`, the same as the worker takes it where that differs.
 
         Raises BusyError where too much waits.
         """
         row = JobRow(
-            id=secrets.token_hex(6), kind=kind, name=check_name(name), owner=owner, created=format_utc_now_ms(),
+            id=secrets.token_hex(6), kind=kind, name=check_name(name), created=format_utc_now_ms(),
             request=dict(request), work=dict(request if work is None else work), inputs=dict(inputs or {}),
             status=QUEUED, done=0, all=0, words="", tries=0, results=[],
         )  # fmt: skip
+        row.owner, row.owner_identity = owner or (None, None)
         with self.database.open_write_session() as session:
             waiting = session.scalar(sa.select(sa.func.count()).where(JobRow.status == QUEUED)) or 0
             if waiting >= self.settings.jobs_waiting:
@@ -66,7 +67,7 @@ class JobStore(StorePart):
             session.execute(change)
         return self.get_job(id, kind)
 
-    def copy_job(self, id: str, kind: str, name: str | None = None, owner: str | None = None) -> JobRow:
+    def copy_job(self, id: str, kind: str, name: str | None = None, owner: Owner | None = None) -> JobRow:
         """Copy a job that has ended, with its results; raises NotFoundError, or ConflictError for a job under way."""
         source = self.get_job(id, kind)
         if source.status in UNFINISHED_STATUSES:
@@ -77,12 +78,12 @@ class JobStore(StorePart):
             id=secrets.token_hex(6),
             name=check_name(name or choose_copy_name(source.name)),
             created=format_utc_now_ms(),
-            owner=owner,
             results=[
                 ResultRow(name=each.name, sha256=each.sha256, size=each.size, media=each.media)
                 for each in source.results
             ],
         )
+        row.owner, row.owner_identity = owner or (None, None)
         with self.database.open_write_session() as session:
             session.add(row)
         return row

@@ -30,7 +30,7 @@ from planner.service.store.backup import (
 from planner.service.store.database import SELECT_VERSION, Database, lift_timeouts, migrate_database, shorten_error
 from planner.service.store.disk_storage import is_disk_full, translate_disk_full
 from planner.service.store.service_store import Store
-from planner.service.store.tables import TableBase
+from planner.service.store.tables import COPIED_TABLES
 
 SET_SEQUENCE = "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT max({column}) FROM {table}))"
 COMPRESSION_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -46,7 +46,7 @@ def restore_backup(store: Store, file: Path) -> int:
     store that is not empty, DatabaseError for a backup of a newer Headland, StorageError where there is no room.
     """
     with store.database.open_read_session() as session:
-        for table in TableBase.metadata.sorted_tables:
+        for table in COPIED_TABLES:
             if session.execute(sa.select(sa.literal(1)).select_from(table).limit(1)).first() is not None:
                 raise ConflictError(
                     f"The database has {table.name} already, and nothing is written over; give another --data or "
@@ -215,7 +215,7 @@ def _copy_rows(store: Store, source: Database) -> None:
         store.database.open_write_session() as session,
         lift_timeouts(session.connection()),
     ):
-        for table in TableBase.metadata.sorted_tables:
+        for table in COPIED_TABLES:
             copy_rows(table, old, session)
             _advance_sequence(session.connection(), table)
 

@@ -9,6 +9,8 @@ from planner.service.store.database import migrate_database
 from planner.service.store.file_table import FileStore
 from planner.service.store.fleet_table import FleetStore
 from planner.service.store.job_queue import JobStore
+from planner.service.store.store_part import format_utc_now_ms
+from planner.service.store.tables import WriteCheckRow
 from planner.service.store.token_table import TokenStore
 
 
@@ -23,9 +25,15 @@ class Store(TokenStore, FileStore, JobStore, FleetStore):
         super().__init__(settings)
         try:
             migrate_database(self.database.engine)
+            self.database.keep_to_file()
         except BaseException:
             self.close()
             raise
+
+    def check_write(self) -> None:
+        """Write something. Raises SQLAlchemyError, StorageError where nothing can be written."""
+        with self.database.open_write_session() as session:
+            session.merge(WriteCheckRow(id=1, time=format_utc_now_ms()))
 
     def close(self) -> None:
         """Close the database."""

@@ -11,9 +11,10 @@ from planner.service.errors import ServiceError
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.database import Database
 from planner.service.store.disk_storage import BlobStore
+from planner.service.store.revocations import RevocationFolder
 
 LONGEST_NAME_CHARS = 100
-BYTES_FOLDER = "bytes"
+BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 
@@ -25,6 +26,7 @@ class StorePart:
         settings.data.mkdir(parents=True, exist_ok=True, mode=0o700)
         self.settings = settings
         self.blobs = BlobStore(settings.data / BYTES_FOLDER, settings.reserve_mb * MEGABYTE_BYTES)
+        self.revocations = RevocationFolder(settings.data / REVOCATIONS_FOLDER)
         self.database = Database(settings.url)
 
 

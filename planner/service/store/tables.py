@@ -1,4 +1,4 @@
-"""The tables: tokens, files, jobs with their results, fleets, recordings and events.
+"""The tables: tokens, files, jobs with their results, fleets, recordings, events and checks of writing.
 
 Times are texts in UTC, "2026-05-01T06:10:00.123Z", which order as they follow each other; a lease is in seconds since
 1970. Bytes are not in here: `sha256` names them in the folder (planner.service.store.disk_storage).
@@ -6,7 +6,7 @@ Times are texts in UTC, "2026-05-01T06:10:00.123Z", which order as they follow e
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import JSON, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, UniqueConstraint, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
@@ -17,7 +17,14 @@ NAMING_CONVENTION = {
     "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
     "pk": "pk_%(table_name)s",
 }
-SHA256_TYPE, NAME_TYPE = String(64), String(120)
+SHA256_TYPE, NAME_TYPE, IDENTITY_TYPE = String(64), String(120), String(32)
+
+
+class Owner(NamedTuple):
+    """The token that something belongs to: its name, for people, and its identity, which no later token has."""
+
+    name: str
+    identity: str
 
 
 class TableBase(DeclarativeBase):
@@ -30,13 +37,15 @@ TableBase.metadata.naming_convention = NAMING_CONVENTION
 class TokenRow(TableBase):
     """A token and its rights; only its SHA-256 is stored.
 
-    `scopes` are separated by spaces. A robot's token is bound to one `tractor`, counted from 1, of one `fleet`. One
-    that `expires` is worth nothing from then on.
+    `identity` is drawn at random and no other token's, ever; a name may be used again. `scopes` are separated by
+    spaces. A robot's token is bound to one `tractor`, counted from 1, of one `fleet`. One that `expires` is worth
+    nothing from then on.
     """
 
     __tablename__ = "tokens"
     id: Mapped[int] = mapped_column(Integer, primary_key=True)
     name: Mapped[str] = mapped_column(NAME_TYPE, unique=True)
+    identity: Mapped[str] = mapped_column(IDENTITY_TYPE, unique=True)
     scopes: Mapped[str] = mapped_column(String(80))
     sha256: Mapped[str] = mapped_column(SHA256_TYPE, unique=True)
     created: Mapped[str] = mapped_column(String(32))
@@ -49,7 +58,8 @@ class FileRow(TableBase):
     """An uploaded file: a field, tractor, farm, log, or table of rain or of GNSS errors.
 
     `options` say how it is read where the file does not: `crs`, `swap_axes` and `local` of a field. `owner` is the name
-    of the token that added it, None for files of before there were owners.
+    of the token that added it, None for files of before there were owners, and `owner_identity` its identity, None
+    where that token is gone since before there were identities.
     """
 
     __tablename__ = "files"
@@ -64,6 +74,7 @@ class FileRow(TableBase):
     created: Mapped[str] = mapped_column(String(32))
     options: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict, server_default=text("'{}'"))
     owner: Mapped[str | None] = mapped_column(NAME_TYPE, default=None)
+    owner_identity: Mapped[str | None] = mapped_column(IDENTITY_TYPE, default=None)
     changed: Mapped[str | None] = mapped_column(String(32), default=None)
 
 
@@ -72,7 +83,7 @@ class JobRow(TableBase):
 
     `request` is what was asked for, `work` the same as it is worked on, and `inputs` are the files it reads, as they
     were when it was asked for: place in its folder, to SHA-256. While it runs `worker` is who does it, until `lease`;
-    `tries` counts how often it was begun. `owner` is the name of the token that asked for it.
+    `tries` counts how often it was begun. `owner` and `owner_identity` are of the token that asked for it, as of files.
     """
 
     __tablename__ = "jobs"
@@ -95,6 +106,7 @@ class JobRow(TableBase):
     lease: Mapped[float | None] = mapped_column(Float, default=None)
     tries: Mapped[int] = mapped_column(Integer, default=0)
     owner: Mapped[str | None] = mapped_column(NAME_TYPE, default=None)
+    owner_identity: Mapped[str | None] = mapped_column(IDENTITY_TYPE, default=None)
     results: Mapped[list[ResultRow]] = relationship(
         cascade="all, delete-orphan", passive_deletes=True, order_by="ResultRow.name", lazy="selectin"
     )
@@ -147,3 +159,15 @@ class EventRow(TableBase):
     who: Mapped[str] = mapped_column(NAME_TYPE)
     what: Mapped[str] = mapped_column(String(200))
     data: Mapped[dict[str, Any]] = mapped_column(JSON)
+
+
+class WriteCheckRow(TableBase):
+    """The one row of what is written only to see whether a write goes through."""
+
+    __tablename__ = "write_checks"
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    time: Mapped[str] = mapped_column(String(32))
+
+
+COPIED_TABLES = tuple(table for table in TableBase.metadata.sorted_tables if table is not WriteCheckRow.__table__)
+"""What a backup holds, in an order in which rows can be added."""

@@ -6,6 +6,7 @@ import hashlib
 import re
 import secrets
 from collections.abc import Iterable
+from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
 from itertools import count
 from typing import Any
@@ -13,8 +14,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
+from planner.service.store.revocations import Revocation
 from planner.service.store.store_part import StorePart, check_name, format_time, format_utc_now_ms, is_storable_text
-from planner.service.store.tables import FleetRow, TokenRow
+from planner.service.store.tables import EventRow, FleetRow, TokenRow
 
 READ, PLANNER, OPERATOR, ROBOT, ADMIN = "read", "planner", "operator", "robot", "admin"
 SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
@@ -63,8 +65,8 @@ class TokenStore(StorePart):
         end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
         text = TOKEN_PREFIX + secrets.token_urlsafe(32)
         row = TokenRow(
-            name=check_name(name), scopes=" ".join(chosen), sha256=hash_token(text), created=format_utc_now_ms(),
-            fleet=fleet, tractor=tractor, expires=end,
+            name=check_name(name), identity=secrets.token_hex(16), scopes=" ".join(chosen), sha256=hash_token(text),
+            created=format_utc_now_ms(), fleet=fleet, tractor=tractor, expires=end,
         )  # fmt: skip
         try:
             with self.database.open_write_session() as session:
@@ -80,9 +82,11 @@ class TokenStore(StorePart):
         return text, row
 
     def list_tokens(self) -> list[TokenRow]:
-        """All tokens, the oldest first, expired ones included."""
+        """All tokens, the oldest first, expired ones included, without those whose revocation still waits."""
         with self.database.open_read_session() as session:
-            return list(session.scalars(sa.select(TokenRow).order_by(TokenRow.id)))
+            rows = list(session.scalars(sa.select(TokenRow).order_by(TokenRow.id)))
+        waiting = self.revocations.list_waiting()
+        return [row for row in rows if row.sha256 not in waiting]
 
     def create_browser_token(self) -> str | None:
         """The text of a token that plans and operates, for a browser that logs in on the machine of the service.
@@ -96,14 +100,38 @@ class TokenStore(StorePart):
         name = f"{BROWSER_TOKEN_PREFIX}{number}"
         return self.create_token(name, BROWSER_SCOPES, expires=BROWSER_TOKEN_LIFE, is_for_browser=True)[0]
 
-    def revoke_token(self, name: str) -> None:
-        """Revoke a token; raises NotFoundError."""
+    def revoke_token(self, name: str, who: str | None = None) -> None:
+        """Revoke a token, by `who` for the list of events; raises NotFoundError.
+
+        It holds from now on, also while nothing can be written to the database: then it waits in a file.
+        """
+        row = next((each for each in self.list_tokens() if each.name == name), None)
+        if row is None:
+            raise self.build_unknown_token_error(name)
+        revocation = Revocation(row.sha256, row.name, who)
+        self.revocations.add(revocation)
+        with suppress(sa.exc.SQLAlchemyError, ServiceError):
+            self.write_revocation(revocation)
+
+    def build_unknown_token_error(self, name: str) -> NotFoundError:
+        """The refusal of a name that no token has."""
+        command = f"headland token list{self.settings.data_option}"
+        return NotFoundError(f"There is no token {name!r}; {command} shows all.", parameter="name")
+
+    def write_revocation(self, revocation: Revocation) -> None:
+        """Delete a revoked token. Raises SQLAlchemyError, ServiceError where nothing can be written."""
         with self.database.open_write_session() as session:
-            row = session.scalar(sa.select(TokenRow).where(TokenRow.name == name)) if is_storable_text(name) else None
-            if row is None:
-                command = f"headland token list{self.settings.data_option}"
-                raise NotFoundError(f"There is no token {name!r}; {command} shows all.", parameter="name")
-            session.delete(row)
+            deleted = session.execute(sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256))
+            if deleted.rowcount and revocation.who is not None:  # type: ignore[attr-defined]
+                event = EventRow(time=format_utc_now_ms(), who=revocation.who[:120], what="token revoked")
+                event.data = {"name": revocation.name}
+                session.add(event)
+        self.revocations.remove(revocation)
+
+    def write_revocations(self) -> None:
+        """Delete the tokens whose revocation waits; raises as `write_revocation` does."""
+        for revocation in self.revocations.list_waiting().values():
+            self.write_revocation(revocation)
 
 
 def hash_token(token_text: str) -> str:

@@ -26,6 +26,9 @@ Item and what is attacked:
     11  slow files of one client while another uploads
     12  a full disk, a small file system in memory (skipped where none may be mounted)
     13  entities behind a comment, damaged backups, clocks an hour off
+    14  SQLite locked by another program, and its file moved away, while a token is revoked
+    15  bodies of 50 MB from an operator, while everybody is told to stand
+    16  a token with the name of a revoked one, clients that go away, video of other machines
 
 Modules: running (order), rows (table), service (the process), web and robots (clients), squad (many robots and orders
 to stand), flooding (processes that flood), relay (TCP in between), plans; the others hold an attack or two each.

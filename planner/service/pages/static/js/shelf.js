@@ -10,7 +10,7 @@ export const keyOf = (kind, one) => (kind in ACCEPTED ? one.name : one.id);
 
 /** Whether somebody may change a thing: what belongs to nobody, what is his, or everything for an administrator. */
 export const mayChange = (one, me) =>
-  !one.sample && Boolean(me?.rights.includes("plan")) && (!one.owner || one.owner === me.name || me.rights.includes("administer"));
+  !one.sample && Boolean(me?.rights.includes("plan")) && (!one.owner || (me.identity && one.owner_identity === me.identity) || me.rights.includes("administer"));
 
 /** Buttons for one thing; `changed(key, words)` after each change, with the key of what is there now, or null. */
 export function changeActions(kind, one, me, changed) {
