@@ -7,9 +7,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 AlarmCode = Literal[
-    "astray", "broken", "clock", "doubt", "drives on", "error", "failed", "fence", "finding", "late", "leap", "near",
-    "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground", "unread obstacle",
-    "unrecorded",
+    "astray", "broken", "clock", "contradiction", "doubt", "drives on", "error", "failed", "fence", "finding", "late",
+    "leap", "near", "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground",
+    "unread obstacle", "unrecorded",
 ]  # fmt: skip
 
 
@@ -222,8 +222,9 @@ class AlarmItem(OutboundMessage):
     - astray: a tractor reports a place where it cannot be
     - broken: its link is broken; the sentence says what it does now
     - clock: its clock is wrong, and its times are corrected
+    - contradiction: its positions, speed and progress contradict each other; it is held until somebody resumes it
     - doubt, finding, leap: its twin does not match it, the cause of that, its position jumps
-    - drives on: it was ordered to stop and does not
+    - drives on: it was ordered to stop and does not, by its speed or by its positions
     - error: it reports errors
     - failed: it drives no more
     - fence: it will leave the fence

@@ -1,0 +1,204 @@
+"""What a tractor credibly does: three witnesses of its motion, and whether they agree.
+
+Each report shows a displacement three times: by its positions, by its speed along its heading, and by its progress on
+its leg. While a tractor tells the truth, two of them differ over any time by no more than their noise. The noise is
+that of honest tractors, the worst of it always assumed, as a report does not say how good its fix is:
+
+- a fix has white noise, and an error that wanders (Gauss-Markov) as without corrections of the base (RTK lost);
+- the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
+  displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more;
+- speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
+- a tractor may be beside its leg by as much as the rules let it resume.
+
+The limit of each difference follows from that noise and from FALSE_DOUBT_H, see `compute_limit_m`. What exceeds it is a
+doubt: it says what each witness shows, from when and where the tractor may be anywhere that its last credible speed
+leads to. Time without reports counts for nothing: it is the link that is judged by it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.fleet.model.tractor_state import POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
+from vehicle.jit import compile_function
+
+Array = npt.NDArray[np.float64]
+
+FIX_M = 0.02  # per axis, of one fix: RTK as in TractorNoise, with heading on the lever arm and rounding
+UNCORRECTED_M, MEMORY_S = 0.5, 60.0  # per axis, of an error without corrections, and how long it lasts
+MOTION_SHARE = 0.15  # of the distance: slip of ordinary work and side slip on slopes
+FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at least
+REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.25 s to 64 s, pairs of witnesses
+NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
+"""Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
+KEPT_S, KEPT_COUNT = 0.25, 256
+LONGEST_STEP_S = 1.0  # between two reports that can be compared, as a link that is silent for longer is broken
+FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
+STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
+TIME, POSITION, RAW_POSITION, DRIVEN, LEG, RAW_LEG, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 11, 12
+PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])  # raw sums are two columns on
+
+
+@compile_function
+def compute_limit_m(age_s: float, distance_m: float) -> float:
+    """By how much two witnesses may differ after `age_s` in which the tractor drove `distance_m`."""
+    wander = UNCORRECTED_M * UNCORRECTED_M * (1.0 - math.exp(-age_s / MEMORY_S))
+    return NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M * FIX_M + wander)) + MOTION_SHARE * distance_m
+
+
+@compile_function
+def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
+    """Add a step to `sums` (12,), keep them in the ring `kept` (n, 12), and find for each pair of witnesses the
+    shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
+
+    `step` (8,) is a time, the displacement by positions, speed and progress, and the distance. `counts` is the entries
+    of the ring ever kept, and since which of them progress has been known.
+    """
+    limit_m = compute_limit_m(step[0], step[7])
+    sums[TIME] += step[0]
+    sums[DISTANCE] += step[7]
+    for witness, column in ((1, POSITION), (5, LEG)):
+        is_leap = math.hypot(step[witness] - step[3], step[witness + 1] - step[4]) > limit_m
+        for axis in range(2):
+            sums[column + axis] += step[3 + axis] if is_leap else step[witness + axis]
+            sums[column + 2 + axis] += step[witness + axis]
+    sums[DRIVEN] += step[3]
+    sums[DRIVEN + 1] += step[4]
+    found[:] = -1
+    if not is_on_leg:
+        counts[1] = counts[0]
+    longest_m = compute_limit_m(math.inf, 0.0)
+    for back in range(1, min(counts[0], len(kept)) + 1):
+        place = (counts[0] - back) % len(kept)
+        then = kept[place]
+        spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE])
+        limit_m = compute_limit_m(sums[TIME] - then[TIME], 0.0) + spread_m
+        for pair in range(PAIR_COUNT):
+            if found[pair] >= 0 or (pair > 0 and counts[0] - back < counts[1]):
+                continue
+            a, b = PAIRS[pair]
+            raw_a, raw_b = a + 2, b + 2 if b == LEG else b
+            smooth_m = math.hypot(
+                sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
+            )
+            raw_m = math.hypot(
+                sums[raw_a] - sums[raw_b] - then[raw_a] + then[raw_b],
+                sums[raw_a + 1] - sums[raw_b + 1] - then[raw_a + 1] + then[raw_b + 1],
+            )
+            if smooth_m > limit_m + biases_m[pair] or raw_m > longest_m + spread_m + biases_m[pair]:
+                found[pair] = place
+    if counts[0] == 0 or sums[TIME] - kept[(counts[0] - 1) % len(kept), TIME] >= KEPT_S - 1e-6:
+        kept[counts[0] % len(kept)] = sums
+        counts[0] += 1
+
+
+class CredibleMotion:
+    """The motion of one tractor by its reports; `antenna_forward_m` is that of its tractor, `off_leg_m` how far it may
+    be beside its leg. Times are of the simulated clock."""
+
+    def __init__(self, antenna_forward_m: float, off_leg_m: float) -> None:
+        self.antenna_forward_m = antenna_forward_m
+        self._biases_m = np.array([0.0, off_leg_m, off_leg_m])
+        self._step, self._found = np.zeros(8), np.full(PAIR_COUNT, -1)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all: what is reported next is believed until it contradicts itself."""
+        self._sums, self._kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
+        self._states = np.zeros((KEPT_COUNT, 4))  # poses and speeds of the entries
+        self._counts = np.zeros(2, dtype=np.int64)
+        self._previous: tuple[float, TractorReport, Array | None] | None = None
+        self._hidden_s = 0.0
+        self.doubt: MotionDoubt | None = None
+        self.is_moving_unreported = False
+
+    def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float) -> None:
+        """Add a report of a time, with the pose (3,) of its progress on its leg; None where it follows none."""
+        previous, self._previous = self._previous, (time_s, report, leg_pose)
+        if previous is None or time_s - previous[0] > LONGEST_STEP_S:
+            self._sums[:], self._counts[:], self._hidden_s = 0.0, 0, 0.0
+            self.is_moving_unreported = False
+            self._kept[0], self._counts[0] = self._sums, 1
+            self._states[0] = *_get_pose(report), abs(report.speed_mps)
+            return
+        is_on_leg = leg_pose is not None and previous[2] is not None
+        self._measure_step(previous, report, leg_pose if is_on_leg else None, time_s)
+        kept_before = int(self._counts[0])
+        add_motion_step(self._step, self._biases_m, is_on_leg, self._sums, self._kept, self._counts, self._found)
+        if self._counts[0] > kept_before:
+            self._states[kept_before % KEPT_COUNT] = *_get_pose(report), abs(report.speed_mps)
+        self._judge()
+
+    def _measure_step(
+        self, previous: tuple[float, TractorReport, Array | None], report: TractorReport, leg_pose: Array | None,
+        time_s: float,
+    ) -> None:  # fmt: skip
+        """The displacement of the middle of the rear axle, which moves along the heading, by each witness."""
+        step_s, before = max(time_s - previous[0], 0.0), previous[1]
+        step_m = 0.5 * (before.velocity_mps + report.velocity_mps) * step_s
+        turned_rad = math.remainder(report.heading_rad - before.heading_rad, 2.0 * math.pi)
+        heading_rad = before.heading_rad + 0.5 * turned_rad
+        x, y = self._find_rear_axle(_get_pose(report))
+        x0, y0 = self._find_rear_axle(_get_pose(before))
+        step = self._step
+        step[:5] = step_s, x - x0, y - y0, step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
+        step[5:7] = step[3:5]
+        if leg_pose is not None and previous[2] is not None:
+            (x, y), (x0, y0) = self._find_rear_axle(leg_pose), self._find_rear_axle(previous[2])
+            step[5:7] = x - x0, y - y0
+        step[7] = abs(step_m)
+
+    def _find_rear_axle(self, pose: Array | tuple[float, float, float]) -> tuple[float, float]:
+        ahead_m = self.antenna_forward_m
+        return float(pose[0]) - ahead_m * math.cos(pose[2]), float(pose[1]) - ahead_m * math.sin(pose[2])
+
+    def _judge(self) -> None:
+        """Whether it moves more than it says, and whether it is in doubt from now on."""
+        place, age_s = int(self._found[0]), math.inf
+        if place >= 0:
+            moved_m = self._measure_displacements_m(place)
+            if np.hypot(*moved_m[POSITIONS]) > np.hypot(*moved_m[SPEED]):
+                age_s = self._get_age_s(place)
+        if not self.is_moving_unreported and math.isfinite(age_s):
+            self._hidden_s = age_s
+        self.is_moving_unreported = age_s <= STILL_SHARE * self._hidden_s
+        if self.doubt is None and self._found.max() >= 0:
+            ages_s = [self._get_age_s(place) if place >= 0 else math.inf for place in self._found.tolist()]
+            self.doubt = self._describe_doubt(int(self._found[int(np.argmin(ages_s))]))
+
+    def _get_age_s(self, place: int) -> float:
+        return float(self._sums[TIME] - self._kept[place, TIME])
+
+    def _describe_doubt(self, place: int) -> MotionDoubt:
+        """The doubt by what the witnesses show since an entry of the ring.
+
+        The suspect is farthest from the others; of two alone it is the one that claims less motion.
+        """
+        age_s, moved_m = self._get_age_s(place), self._measure_displacements_m(place)
+        latest = int(self._counts[0]) - 1
+        if latest - (latest - place) % KEPT_COUNT < self._counts[1]:
+            del moved_m[PROGRESS]
+        lengths_m = {name: float(np.hypot(*moved)) for name, moved in moved_m.items()}
+        apart_m = {
+            name: round(float(sum(np.hypot(*(moved - other)) for other in moved_m.values())), 6)
+            for name, moved in moved_m.items()
+        }
+        suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
+        speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_m.values()]
+        possible_mps = [speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS]  # the others are no motion
+        speed_mps = max(float(self._states[place, 3]), *possible_mps, 0.0)
+        x, y, heading_rad = self._states[place, :3].tolist()
+        return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
+
+    def _measure_displacements_m(self, place: int) -> dict[str, Array]:
+        """How far each witness moved since an entry of the ring (2,), leaps included."""
+        moved = self._sums - self._kept[place]
+        columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: RAW_LEG}
+        return {name: moved[column : column + 2] for name, column in columns.items()}
+
+
+def _get_pose(report: TractorReport) -> tuple[float, float, float]:
+    return report.x_m, report.y_m, report.heading_rad
