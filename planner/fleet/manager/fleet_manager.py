@@ -301,7 +301,7 @@ class FleetManager(FleetState):
     def _compute_speed_limit(self, number: int) -> float | None:
         """How fast a tractor may follow its leader (Eq. 6.1), rounded to cm/s; None without a leader.
 
-        A leader that has failed, is silent or in doubt counts as standing at its last place; without any report it is 0.
+        A leader that has failed, is silent or in doubt counts as standing at its last place; without reports it is 0.
         """
         state = self.states[number]
         follow = state.present_leg.follow

@@ -42,8 +42,8 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     """Whether a tractor still drives after it had time to stop; to be called at every tick.
 
     It has the time for the order to arrive and a report to return, judged by the age of its reports, and while it
-    brakes twice what its brake needs; whose positions belie its speed is not believed to brake. Only time with reports counts: after a pause of the service or the tractor it is
-    unknown what the tractor had received.
+    brakes twice what its brake needs; one whose positions belie its speed is not believed to brake. Only time with
+    reports counts: after a pause of the service or the tractor it is unknown what the tractor had received.
     """
     report = state.report
     if report is None or not is_driving_on(state):

@@ -12,6 +12,7 @@ import shapely
 
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
+from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.model.tractor import Tractor
 
 Array = npt.NDArray[np.float64]
@@ -138,7 +139,7 @@ class NeighbourTractor:
     record, `boxes` its outlines as of `outlines.build_footprint`. `is_waiting` means that it stands because another
     is near and will resume by itself, `is_free` that its path is clear now, `has_priority` that its fleet has the right
     of way, `is_linked` that orders can reach it, and `is_queueing` that it stands at its entrance, see
-    `SafetyGuard.is_queueing`.
+    `SafetyGuard.is_queueing`. `area` is where it may be if it is in doubt.
     """
 
     key: TractorKey
@@ -154,6 +155,7 @@ class NeighbourTractor:
     has_priority: bool
     is_linked: bool
     is_queueing: bool = False
+    area: PossibleArea | None = None
 
     @property
     def expected_path(self) -> AnyArray:
