@@ -22,7 +22,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from planner.fleet.model.tractor_state import POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
+from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
 from vehicle.jit import compile_function
 
 Array = npt.NDArray[np.float64]
@@ -38,8 +38,8 @@ KEPT_S, KEPT_COUNT = 0.25, 256
 LONGEST_STEP_S = 1.0  # between two reports that can be compared, as a link that is silent for longer is broken
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
-TIME, POSITION, RAW_POSITION, DRIVEN, LEG, RAW_LEG, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 11, 12
-PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])  # raw sums are two columns on
+TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10
+PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
 
 
 @compile_function
@@ -51,22 +51,22 @@ def compute_limit_m(age_s: float, distance_m: float) -> float:
 
 @compile_function
 def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
-    """Add a step to `sums` (12,), keep them in the ring `kept` (n, 12), and find for each pair of witnesses the
+    """Add a step to `sums` (10,), keep them in the ring `kept` (n, 10), and find for each pair of witnesses the
     shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
 
-    `step` (8,) is a time, the displacement by positions, speed and progress, and the distance. `counts` is the entries
+    `step` (10,) is a time, the displacements by positions, speed and progress, and the distance. `counts` is the entries
     of the ring ever kept, and since which of them progress has been known.
     """
-    limit_m = compute_limit_m(step[0], step[7])
-    sums[TIME] += step[0]
-    sums[DISTANCE] += step[7]
-    for witness, column in ((1, POSITION), (5, LEG)):
-        is_leap = math.hypot(step[witness] - step[3], step[witness + 1] - step[4]) > limit_m
+    limit_m = compute_limit_m(step[TIME], step[DISTANCE])
+    sums[TIME] += step[TIME]
+    sums[DISTANCE] += step[DISTANCE]
+    for column in (POSITION, LEG):
+        is_leap = math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
         for axis in range(2):
-            sums[column + axis] += step[3 + axis] if is_leap else step[witness + axis]
-            sums[column + 2 + axis] += step[witness + axis]
-    sums[DRIVEN] += step[3]
-    sums[DRIVEN + 1] += step[4]
+            sums[column + axis] += step[DRIVEN + axis] if is_leap else step[column + axis]
+    for axis in range(2):
+        sums[DRIVEN + axis] += step[DRIVEN + axis]
+        sums[RAW_POSITION + axis] += step[POSITION + axis]
     found[:] = -1
     if not is_on_leg:
         counts[1] = counts[0]
@@ -80,16 +80,17 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             if found[pair] >= 0 or (pair > 0 and counts[0] - back < counts[1]):
                 continue
             a, b = PAIRS[pair]
-            raw_a, raw_b = a + 2, b + 2 if b == LEG else b
             smooth_m = math.hypot(
                 sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
             )
-            raw_m = math.hypot(
-                sums[raw_a] - sums[raw_b] - then[raw_a] + then[raw_b],
-                sums[raw_a + 1] - sums[raw_b + 1] - then[raw_a + 1] + then[raw_b + 1],
-            )
-            if smooth_m > limit_m + biases_m[pair] or raw_m > longest_m + spread_m + biases_m[pair]:
+            if smooth_m > limit_m + biases_m[pair]:
                 found[pair] = place
+        raw_m = math.hypot(
+            sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
+            sums[RAW_POSITION + 1] - sums[DRIVEN + 1] - then[RAW_POSITION + 1] + then[DRIVEN + 1],
+        )
+        if found[0] < 0 and raw_m > longest_m + spread_m:
+            found[0] = place
     if counts[0] == 0 or sums[TIME] - kept[(counts[0] - 1) % len(kept), TIME] >= KEPT_S - 1e-6:
         kept[counts[0] % len(kept)] = sums
         counts[0] += 1
@@ -101,8 +102,9 @@ class CredibleMotion:
 
     def __init__(self, antenna_forward_m: float, off_leg_m: float) -> None:
         self.antenna_forward_m = antenna_forward_m
+        self._off_leg_m = off_leg_m
         self._biases_m = np.array([0.0, off_leg_m, off_leg_m])
-        self._step, self._found = np.zeros(8), np.full(PAIR_COUNT, -1)
+        self._step, self._found = np.zeros(COLUMN_COUNT), np.full(PAIR_COUNT, -1)
         self.restart()
 
     def restart(self) -> None:
@@ -130,6 +132,10 @@ class CredibleMotion:
         add_motion_step(self._step, self._biases_m, is_on_leg, self._sums, self._kept, self._counts, self._found)
         if self._counts[0] > kept_before:
             self._states[kept_before % KEPT_COUNT] = *_get_pose(report), abs(report.speed_mps)
+        if leg_pose is not None and report.mode == AUTOMATIC:
+            off_leg_m = math.dist((report.x_m, report.y_m), leg_pose[:2])
+            if off_leg_m > self._off_leg_m + compute_limit_m(math.inf, 0.0):
+                self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
         self._judge()
 
     def _measure_step(
@@ -149,7 +155,7 @@ class CredibleMotion:
         if leg_pose is not None and previous[2] is not None:
             (x, y), (x0, y0) = self._find_rear_axle(leg_pose), self._find_rear_axle(previous[2])
             step[5:7] = x - x0, y - y0
-        step[7] = abs(step_m)
+        step[DISTANCE] = abs(step_m)
 
     def _find_rear_axle(self, pose: Array | tuple[float, float, float]) -> tuple[float, float]:
         ahead_m = self.antenna_forward_m
@@ -157,11 +163,12 @@ class CredibleMotion:
 
     def _judge(self) -> None:
         """Whether it moves more than it says, and whether it is in doubt from now on."""
-        place, age_s = int(self._found[0]), math.inf
-        if place >= 0:
-            moved_m = self._measure_displacements_m(place)
-            if np.hypot(*moved_m[POSITIONS]) > np.hypot(*moved_m[SPEED]):
-                age_s = self._get_age_s(place)
+        age_s = math.inf
+        for place, witness in ((int(self._found[0]), POSITIONS), (int(self._found[2]), PROGRESS)):
+            if place >= 0:
+                moved_m = self._measure_displacements_m(place)
+                if np.hypot(*moved_m[witness]) > np.hypot(*moved_m[SPEED]):
+                    age_s = min(age_s, self._get_age_s(place))
         if not self.is_moving_unreported and math.isfinite(age_s):
             self._hidden_s = age_s
         self.is_moving_unreported = age_s <= STILL_SHARE * self._hidden_s
@@ -187,16 +194,20 @@ class CredibleMotion:
             for name, moved in moved_m.items()
         }
         suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
-        speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_m.values()]
-        possible_mps = [speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS]  # the others are no motion
-        speed_mps = max(float(self._states[place, 3]), *possible_mps, 0.0)
-        x, y, heading_rad = self._states[place, :3].tolist()
+        assert self._previous is not None
+        (x, y, heading_rad, speed_mps), report = self._states[place].tolist(), self._previous[1]
+        lengths_driven_m = (
+            *(lengths_m[name] for name in lengths_m if name != POSITIONS),
+            math.dist((x, y), (report.x_m, report.y_m)),
+        )
+        speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
+        speed_mps = max(speed_mps, *(speed for speed in speeds_mps if speed <= FASTEST_MPS))  # faster is no motion
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
     def _measure_displacements_m(self, place: int) -> dict[str, Array]:
         """How far each witness moved since an entry of the ring (2,), leaps included."""
         moved = self._sums - self._kept[place]
-        columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: RAW_LEG}
+        columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: LEG}
         return {name: moved[column : column + 2] for name, column in columns.items()}
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
+from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, Hold, TractorReport, TractorState
 from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.model.tractor import Tractor
 
@@ -60,7 +60,8 @@ def predict_path(
     report = state.report
     assert report is not None
     times_s = build_time_steps(rules) if times_s is None else times_s
-    if report.mode == AUTOMATIC or goes_on:
+    is_on_leg = state.doubt is None and Hold.ASTRAY not in state.holds  # else its progress is not believed
+    if (report.mode == AUTOMATIC or goes_on) and is_on_leg:
         speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
         metres = speed_mps * times_s
         if goes_on:

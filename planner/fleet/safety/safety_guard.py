@@ -122,7 +122,15 @@ class SafetyGuard:
         if state.mode != AUTOMATIC:
             twin_path = self.twins.predict_path(number, times_s)
             return predict_path(state, self.tractor, self.rules, twin_path=twin_path, times_s=times_s)
-        cache_key = (state.report, state.leg, state.leg_m, state.base_end, bool(state.holds), state.mission)
+        cache_key = (
+            state.report,
+            state.leg,
+            state.leg_m,
+            state.base_end,
+            bool(state.holds),
+            state.doubt,
+            state.mission,
+        )
         cached = self._path_cache.get((number, pace))
         if cached is None or cached[0] != cache_key:
             cached = cache_key, predict_path(state, self.tractor, self.rules, times_s=times_s)
