@@ -42,7 +42,7 @@ ALARMING_MODULES = (
     "planner/fleet/manager/danger_watch.py", "planner/fleet/manager/fleet_manager.py",
     "planner/fleet/manager/operator_orders.py",
     "planner/fleet/manager/obstacle_reports.py", "planner/fleet/session/fleet_twins.py",
-    "planner/fleet/replanning/proposals.py", "planner/service/fleets/twin_routes.py",
+    "planner/fleet/replanning/proposals.py", "planner/fleet/safety/compliance.py", "planner/service/fleets/twin_routes.py",
     "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/form_texts.py",
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",

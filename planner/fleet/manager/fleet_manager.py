@@ -233,6 +233,7 @@ class FleetManager(FleetState):
                 self._alarm_broken_link(number, now)
             self._stop_silent_remote_control(number, now)
             self._update_doubt(number, now)
+        self.dangers.hold_unplaced_fleet()
         if now - self._watched_at_s >= WATCH_PERIOD_S / self.rules.times:
             self._watched_at_s = now
             self.dangers.stop_or_resume_by_danger(now)

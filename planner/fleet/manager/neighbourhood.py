@@ -8,7 +8,8 @@ other, those of the fleet added first resume first; the others wait. Stop-all st
 their neighbours.
 
 Plans without a coordinate system share one system of local metres. Their distance from plans with a coordinate system
-is unknown.
+is unknown: they do not move beside these until an operator has answered for the distance. Beside plans with a
+coordinate system that cannot be converted, neither fleet moves.
 """
 
 from __future__ import annotations
@@ -151,8 +152,14 @@ class NeighbourhoodMember(NeighbourFleets):
 
     def update_neighbour_names(self, now: float) -> None:
         """Tell its fleet manager who is near, and who is at an unknown distance."""
-        unknown_names = [self.unknown[id].name for id in sorted(self.unknown)]
-        self.manager.dangers.set_neighbours([one.name for one in self.list_neighbours()], unknown_names, now)
+        unknown = [self.unknown[id] for id in sorted(self.unknown)]
+        unplaced_beside = [fleet.name for fleet in unknown if self._is_unplaced_beside(fleet)]
+        near_names, unknown_names = [one.name for one in self.list_neighbours()], [fleet.name for fleet in unknown]
+        self.manager.dangers.set_neighbours(near_names, unknown_names, unplaced_beside, now)
+
+    def _is_unplaced_beside(self, fleet: NeighbourhoodMember) -> bool:
+        """Whether it is this fleet that cannot be placed; where both have coordinate systems, neither can."""
+        return self.manager.plan.saved.crs is None or fleet.manager.plan.saved.crs is not None
 
     def find_nearby_tractors(self) -> list[NeighbourTractor]:
         """Tractors of neighbours that could come near its own within the predicted time."""

@@ -86,15 +86,15 @@ def find_impossible_place_reason(report: TractorReport, state: TractorState) -> 
 
 def describe_doubt(number: int, doubt: MotionDoubt) -> str:
     """The sentence of the alarm of a tractor in doubt."""
-    moved_m, seconds = doubt.moved_m, f"In {doubt.over_s:.1f} s"
+    moved_m = doubt.moved_m
     if PROGRESS in moved_m:
-        seen = (
-            f"{seconds} tractor {number + 1} moved {moved_m[POSITIONS]:.1f} m by its positions, {moved_m[SPEED]:.1f} m "
-            f"by its speed and {moved_m[PROGRESS]:.1f} m by its progress"
+        return (
+            f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by "
+            f"its positions, {moved_m[SPEED]:.1f} m by its speed and {moved_m[PROGRESS]:.1f} m by its progress. It is "
+            "held, and others keep away from where it may be: look where it is before you resume it."
         )
-    else:
-        seen = (
-            f"{seconds} tractor {number + 1} moved {moved_m[POSITIONS]:.1f} m by its positions and "
-            f"{moved_m[SPEED]:.1f} m by its speed"
-        )
-    return f"{seen}: it is held, and others keep away from where it may be. Look where it is before you resume it."
+    return (
+        f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by its "
+        f"positions and {moved_m[SPEED]:.1f} m by its speed. It is held, and others keep away from where it may be: "
+        "look where it is before you resume it."
+    )

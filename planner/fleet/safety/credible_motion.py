@@ -54,8 +54,8 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
     """Add a step to `sums` (10,), keep them in the ring `kept` (n, 10), and find for each pair of witnesses the
     shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
 
-    `step` (10,) is a time, the displacements by positions, speed and progress, and the distance. `counts` is the entries
-    of the ring ever kept, and since which of them progress has been known.
+    `step` (10,) is a time, the displacements by positions, speed and progress, and the distance. `counts` (2,) is how
+    many entries the ring ever got, and since which of them progress has been known.
     """
     limit_m = compute_limit_m(step[TIME], step[DISTANCE])
     sums[TIME] += step[TIME]

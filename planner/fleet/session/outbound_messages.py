@@ -234,7 +234,8 @@ class AlarmItem(OutboundMessage):
     - obstacle: the obstacle `related_number` is in the way; without tractor
     - replaced: another link claims to be this tractor; the previous one was ordered to stop and closed
     - restarted: the service restarted, and all tractors stand until they are resumed; without tractor
-    - unknown ground: the distance to another fleet is unknown; without tractor
+    - unknown ground: the distance to another fleet is unknown; without tractor. While it is critical and nobody has
+      acknowledged it, this fleet does not move
     - unread obstacle: it stands because of an unreadable obstacle, and resumes once this is acknowledged
     - unrecorded: the database cannot be reached, nothing is recorded; without tractor
 
