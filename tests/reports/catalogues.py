@@ -33,7 +33,8 @@ OWN_NAMES = frozenset(
         "Accept", "AgOpenGPS", "Deutsch",
          "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
         "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point",
-        "Polygon", "Shapefile", "headland token new --scope planner --scope operator", "unread obstacle", "unknown ground",
+        "Polygon", "Shapefile", "headland token new --scope planner --scope operator",
+        "unknown ground", "unread obstacle",
     )
 )  # fmt: skip
 """Names that are the same in every language."""

@@ -34,11 +34,12 @@ FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at le
 REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.25 s to 64 s, pairs of witnesses
 NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
-KEPT_S, KEPT_COUNT = 0.25, 256
+KEPT_S, KEPT_COUNT, STRIDE = 0.25, 256, 4
 LONGEST_STEP_S = 1.0  # between two reports that can be compared, as a link that is silent for longer is broken
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10
+REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
 
 
@@ -71,7 +72,11 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
     if not is_on_leg:
         counts[1] = counts[0]
     longest_m = compute_limit_m(math.inf, 0.0)
-    for back in range(1, min(counts[0], len(kept)) + 1):
+    back = 0
+    while back < min(counts[0], len(kept)):
+        back += max(back // STRIDE, 1)  # longer times need not be told apart as finely
+        if back > min(counts[0], len(kept)):
+            break
         place = (counts[0] - back) % len(kept)
         then = kept[place]
         spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE])
@@ -96,13 +101,35 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
         counts[0] += 1
 
 
+@compile_function
+def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type: ignore[no-untyped-def]
+    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (10,).
+
+    `before` and `after` (8,) are a time, the pose of the guided point, velocity, and the pose of the progress, NaN for
+    none.
+    """
+    step[TIME] = max(after[0] - before[0], 0.0)
+    step_m = 0.5 * (before[4] + after[4]) * step[TIME]
+    turned_rad = (after[3] - before[3] + math.pi) % (2.0 * math.pi) - math.pi
+    heading_rad = before[3] + 0.5 * turned_rad
+    step[DRIVEN], step[DRIVEN + 1] = step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
+    step[DISTANCE] = abs(step_m)
+    step[LEG], step[LEG + 1] = step[DRIVEN], step[DRIVEN + 1]
+    for column, pose in ((POSITION, 1), (LEG, 5)):
+        if not math.isnan(before[pose] + after[pose]):
+            ahead, past = after[pose + 2], before[pose + 2]
+            step[column] = after[pose] - before[pose] - antenna_forward_m * (math.cos(ahead) - math.cos(past))
+            step[column + 1] = (
+                after[pose + 1] - before[pose + 1] - antenna_forward_m * (math.sin(ahead) - math.sin(past))
+            )
+
+
 class CredibleMotion:
     """The motion of one tractor by its reports; `antenna_forward_m` is that of its tractor, `off_leg_m` how far it may
     be beside its leg. Times are of the simulated clock."""
 
     def __init__(self, antenna_forward_m: float, off_leg_m: float) -> None:
-        self.antenna_forward_m = antenna_forward_m
-        self._off_leg_m = off_leg_m
+        self._antenna_forward_m = antenna_forward_m
         self._biases_m = np.array([0.0, off_leg_m, off_leg_m])
         self._step, self._found = np.zeros(COLUMN_COUNT), np.full(PAIR_COUNT, -1)
         self.restart()
@@ -110,56 +137,33 @@ class CredibleMotion:
     def restart(self) -> None:
         """Forget all: what is reported next is believed until it contradicts itself."""
         self._sums, self._kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
-        self._states = np.zeros((KEPT_COUNT, 4))  # poses and speeds of the entries
+        self._kept_reports = np.full((KEPT_COUNT, REPORT_SIZE), np.nan)
         self._counts = np.zeros(2, dtype=np.int64)
-        self._previous: tuple[float, TractorReport, Array | None] | None = None
+        self._report, self._previous = np.full(REPORT_SIZE, np.nan), np.full(REPORT_SIZE, np.nan)
         self._hidden_s = 0.0
         self.doubt: MotionDoubt | None = None
         self.is_moving_unreported = False
 
     def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float) -> None:
         """Add a report of a time, with the pose (3,) of its progress on its leg; None where it follows none."""
-        previous, self._previous = self._previous, (time_s, report, leg_pose)
-        if previous is None or time_s - previous[0] > LONGEST_STEP_S:
+        self._previous, self._report = self._report, self._previous
+        self._report[:5] = time_s, report.x_m, report.y_m, report.heading_rad, report.velocity_mps
+        self._report[5:] = math.nan if leg_pose is None else leg_pose
+        if not time_s - self._previous[0] <= LONGEST_STEP_S:
             self._sums[:], self._counts[:], self._hidden_s = 0.0, 0, 0.0
             self.is_moving_unreported = False
-            self._kept[0], self._counts[0] = self._sums, 1
-            self._states[0] = *_get_pose(report), abs(report.speed_mps)
+            self._kept[0], self._kept_reports[0], self._counts[0] = self._sums, self._report, 1
             return
-        is_on_leg = leg_pose is not None and previous[2] is not None
-        self._measure_step(previous, report, leg_pose if is_on_leg else None, time_s)
-        kept_before = int(self._counts[0])
+        measure_motion_step(self._previous, self._report, self._antenna_forward_m, self._step)
+        is_on_leg, kept_before = not math.isnan(self._previous[5] + self._report[5]), int(self._counts[0])
         add_motion_step(self._step, self._biases_m, is_on_leg, self._sums, self._kept, self._counts, self._found)
         if self._counts[0] > kept_before:
-            self._states[kept_before % KEPT_COUNT] = *_get_pose(report), abs(report.speed_mps)
-        if leg_pose is not None and report.mode == AUTOMATIC:
-            off_leg_m = math.dist((report.x_m, report.y_m), leg_pose[:2])
-            if off_leg_m > self._off_leg_m + compute_limit_m(math.inf, 0.0):
+            self._kept_reports[kept_before % KEPT_COUNT] = self._report
+        if is_on_leg and report.mode == AUTOMATIC:
+            off_leg_m = math.dist(self._report[1:3], self._report[5:7])
+            if off_leg_m > self._biases_m[1] + compute_limit_m(math.inf, 0.0):
                 self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
         self._judge()
-
-    def _measure_step(
-        self, previous: tuple[float, TractorReport, Array | None], report: TractorReport, leg_pose: Array | None,
-        time_s: float,
-    ) -> None:  # fmt: skip
-        """The displacement of the middle of the rear axle, which moves along the heading, by each witness."""
-        step_s, before = max(time_s - previous[0], 0.0), previous[1]
-        step_m = 0.5 * (before.velocity_mps + report.velocity_mps) * step_s
-        turned_rad = math.remainder(report.heading_rad - before.heading_rad, 2.0 * math.pi)
-        heading_rad = before.heading_rad + 0.5 * turned_rad
-        x, y = self._find_rear_axle(_get_pose(report))
-        x0, y0 = self._find_rear_axle(_get_pose(before))
-        step = self._step
-        step[:5] = step_s, x - x0, y - y0, step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
-        step[5:7] = step[3:5]
-        if leg_pose is not None and previous[2] is not None:
-            (x, y), (x0, y0) = self._find_rear_axle(leg_pose), self._find_rear_axle(previous[2])
-            step[5:7] = x - x0, y - y0
-        step[DISTANCE] = abs(step_m)
-
-    def _find_rear_axle(self, pose: Array | tuple[float, float, float]) -> tuple[float, float]:
-        ahead_m = self.antenna_forward_m
-        return float(pose[0]) - ahead_m * math.cos(pose[2]), float(pose[1]) - ahead_m * math.sin(pose[2])
 
     def _judge(self) -> None:
         """Whether it moves more than it says, and whether it is in doubt from now on."""
@@ -194,14 +198,12 @@ class CredibleMotion:
             for name, moved in moved_m.items()
         }
         suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
-        assert self._previous is not None
-        (x, y, heading_rad, speed_mps), report = self._states[place].tolist(), self._previous[1]
+        _, x, y, heading_rad, velocity_mps = self._kept_reports[place, :5].tolist()
         lengths_driven_m = (
-            *(lengths_m[name] for name in lengths_m if name != POSITIONS),
-            math.dist((x, y), (report.x_m, report.y_m)),
-        )
+            *(lengths_m[name] for name in lengths_m if name != POSITIONS), math.dist((x, y), self._report[1:3])
+        )  # fmt: skip
         speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
-        speed_mps = max(speed_mps, *(speed for speed in speeds_mps if speed <= FASTEST_MPS))  # faster is no motion
+        speed_mps = max(abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS))  # else no motion
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
     def _measure_displacements_m(self, place: int) -> dict[str, Array]:
@@ -209,7 +211,3 @@ class CredibleMotion:
         moved = self._sums - self._kept[place]
         columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: LEG}
         return {name: moved[column : column + 2] for name, column in columns.items()}
-
-
-def _get_pose(report: TractorReport) -> tuple[float, float, float]:
-    return report.x_m, report.y_m, report.heading_rad

@@ -60,8 +60,8 @@ def predict_path(
     report = state.report
     assert report is not None
     times_s = build_time_steps(rules) if times_s is None else times_s
-    is_on_leg = state.doubt is None and Hold.ASTRAY not in state.holds  # else its progress is not believed
-    if (report.mode == AUTOMATIC or goes_on) and is_on_leg:
+    is_believed = state.doubt is None and Hold.ASTRAY not in state.holds  # its progress on its leg
+    if goes_on or (report.mode == AUTOMATIC and is_believed):
         speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
         metres = speed_mps * times_s
         if goes_on:
