@@ -141,9 +141,7 @@ def main() -> None:
         of_one, first = drive(1000 * choice.seed + number, steps, lies_from)
         doubts += of_one
         if of_one:
-            print(
-                f"tractor {number + 1}: {of_one} doubts, the first after {first * STEP_S - max(lies_from, 0) * STEP_S:.1f} s"
-            )
+            print(f"tractor {number + 1}: {of_one} doubts, first after {(first - max(lies_from, 0)) * STEP_S:.1f} s")
     hours = choice.tractors * choice.hours
     print(f"{doubts} doubts in {hours:.0f} h of driving; {time.perf_counter() - begun_s:.0f} s")
 

@@ -171,13 +171,13 @@ class FleetManager(FleetState):
         motion.add_report(report, leg_pose, report.time_s * self.rules.times)
         state.is_moving_unreported = motion.is_moving_unreported
         if state.doubt is None and motion.doubt is not None:
+            self.raise_alarm("contradiction", number, WARNING, describe_doubt(number, motion.doubt), now)
             self._start_doubt(number, motion.doubt, now)
 
     def _start_doubt(self, number: int, doubt: MotionDoubt, now: float) -> None:
         """Hold a tractor in doubt until an operator has looked; others keep away from where it may be."""
         self.states[number].doubt = doubt
         self._doubted_since_s[number] = now - doubt.over_s / self.rules.times
-        self.raise_alarm("contradiction", number, WARNING, describe_doubt(number, doubt), now)
         self.hold_tractor(number, Hold.DOUBTED, is_logged=True)
 
     def _update_doubt(self, number: int, now: float) -> None:
@@ -190,8 +190,7 @@ class FleetManager(FleetState):
                 self.motions[number].restart()
             return
         if state.doubt is None and state.report is not None:  # after a restart of the service
-            pose = state.report.x_m, state.report.y_m, state.report.heading_rad
-            state.doubt = MotionDoubt(POSITIONS, 0.0, {}, pose, state.mission.fastest_mps)
+            state.doubt = _build_area_doubt(state.report, state.mission.fastest_mps)
             self._doubted_since_s[number] = state.last_fix_s
         if state.doubt is not None:
             seconds = self.rules.times * (now - self._doubted_since_s[number])
@@ -267,6 +266,9 @@ class FleetManager(FleetState):
             return
         sentence = f"Tractor {number + 1} was ordered to stop and drives on."
         self.raise_alarm("drives on", number, CRITICAL, sentence, now)
+        if state.doubt is None and state.report is not None and state.mode != MANUAL:  # else a driver looks
+            state.stop_repeated_s = now
+            self._start_doubt(number, _build_area_doubt(state.report, state.report.speed_mps), now)
         if now - state.stop_repeated_s >= REPEAT_STOP_S:
             state.stop_repeated_s = now
             self.stop_tractor(number, next(iter(sorted(state.holds)), "not started"))
@@ -342,6 +344,11 @@ class FleetManager(FleetState):
         if twin_place is None or state.mode != AUTOMATIC or state.done:
             return None
         return state.mission.locate_ahead(state.leg, state.leg_m, state.base_end, twin_place)
+
+
+def _build_area_doubt(report: TractorReport, speed_mps: float) -> MotionDoubt:
+    """The doubt of a tractor that is at the place of its report, and may go anywhere from there."""
+    return MotionDoubt(POSITIONS, 0.0, {}, (report.x_m, report.y_m, report.heading_rad), speed_mps)
 
 
 def _advance_progress(state: TractorState, report: TractorReport, driving_s: float) -> None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, Hold, TractorReport, TractorState
+from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
 from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.model.tractor import Tractor
 
@@ -60,8 +60,7 @@ def predict_path(
     report = state.report
     assert report is not None
     times_s = build_time_steps(rules) if times_s is None else times_s
-    is_believed = state.doubt is None and Hold.ASTRAY not in state.holds  # its progress on its leg
-    if goes_on or (report.mode == AUTOMATIC and is_believed):
+    if goes_on or (report.mode == AUTOMATIC and state.doubt is None):  # else its progress on its leg is not believed
         speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
         metres = speed_mps * times_s
         if goes_on:
