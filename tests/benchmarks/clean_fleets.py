@@ -140,8 +140,8 @@ def main() -> None:
         lies_from = steps // 2 if choice.lie else -1
         of_one, first = drive(1000 * choice.seed + number, steps, lies_from)
         doubts += of_one
-        if of_one:
-            print(f"tractor {number + 1}: {of_one} doubts, first after {(first - max(lies_from, 0)) * STEP_S:.1f} s")
+        after_s = f", the first after {(first - max(lies_from, 0)) * STEP_S:.1f} s" if of_one else ""
+        print(f"tractor {number + 1}: {of_one} doubts{after_s}; {time.perf_counter() - begun_s:.0f} s", flush=True)
     hours = choice.tractors * choice.hours
     print(f"{doubts} doubts in {hours:.0f} h of driving; {time.perf_counter() - begun_s:.0f} s")
 
