@@ -45,16 +45,18 @@ class DangerWatch:
         if not unknown_names:
             self.fleet.alarms.end_alarm(UNKNOWN_GROUND, None)
             return
-        sentence = (
-            f"The distance from this fleet to {join_fleet_names(unknown_names)} cannot be known: their plans have no "
-            "common coordinate system. "
-        )
+        names = join_fleet_names(unknown_names)
         if unplaced_beside:
-            sentence += "This fleet does not move until an operator answers for that distance by this alarm."
-            self.fleet.raise_alarm(UNKNOWN_GROUND, None, CRITICAL, sentence, now)
+            sentence = (
+                f"The distance from this fleet to {names} cannot be known: their plans have no common coordinate "
+                "system. This fleet does not move until an operator answers for that distance by this alarm."
+            )
         else:
-            sentence += "No distance is kept between them."
-            self.fleet.raise_alarm(UNKNOWN_GROUND, None, WARNING, sentence, now)
+            sentence = (
+                f"The distance from this fleet to {names} cannot be known: their plans have no common coordinate "
+                "system. No distance is kept between them."
+            )
+        self.fleet.raise_alarm(UNKNOWN_GROUND, None, CRITICAL if unplaced_beside else WARNING, sentence, now)
 
     def is_answered_by(self, alarm: int) -> bool:
         """Whether acknowledging this alarm lets this fleet move, though it cannot be placed."""
