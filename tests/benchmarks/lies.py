@@ -32,8 +32,8 @@ def format_cell(scene: str, names: tuple[str, ...]) -> str:
     seen, apart_m = watch(scene, names)
     shown = sorted(seen.items(), key=lambda item: item[1])
     first_critical = next((item for item in shown if is_critical(item[0])), None)
-    chosen = [item for item in shown[:1] if item != first_critical] + [first_critical] * (first_critical is not None)
-    text = ", ".join(f"{code.removesuffix(' (warning)')} {seconds:.1f} s" for code, seconds in chosen if code)
+    told = {code.removesuffix(" (warning)"): seconds for code, seconds in [*shown[:1], *filter(None, [first_critical])]}
+    text = ", ".join(f"{code} {seconds:.1f} s" for code, seconds in told.items())
     return (text or "nothing") + (f"; {apart_m:.1f} m" if scene == "another fleet" else "")
 
 

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import planner.guide
+from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, Hold, TractorReport
 from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_limit_m
 from planner.fleet.safety.possible_area import PossibleArea
@@ -22,7 +24,6 @@ from tests.service.liars import FIELDS, LIES_S, LONG, SPEED_MPS, STATED, Scene, 
 from tests.service.test_neighbours import NORTH, SOUTH, Ground, alarms, lane
 
 FROZEN = [freeze("easting_m"), freeze("northing_m")]
-REACH_M = 40.0 * math.sqrt(2.0)
 
 
 def test_who_says_it_stands_while_its_positions_go_on_drives_on_and_its_area_grows() -> None:
@@ -190,25 +191,15 @@ def test_a_fleet_in_local_metres_beside_one_with_coordinates_stands_until_an_ope
     assert one.at_m > 2.0
     assert one.events.count("answered for the distance") == 1
     third = lane(*NORTH, crs="EPSG:32633")
-    ground.hood.add("c", "c", replace_manager(third), lambda: None, ground.now)
+    ground.hood.add("c", "c", FleetManager(third, FleetRules()), lambda: None, ground.now)
     run(3.0)
     assert Hold.UNPLACED in one.manager.states[0].holds, "nobody has answered for this one yet"
-
-
-def replace_manager(plan: object) -> object:
-    from planner.fleet.manager.fleet_manager import FleetManager
-    from planner.fleet.model.rules import FleetRules
-
-    return FleetManager(plan, FleetRules())  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 def test_the_table_of_the_threat_model_is_what_is_noticed() -> None:
     guide = (Path(planner.guide.__file__).parent / "threat-model.md").read_text("utf-8")
     assert lies.format_table([(), *((name,) for name in FIELDS)]) in guide
-
-
-UNNOTICED: frozenset[tuple[str, str]] = frozenset()
 
 
 @pytest.mark.matrix
