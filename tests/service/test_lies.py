@@ -14,12 +14,12 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, Hold, TractorReport
+from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, Hold, MotionDoubt, TractorReport
 from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_limit_m
 from planner.fleet.safety.possible_area import PossibleArea
 from tests.benchmarks import lies
 from tests.benchmarks.clean_fleets import drive
-from tests.service.fleets import restart_manager
+from tests.service.fleets import fleet_plan, restart_manager, start_fleet
 from tests.service.liars import FIELDS, LIES_S, LONG, SPEED_MPS, STATED, Scene, freeze, lose_operator, meet, stop
 from tests.service.test_neighbours import NORTH, SOUTH, Ground, alarms, lane
 
@@ -100,7 +100,7 @@ def test_who_is_met_head_on_stands_as_far_from_a_liar_as_from_one_that_only_does
     assert scene.fleets[1].manager.find_remote_command_harm(0, 1.0, 0.0) is not None
 
 
-def test_others_of_its_fleet_stand_once_its_area_reaches_them_and_go_on_after_it() -> None:
+def test_the_distance_from_an_area_is_that_of_the_outline_from_its_circle() -> None:
     area = PossibleArea(0, np.array([0.0, 0.0]), np.array([2.0, 3.0, 4.0]), 0.5, 0.65)
     boxes = np.array([[-1.0, 3.0, 1.0], [-2.0, -1.0, 2.0]])  # tail, nose, half width
     ahead = np.array([[-10.0, 0.0, 0.0]] * 3)  # it looks at the area: 7 m from its nose
@@ -108,6 +108,24 @@ def test_others_of_its_fleet_stand_once_its_area_reaches_them_and_go_on_after_it
     assert area.measure_distances_m(ahead, boxes) == pytest.approx([5.0, 4.0, 3.0])
     assert area.measure_distances_m(beside, boxes) == pytest.approx([2.0, 1.0, 0.0])
     assert area.measure_distances_m(np.array([[-2.0, 0.0, 0.0]]), boxes) == pytest.approx([-2.0])
+
+
+def test_others_of_its_fleet_stand_before_its_area_reaches_them_and_go_on_after_it() -> None:
+    fleet = start_fleet(fleet_plan(2, 10))
+    fleet.run(5.0)
+    manager = fleet.manager
+    pose = 0.0, fleet.at_m[0], math.pi / 2
+    manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, pose, 1.0), fleet.now)
+    fleet.run(1.0)
+    assert fleet.standing == [True, False], "it is held at once, the other not before it must be"
+    fleet.run(29.0)
+    assert fleet.standing == [True, True] and Hold.TOO_NEAR in manager.states[1].holds
+    apart_m = math.dist(pose[:2], (20.0, fleet.at_m[1])) - manager.guard.reach_m
+    stood_s = fleet.at_m[1] - pose[1]  # at 1 m/s
+    assert stood_s < apart_m, "as it came to stand the other could not have been there yet"
+    manager.operators.resume_tractors("anna", 0, fleet.now)
+    fleet.run(10.0)
+    assert fleet.standing == [False, False] and manager.states[0].doubt is None
 
 
 @pytest.mark.parametrize("speed_mps", [0.3, 1.0, 3.0])
