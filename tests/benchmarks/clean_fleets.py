@@ -31,7 +31,7 @@ from planner.fleet.safety.credible_motion import (
     measure_motion_step,
 )
 
-STEP_S, ANTENNA_M, OFF_LEG_M = 0.1, 1.1, 3.0
+STEP_S, ANTENNA_M, OFF_LEG_M = 0.1, 0.0, 3.0
 SWATH_M, RADIUS_M = 200.0, 5.0
 WHITE_M, WANDER_M, WANDER_S = 0.012, 0.5, 60.0
 LOST_PER_H, LOST_S, OUTAGES_PER_H, OUTAGE_S = 6.0, 30.0, 3.0, 5.0
@@ -63,6 +63,7 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     counts, found = np.zeros(2, dtype=np.int64), np.full(PAIR_COUNT, -1)
     biases_m, pose = np.array([0.0, OFF_LEG_M, OFF_LEG_M]), np.zeros(3)
     error, shown, steered = np.zeros(2), np.zeros(2), np.zeros(2)
+    truth, moved = np.zeros(2), np.zeros(2)
     counted = np.zeros(2)
     slip, oblique = np.random.uniform(0.0, SLIP), np.random.uniform(-OBLIQUE_RAD, OBLIQUE_RAD)
     goal_mps, speed_mps, at_m = np.random.uniform(1.0, 3.0), 0.0, 0.0
@@ -92,11 +93,15 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
             # guidance steers what is shown back onto the path, within the metres that it takes to do so
             offset = error[axis] - steered[axis]
             steered[axis] += offset * min(speed_mps * STEP_S / 5.0, 1.0)
-            truth = pose[axis] - steered[axis]
-            fix = truth + error[axis] + np.random.normal(0.0, WHITE_M)
+            moved[axis] = pose[axis] - steered[axis] - truth[axis]
+            truth[axis] += moved[axis]
+            fix = truth[axis] + error[axis] + np.random.normal(0.0, WHITE_M)
             shown[axis] = counted[axis] if dark_s > 0.0 else fix
-        heading = pose[2] + oblique + np.random.normal(0.0, HEADING_RAD)
-        wheels_mps = speed_mps * (1.0 + slip)
+        course = (
+            math.atan2(moved[1], moved[0]) if speed_mps > 0.0 and number > 0 else pose[2]
+        )  # it drives where it looks
+        heading = course + oblique + np.random.normal(0.0, HEADING_RAD)
+        wheels_mps = math.hypot(moved[0], moved[1]) / STEP_S * (1.0 + slip) if number > 0 else 0.0
         said_mps = abs(wheels_mps + np.random.normal(0.0, SPEED_NOISE_MPS)) if speed_mps > 0.0 else 0.0
         counted[0] = shown[0] + wheels_mps * STEP_S * math.cos(heading)
         counted[1] = shown[1] + wheels_mps * STEP_S * math.sin(heading)
