@@ -158,6 +158,16 @@ def test_the_suspect_is_whom_the_others_contradict() -> None:
         assert motion.doubt is not None and motion.doubt.suspect == suspect
 
 
+def test_the_credible_speed_of_one_that_leaps_and_boasts_is_one_that_tractors_have() -> None:
+    motion, moved_m = CredibleMotion(1.1, 3.0), 0.0
+    for number in range(60):
+        speed_mps = 1.0 if number < 50 else 49.0
+        moved_m += 0.1 * speed_mps * (1.0 if number < 50 else 4.0)
+        report = TractorReport(0.0, moved_m, math.pi / 2, speed_mps, mode=AUTOMATIC)
+        motion.add_report(report, np.array([0.0, moved_m, math.pi / 2]), 0.1 * number)
+    assert motion.doubt is not None and 1.0 <= motion.doubt.speed_mps <= 50.0 / 3.6
+
+
 def test_an_error_that_leaps_as_corrections_are_lost_is_no_doubt_and_one_that_no_receiver_has_is() -> None:
     for leap_m, is_doubted in ((3.0 * UNCORRECTED_M, False), (20.0 * UNCORRECTED_M, True)):
         motion = CredibleMotion(1.1, 3.0)

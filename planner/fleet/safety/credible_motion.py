@@ -203,7 +203,7 @@ class CredibleMotion:
             *(lengths_m[name] for name in lengths_m if name != POSITIONS), math.dist((x, y), self._report[1:3])
         )  # fmt: skip
         speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
-        speed_mps = max(abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS))  # else no motion
+        speed_mps = max([abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS)])  # else no motion
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
     def _measure_displacements_m(self, place: int) -> dict[str, Array]:
