@@ -18,7 +18,6 @@ import math
 import time
 from typing import Any
 
-import numba
 import numpy as np
 
 from planner.fleet.safety.credible_motion import (
@@ -30,6 +29,7 @@ from planner.fleet.safety.credible_motion import (
     add_motion_step,
     measure_motion_step,
 )
+from vehicle.jit import compile_function
 
 STEP_S, ANTENNA_M, OFF_LEG_M = 0.1, 0.0, 3.0
 SWATH_M, RADIUS_M = 200.0, 5.0
@@ -38,7 +38,7 @@ LOST_PER_H, LOST_S, OUTAGES_PER_H, OUTAGE_S = 6.0, 30.0, 3.0, 5.0
 SLIP, OBLIQUE_RAD, HEADING_RAD, SPEED_NOISE_MPS = 0.1, 0.03, 0.004, 0.03
 
 
-@numba.njit
+@compile_function
 def find_pose(at_m: float, pose: Any) -> None:
     """The pose of a tractor that goes to and fro, at a distance along its path."""
     bend_m = math.pi * RADIUS_M
@@ -54,7 +54,7 @@ def find_pose(at_m: float, pose: Any) -> None:
     pose[2] = way * (0.5 * math.pi - angle)
 
 
-@numba.njit
+@compile_function
 def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     """The doubts of one tractor in so many steps, and the first step of one (-1 for none)."""
     np.random.seed(seed)
