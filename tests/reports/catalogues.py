@@ -33,7 +33,8 @@ OWN_NAMES = frozenset(
         "Accept", "AgOpenGPS", "Deutsch",
          "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
         "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point",
-        "Polygon", "Shapefile", "headland token new --scope planner --scope operator", "unread obstacle",
+        "Polygon", "Shapefile", "headland token new --scope planner --scope operator",
+        "unknown ground", "unread obstacle",
     )
 )  # fmt: skip
 """Names that are the same in every language."""
@@ -42,13 +43,14 @@ VALUE = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
 """A value in a template of a script."""
 _PAGE_WORDS = """
     accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
-    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive;
-    driving; entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole;
-    implement; kept; last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles;
-    offline; online; operate; operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover;
-    refill; remote control; resume; right; round; round, quicker; running; sample; seen; show; soil; sow; spray;
-    square; start; stop; stopped; stopped by stop-all; supervised; surest; the service began anew; till; tractor;
-    turning; waiting; waits for another by the plan; worked; working; yard
+    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive; driving;
+    entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole; implement; its
+    place among other fleets is unknown; its reports contradict each other; kept; last; lease; left; light; line;
+    manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online; operate; operate, plan, read;
+    over; pause; paused; plan; pole; queued; read; ready; recover; refill; remote control; resume; right; round; round,
+    quicker; running; sample; seen; show; soil; sow; spray; square; start; stop; stopped; stopped by stop-all;
+    supervised; surest; the service began anew; till; tractor; turning; waiting; waits for another by the plan; worked;
+    working; yard
 """
 PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";"))
 """Words in lower case that the page shows, of its own or as data of the service."""

@@ -31,20 +31,50 @@ class DangerWatch:
         rules = fleet.rules
         self.separation = SeparationMonitor(rules.release_s / rules.times, STUCK_AFTER_S / rules.times)
         self._neighbour_names: tuple[str, ...] = ()
+        self._unplaced_beside: tuple[str, ...] = ()
 
-    def set_neighbours(self, names: Sequence[str], unknown_names: Sequence[str], now: float) -> None:
-        """Set the names of the fleets near by, and of those at an unknown distance."""
+    def set_neighbours(
+        self, names: Sequence[str], unknown_names: Sequence[str], unplaced_beside: Sequence[str], now: float
+    ) -> None:
+        """Set the names of the fleets near by, of those at an unknown distance, and of those among them beside which
+        it is this fleet that cannot be placed."""
+        self._unplaced_beside = tuple(unplaced_beside)
         if tuple(names) != self._neighbour_names:
             self._neighbour_names = tuple(names)
             self.fleet.log_event(FLEET_MANAGER, "neighbours", fleets=list(names))
         if not unknown_names:
             self.fleet.alarms.end_alarm(UNKNOWN_GROUND, None)
             return
-        sentence = (
-            f"The distance from this fleet to {join_fleet_names(unknown_names)} cannot be known: their plans have no "
-            "common coordinate system. No distance is kept between them."
-        )
-        self.fleet.raise_alarm(UNKNOWN_GROUND, None, WARNING, sentence, now)
+        names = join_fleet_names(unknown_names)
+        if unplaced_beside:
+            sentence = (
+                f"The distance from this fleet to {names} cannot be known: their plans have no common coordinate "
+                "system. This fleet does not move until an operator answers for that distance by this alarm."
+            )
+        else:
+            sentence = (
+                f"The distance from this fleet to {names} cannot be known: their plans have no common coordinate "
+                "system. No distance is kept between them."
+            )
+        self.fleet.raise_alarm(UNKNOWN_GROUND, None, CRITICAL if unplaced_beside else WARNING, sentence, now)
+
+    def is_answered_by(self, alarm: int) -> bool:
+        """Whether acknowledging this alarm lets this fleet move, though it cannot be placed."""
+        on = self.fleet.alarms.find_alarm_on(UNKNOWN_GROUND, None)
+        return bool(self._unplaced_beside) and on is not None and on.id == alarm and on.acknowledged is None
+
+    def hold_unplaced_fleet(self) -> None:
+        """Hold all tractors while nobody answers for the distance from fleets that cannot be known."""
+        alarm = self.fleet.alarms.find_alarm_on(UNKNOWN_GROUND, None)
+        if self._unplaced_beside and alarm is not None and alarm.acknowledged is None:
+            for number in range(len(self.fleet.states)):
+                self.fleet.hold_tractor(number, Hold.UNPLACED)
+            return
+        held_states = [state for state in self.fleet.states if Hold.UNPLACED in state.holds]
+        for state in held_states:
+            state.holds.discard(Hold.UNPLACED)
+        if held_states and alarm is not None and alarm.acknowledged is not None:
+            self.fleet.log_event(alarm.acknowledged, "answered for the distance", fleets=list(self._unplaced_beside))
 
     def stop_or_resume_by_danger(self, now: float) -> None:
         """Stop tractors in danger, and resume those out of it."""

@@ -16,9 +16,27 @@ from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, BROKEN, MANUAL, REMOTE, Hold, TractorReport, TractorState
+from planner.fleet.model.tractor_state import (
+    AUTOMATIC,
+    BROKEN,
+    BY_HAND,
+    MANUAL,
+    POSITIONS,
+    REMOTE,
+    Hold,
+    MotionDoubt,
+    TractorReport,
+    TractorState,
+)
 from planner.fleet.safety.base_release import compute_base_end
-from planner.fleet.safety.compliance import REPEAT_STOP_S, find_impossible_place_reason, is_disobeying, is_driving_on
+from planner.fleet.safety.compliance import (
+    REPEAT_STOP_S,
+    describe_doubt,
+    find_impossible_place_reason,
+    is_disobeying,
+    is_driving_on,
+)
+from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from vehicle.control.speed import compute_follower_speed
 
@@ -33,6 +51,8 @@ class FleetManager(FleetState):
         super().__init__(plan, rules, twins)
         self.obstacle_reports, self.dangers = ObstacleReports(self), DangerWatch(self)
         self.operators = OperatorOrders(self, self.obstacle_reports)
+        self.motions = [CredibleMotion(plan.tractor.antenna_forward_m, rules.rejoin_m) for _ in self.states]
+        self._doubted_since_s: dict[int, float] = {}
         self._watched_at_s = -math.inf
 
     def connect_tractor(self, number: int, now: float) -> None:
@@ -100,7 +120,9 @@ class FleetManager(FleetState):
         state.delay_s = delay_s
         state.last_fix_s = max(state.last_fix_s, now - age_s - unsure_s)
         self._note_contact(number, age_s, now)
-        if not self._check_reported_place(number, report, now):
+        is_possible = self._check_reported_place(number, report, now)
+        self._check_reported_motion(number, report, is_possible, now)
+        if not is_possible or state.doubt is not None:
             return
         _advance_progress(state, report, driving_s)
         self.coverage_map.add_place(number, report.x_m, report.y_m, bool(report.implement))
@@ -138,6 +160,42 @@ class FleetManager(FleetState):
         self.hold_tractor(number, Hold.ASTRAY)
         return False
 
+    def _check_reported_motion(self, number: int, report: TractorReport, is_place_possible: bool, now: float) -> None:
+        """Doubt a tractor whose reports contradict each other, by its own clock, as reports may be late."""
+        state, motion = self.states[number], self.motions[number]
+        if report.time_s is None:
+            return
+        leg_pose = None
+        if is_place_possible and report.mode not in BY_HAND:
+            leg_pose = state.mission.sample_poses(report.leg, report.leg_m, [0.0], state.base_end)[0]
+        motion.add_report(report, leg_pose, report.time_s * self.rules.times)
+        state.is_moving_unreported = motion.is_moving_unreported
+        if state.doubt is None and motion.doubt is not None:
+            self.raise_alarm("contradiction", number, WARNING, describe_doubt(number, motion.doubt), now)
+            self._start_doubt(number, motion.doubt, now)
+
+    def _start_doubt(self, number: int, doubt: MotionDoubt, now: float) -> None:
+        """Hold a tractor in doubt until an operator has looked; others keep away from where it may be."""
+        self.states[number].doubt = doubt
+        self._doubted_since_s[number] = now - doubt.over_s / self.rules.times
+        self.hold_tractor(number, Hold.DOUBTED, is_logged=True)
+
+    def _update_doubt(self, number: int, now: float) -> None:
+        """Let the area of a doubted tractor grow; the doubt ends with its hold, which an operator ends."""
+        state = self.states[number]
+        if Hold.DOUBTED not in state.holds:
+            self.alarms.end_alarm("contradiction", number)
+            if state.doubt is not None:
+                state.doubt, state.is_moving_unreported = None, False
+                self.motions[number].restart()
+            return
+        if state.doubt is None and state.report is not None:  # after a restart of the service
+            state.doubt = _build_area_doubt(state.report, state.mission.fastest_mps)
+            self._doubted_since_s[number] = state.last_fix_s
+        if state.doubt is not None:
+            seconds = self.rules.times * (now - self._doubted_since_s[number])
+            state.doubt.radius_m = state.doubt.speed_mps * seconds
+
     def _compute_driving_s(self, previous: TractorReport | None, report: TractorReport, silent_s: float) -> float:
         """Seconds (simulated clock) that a tractor drove by its own guidance since its last report.
 
@@ -173,6 +231,8 @@ class FleetManager(FleetState):
             if self.is_report_current(number) and state.get_connection(now, self.rules.silence_s) == BROKEN:
                 self._alarm_broken_link(number, now)
             self._stop_silent_remote_control(number, now)
+            self._update_doubt(number, now)
+        self.dangers.hold_unplaced_fleet()
         if now - self._watched_at_s >= WATCH_PERIOD_S / self.rules.times:
             self._watched_at_s = now
             self.dangers.stop_or_resume_by_danger(now)
@@ -206,6 +266,9 @@ class FleetManager(FleetState):
             return
         sentence = f"Tractor {number + 1} was ordered to stop and drives on."
         self.raise_alarm("drives on", number, CRITICAL, sentence, now)
+        if state.doubt is None and state.report is not None and state.mode != MANUAL:  # else a driver looks
+            state.stop_repeated_s = now
+            self._start_doubt(number, _build_area_doubt(state.report, state.report.speed_mps), now)
         if now - state.stop_repeated_s >= REPEAT_STOP_S:
             state.stop_repeated_s = now
             self.stop_tractor(number, next(iter(sorted(state.holds)), "not started"))
@@ -241,7 +304,7 @@ class FleetManager(FleetState):
     def _compute_speed_limit(self, number: int) -> float | None:
         """How fast a tractor may follow its leader (Eq. 6.1), rounded to cm/s; None without a leader.
 
-        A leader that has failed or is silent counts as standing at its last place; without any report it is 0.
+        A leader that has failed, is silent or in doubt counts as standing at its last place; without reports it is 0.
         """
         state = self.states[number]
         follow = state.present_leg.follow
@@ -253,7 +316,7 @@ class FleetManager(FleetState):
         own_report, leader_report = state.report, leader.report
         if own_report is None or leader_report is None:
             return 0.0
-        is_lost = leader.failed or not self.is_report_current(follow.tractor)
+        is_lost = leader.failed or leader.doubt is not None or not self.is_report_current(follow.tractor)
         speed_mps = 0.0 if is_lost else abs(leader_report.speed_mps)
         gap_m = (leader_report.x_m - own_report.x_m) * math.cos(own_report.heading_rad) + (
             leader_report.y_m - own_report.y_m
@@ -281,6 +344,11 @@ class FleetManager(FleetState):
         if twin_place is None or state.mode != AUTOMATIC or state.done:
             return None
         return state.mission.locate_ahead(state.leg, state.leg_m, state.base_end, twin_place)
+
+
+def _build_area_doubt(report: TractorReport, speed_mps: float) -> MotionDoubt:
+    """The doubt of a tractor that is at the place of its report, and may go anywhere from there."""
+    return MotionDoubt(POSITIONS, 0.0, {}, (report.x_m, report.y_m, report.heading_rad), speed_mps)
 
 
 def _advance_progress(state: TractorState, report: TractorReport, driving_s: float) -> None:

@@ -8,13 +8,15 @@ other, those of the fleet added first resume first; the others wait. Stop-all st
 their neighbours.
 
 Plans without a coordinate system share one system of local metres. Their distance from plans with a coordinate system
-is unknown.
+is unknown: they do not move beside these until an operator has answered for the distance. Beside plans with a
+coordinate system that cannot be converted, neither fleet moves.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,7 @@ from planner.fleet.safety.motion_prediction import (
     compute_centre_poses,
     compute_stopping_time_s,
 )
+from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.missions.plan_file import SavedPlan
 
 AnyArray = npt.NDArray[Any]
@@ -149,8 +152,14 @@ class NeighbourhoodMember(NeighbourFleets):
 
     def update_neighbour_names(self, now: float) -> None:
         """Tell its fleet manager who is near, and who is at an unknown distance."""
-        unknown_names = [self.unknown[id].name for id in sorted(self.unknown)]
-        self.manager.dangers.set_neighbours([one.name for one in self.list_neighbours()], unknown_names, now)
+        unknown = [self.unknown[id] for id in sorted(self.unknown)]
+        unplaced_beside = [fleet.name for fleet in unknown if self._is_unplaced_beside(fleet)]
+        near_names, unknown_names = [one.name for one in self.list_neighbours()], [fleet.name for fleet in unknown]
+        self.manager.dangers.set_neighbours(near_names, unknown_names, unplaced_beside, now)
+
+    def _is_unplaced_beside(self, fleet: NeighbourhoodMember) -> bool:
+        """Whether it is this fleet that cannot be placed; where both have coordinate systems, neither can."""
+        return self.manager.plan.saved.crs is None or fleet.manager.plan.saved.crs is not None
 
     def find_nearby_tractors(self) -> list[NeighbourTractor]:
         """Tractors of neighbours that could come near its own within the predicted time."""
@@ -172,12 +181,29 @@ class NeighbourhoodMember(NeighbourFleets):
         closing_m = self.manager.rules.ahead_s * (self.fastest_mps + pace * neighbour.fastest_mps)
         reach_m = closing_m + LOOKOUT_M + 2.0 * (self.manager.guard.reach_m + manager.guard.reach_m)
         is_near = (np.hypot(*(places[:, None] - own_positions[None]).transpose(2, 0, 1)) <= reach_m).any(axis=1)
+        is_near |= [manager.states[number].doubt is not None for number in reported_numbers]  # it may be elsewhere
         numbers = reported_numbers[is_near].tolist()
         if not numbers:
             return []
         paths = manager.guard.predict_paths(manager.states, numbers, pace)
         poses = conversion.convert_poses(compute_centre_poses(paths, manager.guard.tractor))
-        return [_build_neighbour(number, neighbour, self, poses[k], pace) for k, number in enumerate(numbers)]
+        return [
+            replace(
+                _build_neighbour(number, neighbour, self, poses[k], pace),
+                area=self._convert_area(neighbour, number, pace),
+            )
+            for k, number in enumerate(numbers)
+        ]
+
+    def _convert_area(self, neighbour: NeighbourhoodMember, number: int, pace: float) -> PossibleArea | None:
+        """Where a tractor of a neighbour may be, in metres of this fleet; None if it is not in doubt."""
+        manager, (_, conversion) = neighbour.manager, self.neighbours[neighbour.id]
+        area = manager.guard.build_area(number, manager.states[number], pace)
+        if area is None:
+            return None
+        centre, guard = conversion.convert_places(area.centre[None])[0], self.manager.guard
+        clearance_m, release_m = guard.neighbour_clearances_m[0], guard.neighbour_release_m[0]
+        return PossibleArea((neighbour.id, number), centre, area.radii_m, clearance_m, release_m)
 
     def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
         """Stop all neighbours at once; returns their names."""

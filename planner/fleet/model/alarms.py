@@ -47,6 +47,11 @@ class AlarmRegister:
         """Whether such an alarm is on."""
         return (code, tractor) in self._on
 
+    def find_alarm_on(self, code: str, tractor: int | None) -> FleetAlarm | None:
+        """The alarm of this code if it is on."""
+        number = self._on.get((code, tractor))
+        return None if number is None else self._items[number]
+
     def raise_alarm(self, code: str, tractor: int | None, level: str, sentence: str, now: float) -> FleetAlarm | None:
         """Raise an alarm, or update one that is on; returns it if an operator must see it again, else None.
 

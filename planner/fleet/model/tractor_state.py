@@ -50,6 +50,8 @@ class Hold(StrEnum):
     UNREADABLE = "an obstacle that cannot be read"
     WAITS_FOR_PLAN = "waits for another by the plan"
     SERVICE_RESTARTED = "the service began anew"
+    DOUBTED = "its reports contradict each other"
+    UNPLACED = "its place among other fleets is unknown"
 
 
 UNTIL_RESUMED = frozenset({Hold.PAUSED, Hold.HALTED, Hold.SERVICE_RESTARTED})
@@ -93,6 +95,27 @@ class TractorReport:
         return math.copysign(self.speed_mps, self.shuttle) if self.shuttle else self.speed_mps
 
 
+POSITIONS, SPEED, PROGRESS = "positions", "speed", "progress"
+"""Witnesses of the motion of a tractor, see planner.fleet.safety.credible_motion."""
+
+
+@dataclass
+class MotionDoubt:
+    """The reports of a tractor contradict each other: `suspect` is the witness that is farthest from the others, which
+    showed `moved_m` over `over_s` (simulated clock).
+
+    Until an operator has looked the tractor may be anywhere within `radius_m` of `pose`, where it was before:
+    `speed_mps`, the last credible speed, times the seconds since then.
+    """
+
+    suspect: str
+    over_s: float
+    moved_m: dict[str, float]
+    pose: tuple[float, float, float]
+    speed_mps: float
+    radius_m: float = 0.0
+
+
 @dataclass
 class DisobeyingMotion:
     """A tractor moves although it was ordered to stop: its speed when first seen, the time of its last such report,
@@ -112,7 +135,8 @@ class TractorState:
     `planned_driving_s` the planned seconds for the same distance. `delay_s` is how long its last report was under way.
     `disobeying_motion` is set while it moves despite an order to stop, repeated at `stop_repeated_s`. `unreadable_s`
     and `readable_s` are when it last reported an unreadable and a readable obstacle; since `faced_since_s` it stands
-    for an unreadable one, and `cleared_at` is where it stood when an operator had looked.
+    for an unreadable one, and `cleared_at` is where it stood when an operator had looked. `doubt` is set while its
+    reports contradict each other, and `is_moving_unreported` while its positions move more than its speed says.
     """
 
     mission: TimedMission
@@ -141,6 +165,8 @@ class TractorState:
     readable_s: float = -math.inf
     faced_since_s: float = -math.inf
     cleared_at: tuple[float, float] | None = None
+    doubt: MotionDoubt | None = None
+    is_moving_unreported: bool = False
 
     @property
     def mode(self) -> str:

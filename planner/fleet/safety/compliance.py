@@ -6,10 +6,14 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import (
     MANUAL,
     MOVING_MPS,
+    POSITIONS,
+    PROGRESS,
     REMOTE,
+    SPEED,
     STOPPED,
     DisobeyingMotion,
     Hold,
+    MotionDoubt,
     TractorReport,
     TractorState,
 )
@@ -23,9 +27,11 @@ NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 
 
 def is_driving_on(state: TractorState) -> bool:
-    """Whether a tractor moves although it has to stand."""
+    """Whether a tractor moves although it has to stand: by its speed, or by its positions against its speed."""
     report = state.report
-    if report is None or not state.standing_ordered or report.speed_mps < MOVING_MPS:
+    if report is None or not state.standing_ordered:
+        return False
+    if report.speed_mps < MOVING_MPS and not state.is_moving_unreported:
         return False
     if report.mode == MANUAL:
         return bool(state.holds & NOT_BY_HAND)
@@ -36,8 +42,8 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     """Whether a tractor still drives after it had time to stop; to be called at every tick.
 
     It has the time for the order to arrive and a report to return, judged by the age of its reports, and while it
-    brakes twice what its brake needs. Only time with reports counts: after a pause of the service or the tractor it is
-    unknown what the tractor had received.
+    brakes twice what its brake needs; one whose positions belie its speed is not believed to brake. Only time with
+    reports counts: after a pause of the service or the tractor it is unknown what the tractor had received.
     """
     report = state.report
     if report is None or not is_driving_on(state):
@@ -50,7 +56,7 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
         motion.observed_s += min(state.last_contact_s - motion.last_report_s, REPORT_GAP_S)
         motion.last_report_s = state.last_contact_s
     allowed_s = ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
-    if _is_braking(report, motion, rules):
+    if _is_braking(report, motion, rules) and not state.is_moving_unreported:
         allowed_s += 2.0 * compute_stopping_time_s(motion.speed_mps, rules) / rules.times
     return motion.observed_s >= allowed_s
 
@@ -76,3 +82,19 @@ def find_impossible_place_reason(report: TractorReport, state: TractorState) -> 
     if report.leg < min(state.leg, len(state.mission.legs)) and place_m < state.position_m - PLACE_TOLERANCE_M:
         return f"on leg {report.leg}, but it was already on leg {state.leg}"
     return None
+
+
+def describe_doubt(number: int, doubt: MotionDoubt) -> str:
+    """The sentence of the alarm of a tractor in doubt."""
+    moved_m = doubt.moved_m
+    if PROGRESS in moved_m:
+        return (
+            f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by "
+            f"its positions, {moved_m[SPEED]:.1f} m by its speed and {moved_m[PROGRESS]:.1f} m by its progress. It is "
+            "held, and others keep away from where it may be: look where it is before you resume it."
+        )
+    return (
+        f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by its "
+        f"positions and {moved_m[SPEED]:.1f} m by its speed. It is held, and others keep away from where it may be: "
+        "look where it is before you resume it."
+    )

@@ -12,6 +12,7 @@ import shapely
 
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
+from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.model.tractor import Tractor
 
 Array = npt.NDArray[np.float64]
@@ -59,7 +60,7 @@ def predict_path(
     report = state.report
     assert report is not None
     times_s = build_time_steps(rules) if times_s is None else times_s
-    if report.mode == AUTOMATIC or goes_on:
+    if goes_on or (report.mode == AUTOMATIC and state.doubt is None):  # else its progress on its leg is not believed
         speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
         metres = speed_mps * times_s
         if goes_on:
@@ -138,7 +139,7 @@ class NeighbourTractor:
     record, `boxes` its outlines as of `outlines.build_footprint`. `is_waiting` means that it stands because another
     is near and will resume by itself, `is_free` that its path is clear now, `has_priority` that its fleet has the right
     of way, `is_linked` that orders can reach it, and `is_queueing` that it stands at its entrance, see
-    `SafetyGuard.is_queueing`.
+    `SafetyGuard.is_queueing`. `area` is where it may be if it is in doubt.
     """
 
     key: TractorKey
@@ -154,6 +155,7 @@ class NeighbourTractor:
     has_priority: bool
     is_linked: bool
     is_queueing: bool = False
+    area: PossibleArea | None = None
 
     @property
     def expected_path(self) -> AnyArray:

@@ -19,14 +19,15 @@ PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
 
 def build_footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
     """Outlines of tractor and implement, the centre of mass at the origin, forward along x."""
+    table = build_box_table(tractor, implement)
+    return shapely.MultiPolygon([shapely.box(tail, -half, nose, half) for tail, nose, half in table.tolist()])
+
+
+def build_box_table(tractor: Tractor, implement: Implement) -> Array:
+    """Tail, nose and half width (2, 3) of tractor and implement, from the centre of mass."""
     box = compute_contact_boxes(tractor, implement)
     half, tool = box["half_width"], box["tool_half_width"]
-    return shapely.MultiPolygon(
-        [
-            shapely.box(box["tail"], -half, box["nose"], half),
-            shapely.box(box["tool_tail"], -tool, box["tool_front"], tool),
-        ]
-    )
+    return np.array([[box["tail"], box["nose"], half], [box["tool_tail"], box["tool_front"], tool]])
 
 
 def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: float) -> bool:

@@ -30,11 +30,13 @@ from planner.fleet.safety.motion_prediction import (
 from planner.fleet.safety.outlines import (
     PREDICTION_ERROR_M,
     ROUNDING_M,
+    build_box_table,
     build_footprint,
     is_leading_away,
     place_outline,
 )
-from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger
+from planner.fleet.safety.possible_area import PossibleArea
+from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger, sort_pair
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
@@ -68,6 +70,7 @@ class SafetyGuard:
         self.tractor, self.rules, self.twins = plan.tractor, rules, twins or TwinPredictions()
         self.model = np.array([build_model_record(plan.tractor, plan.implement)])
         self.boxes = build_footprint(plan.tractor, plan.implement)
+        self.box_table = build_box_table(plan.tractor, plan.implement)
         self.reach_m = float(self.model[0]["reach"])
         self.clearance_m = min(rules.clearance_m, plan.clearance_m)
         self.beside_m = min(rules.beside_m, self.clearance_m)
@@ -119,7 +122,15 @@ class SafetyGuard:
         if state.mode != AUTOMATIC:
             twin_path = self.twins.predict_path(number, times_s)
             return predict_path(state, self.tractor, self.rules, twin_path=twin_path, times_s=times_s)
-        cache_key = (state.report, state.leg, state.leg_m, state.base_end, bool(state.holds), state.mission)
+        cache_key = (
+            state.report,
+            state.leg,
+            state.leg_m,
+            state.base_end,
+            bool(state.holds),
+            state.doubt,
+            state.mission,
+        )
         cached = self._path_cache.get((number, pace))
         if cached is None or cached[0] != cache_key:
             cached = cache_key, predict_path(state, self.tractor, self.rules, times_s=times_s)
@@ -153,6 +164,13 @@ class SafetyGuard:
             distances_m = compute_outline_distances(poses[i], neighbour.path, self.model, neighbour.model[None])
             least_distance_m = float(distances_m.min())
             dangers.append(SafetyDanger(i, neighbour.key, k * STEP_S, distance_m, is_urgent, least_distance_m))
+        for i, area, k, distances_m in self._find_area_approaches(poses, states, self.list_areas(states, neighbours)):
+            if k == 0 and speeds_mps[i] < MOVING_MPS:
+                continue
+            first, second = sort_pair(i, area.key)
+            is_urgent = k * STEP_S <= stopping_s[i] + STEP_S
+            least_distance_m = float(distances_m.min())
+            dangers.append(SafetyDanger(first, second, k * STEP_S, float(distances_m[k]), is_urgent, least_distance_m))
         inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
         for i in np.flatnonzero(present & ~inside.all(axis=1)).tolist():
             in_s = float(np.argmin(inside[i])) * STEP_S
@@ -171,6 +189,32 @@ class SafetyGuard:
         return is_queueing and is_leading_away(
             neighbour.path, own_start[0], compute_outline_distances(own_start, neighbour.path, *models), least_m
         )
+
+    def build_area(self, number: int, state: TractorState, pace: float = 1.0) -> PossibleArea | None:
+        """Where a tractor in doubt may be, as seen by its own fleet; None for any other. `pace` as in predict_paths."""
+        doubt = state.doubt
+        if doubt is None:
+            return None
+        centre = compute_centre_poses(np.array(doubt.pose), self.tractor)[:2]
+        grown_m = doubt.radius_m + doubt.speed_mps * pace * build_time_steps(self.rules)
+        return PossibleArea(number, centre, grown_m + self.reach_m, self.clearance_m, self.release_clearances_m[0])
+
+    def list_areas(self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor]) -> list[PossibleArea]:
+        """Where the tractors in doubt may be, those of this fleet and those near it."""
+        own_areas = (self.build_area(number, state) for number, state in enumerate(states))
+        return [area for area in (*own_areas, *(each.area for each in neighbours)) if area is not None]
+
+    def _find_area_approaches(
+        self, poses: Array, states: Sequence[TractorState], areas: Sequence[PossibleArea], *, to_release: bool = False
+    ) -> list[tuple[int, PossibleArea, int, Array]]:
+        """Who comes too near to where another may be: number, area, first step, distances (steps,)."""
+        found = []
+        for area in areas:
+            least_m = area.release_m if to_release else area.clearance_m
+            for number, distances_m in enumerate(area.measure_distances_m(poses, self.box_table)):
+                if number != area.key and states[number].report is not None and distances_m.min() < least_m:
+                    found.append((number, area, int(np.argmax(distances_m < least_m)), distances_m))
+        return found
 
     def _find_approaches(
         self,
@@ -222,6 +266,9 @@ class SafetyGuard:
         }
         for i, neighbour, _, _ in self._find_approaches(poses, states, neighbours, self.neighbour_release_m):
             distances_m[i, neighbour.key] = self._measure_distance_m(poses[i, :1], neighbour)
+        areas = self.list_areas(states, neighbours)
+        for i, area, _, to_area_m in self._find_area_approaches(poses, states, areas, to_release=True):
+            distances_m[sort_pair(i, area.key)] = float(to_area_m[0])
         return distances_m
 
     def is_inside_fence(self, state: TractorState) -> bool:
@@ -259,11 +306,15 @@ class SafetyGuard:
         touches or overlaps another never resumes by itself, as the way out is unknown; except that it may drive away
         from a tractor of another fleet that stands at its entrance.
         """
-        paths = self._build_paths(states, neighbours)
-        return {number: self._is_clear_to_go(number, states[number], paths) for number in numbers}
+        paths, areas = self._build_paths(states, neighbours), self.list_areas(states, neighbours)
+        return {number: self._is_clear_to_go(number, states[number], paths, areas) for number in numbers}
 
     def _is_clear_to_go(
-        self, number: int, state: TractorState, paths: Mapping[int | TractorKey, _PredictedPath]
+        self,
+        number: int,
+        state: TractorState,
+        paths: Mapping[int | TractorKey, _PredictedPath],
+        areas: Sequence[PossibleArea],
     ) -> bool:
         if state.report is None:
             return False
@@ -271,6 +322,9 @@ class SafetyGuard:
         if state.mission.compute_distance_to_leg_m(state.leg, place) > self.rules.rejoin_m:
             return False  # an operator led it there and has to lead it back
         own_poses = compute_centre_poses(predict_path(state, self.tractor, self.rules, goes_on=True), self.tractor)
+        for area in areas:
+            if area.key != number and area.measure_distances_m(own_poses, self.box_table).min() < area.release_m:
+                return False
         return all(self._is_clear_of_path(own_poses, path) for key, path in paths.items() if key != number)
 
     def _is_clear_of_path(self, own_poses: Array, other_path: _PredictedPath) -> bool:
@@ -340,7 +394,8 @@ class SafetyGuard:
         outside_m = shapely.distance(self.fence, shapely.points(path[:, :2]))
         if outside_m.max() > 0.0 and outside_m[-1] >= max(outside_m[0] - ROUNDING_M, 0.0):
             return "it would leave the fence"
-        conflict = self._find_conflict(number, path, self._build_paths(states, neighbours))
+        areas = self.list_areas(states, neighbours)
+        conflict = self._find_conflict(number, path, self._build_paths(states, neighbours), areas)
         if conflict is not None:
             names = {neighbour.key: neighbour.name for neighbour in neighbours}
             return f"it would come too near {'another tractor' if isinstance(conflict, int) else names[conflict]}"
@@ -358,10 +413,19 @@ class SafetyGuard:
         return False
 
     def _find_conflict(
-        self, number: int, path: Array, paths: Mapping[int | TractorKey, _PredictedPath]
+        self,
+        number: int,
+        path: Array,
+        paths: Mapping[int | TractorKey, _PredictedPath],
+        areas: Sequence[PossibleArea],
     ) -> int | TractorKey | None:
         """The tractor that a path comes too near to; None if it keeps clear of all, or leads away."""
         own_poses = compute_centre_poses(path, self.tractor)
+        for area in areas:
+            distances_m = area.measure_distances_m(own_poses, self.box_table)
+            least_m = min(area.clearance_m, distances_m[0] - ROUNDING_M)
+            if area.key != number and distances_m[1:].min(initial=np.inf) < least_m:
+                return area.key
         for other_key, predicted_path in paths.items():
             if other_key == number:
                 continue

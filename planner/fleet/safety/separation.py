@@ -37,6 +37,11 @@ class SafetyDanger:
     least_distance_m: float = 0.0
 
 
+def sort_pair(first: int, second: int | TractorKey) -> NearPair:
+    """A pair of one fleet has its lower number first."""
+    return (min(first, second), max(first, second)) if isinstance(second, int) else (first, second)
+
+
 class SeparationMonitor:
     """Since when pairs and paths are clear, and which pairs move apart; seconds of the fleet manager's clock."""
 

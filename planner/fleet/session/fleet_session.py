@@ -261,7 +261,8 @@ class FleetSession:
             case inbound_frames.ClearFrame():
                 obstacle_reports.clear(who, frame.obstacle, now)
             case inbound_frames.AcknowledgeFrame():
-                if obstacle_reports.find_tractor_held_by_alarm(frame.alarm) is not None:  # it resumes the tractor
+                held_number = obstacle_reports.find_tractor_held_by_alarm(frame.alarm)
+                if held_number is not None or self.manager.dangers.is_answered_by(frame.alarm):  # it resumes tractors
                     check_order_fresh(frame, time.time())
                 obstacle_reports.acknowledge_alarm(who, frame.alarm, now)
             case inbound_frames.FailFrame():

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.tractor_state import TractorReport
+from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from planner.fleet.session.frame_content import compute_heading_deg
 from planner.fleet.session.inbound_frames import StateFrame
@@ -184,7 +186,8 @@ USUAL_TRACTOR = "eg105"
 
 
 def warm_up() -> None:
-    """Load, or the first time compile, the functions of twins and of the guard: a minute then, else a second."""
+    """Load, or the first time compile, the functions of twins and of what watches tractors: a minute then, else a
+    second."""
     tractor, implement = load_tractor(USUAL_TRACTOR), Implement()
     for method in ("predict", "thesis"):
         twin = Twin(tractor, implement, PoseFix(0.0, 0.0, 0.0, 0.0, 1.0, 0.0), method=method)
@@ -193,6 +196,9 @@ def warm_up() -> None:
             twin.add_fix(PoseFix(second - 0.3, 1.0 * second, 0.0, 0.0, 1.0, float(second)))
             twin.advance(second + 0.1)
         twin.find_mismatch()
+    motion = CredibleMotion(tractor.antenna_forward_m, 1.0)
+    for second in (0.0, 0.1):
+        motion.add_report(TractorReport(0.0, 0.0, 0.0, 0.0), np.zeros(3), second)
     poses = np.zeros((2, 2, 3))
     model = np.array([build_model_record(tractor, implement)])
     find_close_approaches(poses, np.array([True, True]), model, 0.5, 0.5)

@@ -178,8 +178,9 @@ class ClearFrame(_OrderFrame):
 class AcknowledgeFrame(_OrderFrame):
     """Acknowledge an alarm.
 
-    For an unreadable obstacle that resumes its tractor: with `time` (service's clock) it is then refused if it arrives
-    more than two seconds late, and always within a second of the tractor's report.
+    For an unreadable obstacle that resumes its tractor, and for an unknown distance from other fleets that keeps this
+    one from moving it lets it move: with `time` (service's clock) it is then refused if it arrives
+    more than two seconds late, and for an obstacle always within a second of the tractor's report.
     """
 
     kind: Literal["acknowledge"]

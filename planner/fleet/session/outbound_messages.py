@@ -7,9 +7,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 AlarmCode = Literal[
-    "astray", "broken", "clock", "doubt", "drives on", "error", "failed", "fence", "finding", "late", "leap", "near",
-    "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground", "unread obstacle",
-    "unrecorded",
+    "astray", "broken", "clock", "contradiction", "doubt", "drives on", "error", "failed", "fence", "finding", "late",
+    "leap", "near", "near fleet", "neighbour stopped", "obstacle", "replaced", "restarted", "unknown ground",
+    "unread obstacle", "unrecorded",
 ]  # fmt: skip
 
 
@@ -222,8 +222,9 @@ class AlarmItem(OutboundMessage):
     - astray: a tractor reports a place where it cannot be
     - broken: its link is broken; the sentence says what it does now
     - clock: its clock is wrong, and its times are corrected
+    - contradiction: its positions, speed and progress contradict each other; it is held until somebody resumes it
     - doubt, finding, leap: its twin does not match it, the cause of that, its position jumps
-    - drives on: it was ordered to stop and does not
+    - drives on: it was ordered to stop and does not, by its speed or by its positions
     - error: it reports errors
     - failed: it drives no more
     - fence: it will leave the fence
@@ -233,7 +234,8 @@ class AlarmItem(OutboundMessage):
     - obstacle: the obstacle `related_number` is in the way; without tractor
     - replaced: another link claims to be this tractor; the previous one was ordered to stop and closed
     - restarted: the service restarted, and all tractors stand until they are resumed; without tractor
-    - unknown ground: the distance to another fleet is unknown; without tractor
+    - unknown ground: the distance to another fleet is unknown; without tractor. While it is critical and nobody has
+      acknowledged it, this fleet does not move
     - unread obstacle: it stands because of an unreadable obstacle, and resumes once this is acknowledged
     - unrecorded: the database cannot be reached, nothing is recorded; without tractor
 

@@ -84,8 +84,12 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
   return { node, sign, update: () => { update(); counted(); } };
 }
 
-// Whether acknowledging this alarm lets the tractor resume: it stands because of an unreadable obstacle.
-const letsGo = (alarm) => alarm.code === "unread obstacle" && !alarm.over;
+// What acknowledging an alarm does: it lets a tractor resume that stands because of an unreadable obstacle, or a fleet
+// move that cannot be placed among the others.
+function seeWords(alarm) {
+  if (!alarm.over && alarm.code === "unread obstacle") return "Let it resume";
+  return !alarm.over && alarm.code === "unknown ground" && alarm.level === "critical" ? "I keep the distance: let it move" : "Acknowledge";
+}
 
 function alarmTile(live, alarm, fleetName) {
   const seen = alarm.acknowledged;
@@ -93,7 +97,7 @@ function alarmTile(live, alarm, fleetName) {
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
       el("p", { class: "small soft" }, [t`since ${moment(alarm.since)}`, seen ? (typeof seen === "string" ? t`seen by ${seen}` : translate("seen")) : "", alarm.over ? translate("over") : ""].filter(Boolean).join("; "))),
-    !seen && button(letsGo(alarm) ? "Let it resume" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
+    !seen && button(seeWords(alarm), () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
 }
 
 /** Stop-all: one press, no confirmation. It needs an operator's token, and says so without one. */

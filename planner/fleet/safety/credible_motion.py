@@ -1,0 +1,213 @@
+"""What a tractor credibly does: three witnesses of its motion, and whether they agree.
+
+Each report shows a displacement three times: by its positions, by its speed along its heading, and by its progress on
+its leg. While a tractor tells the truth, two of them differ over any time by no more than their noise. The noise is
+that of honest tractors, the worst of it always assumed, as a report does not say how good its fix is:
+
+- a fix has white noise, and an error that wanders (Gauss-Markov) as without corrections of the base (RTK lost);
+- the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
+  displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more;
+- speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
+- a tractor may be beside its leg by as much as the rules let it resume.
+
+The limit of each difference follows from that noise and from FALSE_DOUBT_H, see `compute_limit_m`. What exceeds it is a
+doubt: it says what each witness shows, from when and where the tractor may be anywhere that its last credible speed
+leads to. Time without reports counts for nothing: it is the link that is judged by it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
+from vehicle.jit import compile_function
+
+Array = npt.NDArray[np.float64]
+
+FIX_M = 0.02  # per axis, of one fix: RTK as in TractorNoise, with heading on the lever arm and rounding
+UNCORRECTED_M, MEMORY_S = 0.5, 60.0  # per axis, of an error without corrections, and how long it lasts
+MOTION_SHARE = 0.15  # of the distance: slip of ordinary work and side slip on slopes
+FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at least
+REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.25 s to 64 s, pairs of witnesses
+NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
+"""Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
+KEPT_S, KEPT_COUNT, STRIDE = 0.25, 256, 4
+LONGEST_STEP_S = 1.0  # between two reports that can be compared, as a link that is silent for longer is broken
+FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
+STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
+TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10
+REPORT_SIZE = 8
+PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
+
+
+@compile_function
+def compute_limit_m(age_s: float, distance_m: float) -> float:
+    """By how much two witnesses may differ after `age_s` in which the tractor drove `distance_m`."""
+    wander = UNCORRECTED_M * UNCORRECTED_M * (1.0 - math.exp(-age_s / MEMORY_S))
+    return NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M * FIX_M + wander)) + MOTION_SHARE * distance_m
+
+
+@compile_function
+def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
+    """Add a step to `sums` (10,), keep them in the ring `kept` (n, 10), and find for each pair of witnesses the
+    shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
+
+    `step` (10,) is a time, the displacements by positions, speed and progress, and the distance. `counts` (2,) is how
+    many entries the ring ever got, and since which of them progress has been known.
+    """
+    limit_m = compute_limit_m(step[TIME], step[DISTANCE])
+    sums[TIME] += step[TIME]
+    sums[DISTANCE] += step[DISTANCE]
+    for column in (POSITION, LEG):
+        is_leap = math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
+        for axis in range(2):
+            sums[column + axis] += step[DRIVEN + axis] if is_leap else step[column + axis]
+    for axis in range(2):
+        sums[DRIVEN + axis] += step[DRIVEN + axis]
+        sums[RAW_POSITION + axis] += step[POSITION + axis]
+    found[:] = -1
+    if not is_on_leg:
+        counts[1] = counts[0]
+    longest_m = compute_limit_m(math.inf, 0.0)
+    back = 0
+    while back < min(counts[0], len(kept)):
+        back += max(back // STRIDE, 1)  # longer times need not be told apart as finely
+        if back > min(counts[0], len(kept)):
+            break
+        place = (counts[0] - back) % len(kept)
+        then = kept[place]
+        spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE])
+        limit_m = compute_limit_m(sums[TIME] - then[TIME], 0.0) + spread_m
+        for pair in range(PAIR_COUNT):
+            if found[pair] >= 0 or (pair > 0 and counts[0] - back < counts[1]):
+                continue
+            a, b = PAIRS[pair]
+            smooth_m = math.hypot(
+                sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
+            )
+            if smooth_m > limit_m + biases_m[pair]:
+                found[pair] = place
+        raw_m = math.hypot(
+            sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
+            sums[RAW_POSITION + 1] - sums[DRIVEN + 1] - then[RAW_POSITION + 1] + then[DRIVEN + 1],
+        )
+        if found[0] < 0 and raw_m > longest_m + spread_m:
+            found[0] = place
+    if counts[0] == 0 or sums[TIME] - kept[(counts[0] - 1) % len(kept), TIME] >= KEPT_S - 1e-6:
+        kept[counts[0] % len(kept)] = sums
+        counts[0] += 1
+
+
+@compile_function
+def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type: ignore[no-untyped-def]
+    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (10,).
+
+    `before` and `after` (8,) are a time, the pose of the guided point, velocity, and the pose of the progress, NaN for
+    none.
+    """
+    step[TIME] = max(after[0] - before[0], 0.0)
+    step_m = 0.5 * (before[4] + after[4]) * step[TIME]
+    turned_rad = (after[3] - before[3] + math.pi) % (2.0 * math.pi) - math.pi
+    heading_rad = before[3] + 0.5 * turned_rad
+    step[DRIVEN], step[DRIVEN + 1] = step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
+    step[DISTANCE] = abs(step_m)
+    step[LEG], step[LEG + 1] = step[DRIVEN], step[DRIVEN + 1]
+    for column, pose in ((POSITION, 1), (LEG, 5)):
+        if not math.isnan(before[pose] + after[pose]):
+            ahead, past = after[pose + 2], before[pose + 2]
+            step[column] = after[pose] - before[pose] - antenna_forward_m * (math.cos(ahead) - math.cos(past))
+            step[column + 1] = (
+                after[pose + 1] - before[pose + 1] - antenna_forward_m * (math.sin(ahead) - math.sin(past))
+            )
+
+
+class CredibleMotion:
+    """The motion of one tractor by its reports; `antenna_forward_m` is that of its tractor, `off_leg_m` how far it may
+    be beside its leg. Times are of the simulated clock."""
+
+    def __init__(self, antenna_forward_m: float, off_leg_m: float) -> None:
+        self._antenna_forward_m = antenna_forward_m
+        self._biases_m = np.array([0.0, off_leg_m, off_leg_m])
+        self._step, self._found = np.zeros(COLUMN_COUNT), np.full(PAIR_COUNT, -1)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all: what is reported next is believed until it contradicts itself."""
+        self._sums, self._kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
+        self._kept_reports = np.full((KEPT_COUNT, REPORT_SIZE), np.nan)
+        self._counts = np.zeros(2, dtype=np.int64)
+        self._report, self._previous = np.full(REPORT_SIZE, np.nan), np.full(REPORT_SIZE, np.nan)
+        self._hidden_s = 0.0
+        self.doubt: MotionDoubt | None = None
+        self.is_moving_unreported = False
+
+    def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float) -> None:
+        """Add a report of a time, with the pose (3,) of its progress on its leg; None where it follows none."""
+        self._previous, self._report = self._report, self._previous
+        self._report[:5] = time_s, report.x_m, report.y_m, report.heading_rad, report.velocity_mps
+        self._report[5:] = math.nan if leg_pose is None else leg_pose
+        if not time_s - self._previous[0] <= LONGEST_STEP_S:
+            self._sums[:], self._counts[:], self._hidden_s = 0.0, 0, 0.0
+            self.is_moving_unreported = False
+            self._kept[0], self._kept_reports[0], self._counts[0] = self._sums, self._report, 1
+            return
+        measure_motion_step(self._previous, self._report, self._antenna_forward_m, self._step)
+        is_on_leg, kept_before = not math.isnan(self._previous[5] + self._report[5]), int(self._counts[0])
+        add_motion_step(self._step, self._biases_m, is_on_leg, self._sums, self._kept, self._counts, self._found)
+        if self._counts[0] > kept_before:
+            self._kept_reports[kept_before % KEPT_COUNT] = self._report
+        if is_on_leg and report.mode == AUTOMATIC:
+            off_leg_m = math.dist(self._report[1:3], self._report[5:7])
+            if off_leg_m > self._biases_m[1] + compute_limit_m(math.inf, 0.0):
+                self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
+        self._judge()
+
+    def _judge(self) -> None:
+        """Whether it moves more than it says, and whether it is in doubt from now on."""
+        age_s = math.inf
+        for place, witness in ((int(self._found[0]), POSITIONS), (int(self._found[2]), PROGRESS)):
+            if place >= 0:
+                moved_m = self._measure_displacements_m(place)
+                if np.hypot(*moved_m[witness]) > np.hypot(*moved_m[SPEED]):
+                    age_s = min(age_s, self._get_age_s(place))
+        if not self.is_moving_unreported and math.isfinite(age_s):
+            self._hidden_s = age_s
+        self.is_moving_unreported = age_s <= STILL_SHARE * self._hidden_s
+        if self.doubt is None and self._found.max() >= 0:
+            ages_s = [self._get_age_s(place) if place >= 0 else math.inf for place in self._found.tolist()]
+            self.doubt = self._describe_doubt(int(self._found[int(np.argmin(ages_s))]))
+
+    def _get_age_s(self, place: int) -> float:
+        return float(self._sums[TIME] - self._kept[place, TIME])
+
+    def _describe_doubt(self, place: int) -> MotionDoubt:
+        """The doubt by what the witnesses show since an entry of the ring.
+
+        The suspect is farthest from the others; of two alone it is the one that claims less motion.
+        """
+        age_s, moved_m = self._get_age_s(place), self._measure_displacements_m(place)
+        latest = int(self._counts[0]) - 1
+        if latest - (latest - place) % KEPT_COUNT < self._counts[1]:
+            del moved_m[PROGRESS]
+        lengths_m = {name: float(np.hypot(*moved)) for name, moved in moved_m.items()}
+        apart_m = {
+            name: round(float(sum(np.hypot(*(moved - other)) for other in moved_m.values())), 6)
+            for name, moved in moved_m.items()
+        }
+        suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
+        _, x, y, heading_rad, velocity_mps = self._kept_reports[place, :5].tolist()
+        lengths_driven_m = (
+            *(lengths_m[name] for name in lengths_m if name != POSITIONS), math.dist((x, y), self._report[1:3])
+        )  # fmt: skip
+        speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
+        speed_mps = max([abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS)])  # else no motion
+        return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
+
+    def _measure_displacements_m(self, place: int) -> dict[str, Array]:
+        """How far each witness moved since an entry of the ring (2,), leaps included."""
+        moved = self._sums - self._kept[place]
+        columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: LEG}
+        return {name: moved[column : column + 2] for name, column in columns.items()}
