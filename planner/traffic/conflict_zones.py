@@ -276,7 +276,6 @@ def find_conflict_zones(
     trajectories: Sequence[SoloTrajectory],
     models: npt.NDArray[np.void],
     clearance_m: float,
-    beside_m: float,
     gated: list[set[int]],
     cache: TrajectoryCache | None = None,
 ) -> ConflictZones:
@@ -291,7 +290,7 @@ def find_conflict_zones(
         pair = trajectories[i], trajectories[j]
         if pair not in cache.meetings_by_pair:
             cache.meetings_by_pair[pair] = find_conflicting_poses(
-                pair[0].trail, pair[1].trail, models, clearance_m + EXTRA_CLEARANCE_M, beside_m
+                pair[0].trail, pair[1].trail, models, clearance_m + EXTRA_CLEARANCE_M
             )
         if len(cache.meetings_by_pair[pair]):
             pair_meetings[i, j] = cache.meetings_by_pair[pair]

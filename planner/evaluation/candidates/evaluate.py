@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
 from planner.evaluation.candidates.slope_figures import (
@@ -29,6 +28,7 @@ from strategies.registry import get_strategy
 from vehicle.missions.run import SimulationRun
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
+WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
 
 
@@ -123,12 +123,13 @@ def _run_unless_pruned(
     About the least seconds of its plans instead where these are likely to lose to the incumbent.
 
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
-    nobody waited.
+    nobody waited; where somebody did, tractors that work apart are tried too.
     """
     if isinstance(sketches, StrategyError):
         raise sketches
     driver, best, best_s = ProgrammeDriver(context), None, math.inf
     losers, refusals = list[float](), list[StrategyError]()
+    sketches = list(sketches)
     for sketch in sketches:
         if max(sketch.tractor_s) >= best_s:
             continue
@@ -147,10 +148,13 @@ def _run_unless_pruned(
         if loss_s is not None:
             losers.append(loss_s)
             continue
-        if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
+        alone_s = max(driver.measure_alone_s(one)) * one.left_factor
+        if best is not None and alone_s >= best_s:
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
+        if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
+            sketches.append(sketch.sketch_apart())
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
     if losers and (best is None or best.reason is not None):
@@ -197,11 +201,6 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
 def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
     remarks = []
-    if run.min_clearance_m < context.request.clearance_m:
-        remarks.append(
-            f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
-            f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
-        )
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)")

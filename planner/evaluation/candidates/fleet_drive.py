@@ -9,9 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fields.layout.swaths import measure_min_spacing_m
-from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
-from planner.request.plan_request import MIN_CLEARANCE_M
+from planner.evaluation.context import PlanningContext
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
 from planner.traffic.giving_way import Scheduler, Simulate
 from planner.traffic.precedence import TrafficRules, schedule_plan
@@ -36,7 +34,6 @@ def build_rehearsal(context: PlanningContext) -> IncrementalSimulator:
         context.tractor,
         context.implement,
         stop_clearance_m=context.request.clearance_m,
-        beside_clearance_m=compute_parallel_clearance_m(context),
         terrain=context.physics.terrain,
         load=context.physics.driven_load,
         position_errors=context.position_errors,
@@ -60,7 +57,6 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
         context.tractor,
         context.implement,
         context.request.clearance_m,
-        compute_parallel_clearance_m(context),
         solo_runs,
         context.trajectory_cache,
     )
@@ -77,17 +73,7 @@ def build_standing_check(context: PlanningContext) -> StandingCheck:
     """Whether a tractor stands in the way of another, as the scheduler sees it."""
     models = np.array([build_model_record(context.tractor, context.implement)])
     clearance_m = context.request.clearance_m + EXTRA_CLEARANCE_M
-    return StandingCheck(models, clearance_m, compute_parallel_clearance_m(context))
-
-
-def compute_parallel_clearance_m(context: PlanningContext) -> float:
-    """How near two tractors may come on parallel lines (m): no more than neighbouring swaths allow."""
-    return min(max(CLEARANCE_SHARE * compute_machine_gap_m(context), MIN_CLEARANCE_M), context.request.clearance_m)
-
-
-def compute_machine_gap_m(context: PlanningContext) -> float:
-    """The gap between machines on neighbouring swaths (m); negative if they overlap."""
-    return measure_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
+    return StandingCheck(models, clearance_m)
 
 
 @dataclass(eq=False)
