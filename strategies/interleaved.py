@@ -19,4 +19,4 @@ def deal_in_turn(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int)
     return LineDeal(allowed, rules.stagger_m)
 
 
-STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", deal_in_turn)
+STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", deal_in_turn, beside=True)

@@ -99,6 +99,7 @@ def lay_contour_swaths(
     headland_m: float,
     headland_passes: int,
     radius_m: float,
+    min_spacing_m: float = 0.0,
 ) -> Layout:
     """Lay swaths along contours inside worked headland passes.
 
@@ -111,12 +112,13 @@ def lay_contour_swaths(
         headland_m: depth of the headland, as in `lay_swaths`.
         headland_passes: worked passes of the headland, 1 or more.
         radius_m: no swath bends more tightly.
+        min_spacing_m: smallest spacing of the lines, but at most the width.
 
     Raises:
         FieldError: no contour leads through the field, or no swath fits.
     """
     region = compute_inner_region(field, headland_passes * width_m)
-    rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area)
+    rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
     best: tuple[float, GuideCurve, tuple[Swath, ...]] | None = None
     for contour in () if region.is_empty else _iter_contours(grid, region):
         for one in _iter_guides(contour, region, max(radius_m, 0.5 * width_m)):
@@ -134,7 +136,7 @@ def lay_contour_swaths(
     _, guide, swaths = best
     depth_m = headland_passes * width_m
     bearing_rad = _compute_mean_heading(guide)
-    return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes)
+    return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
 def measure_climb(swaths: tuple[Swath, ...], grid: ElevationGrid) -> float:

@@ -143,6 +143,7 @@ def _cover_cells(base_layout: Layout, cells: Iterable[tuple[shapely.Geometry, fl
         MIN_SWATH_LENGTH_M,
         0.5 * base_layout.width_m,
         base_layout.inner_region.area,
+        base_layout.min_spacing_m,
     )
     return [
         _CellSwaths(region, bearing, number_from_longer_side(build_swaths(pattern, compute_axes(bearing))))
@@ -182,6 +183,7 @@ def replace_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layou
             layout.headland_m,
             bearings_deg[1],
             headland_passes=layout.headland_passes,
+            min_spacing_m=layout.min_spacing_m,
         )
     turned = (
         normalise_bearing(math.radians(90.0 - bearings_deg[cell.number]) % math.pi)

@@ -65,6 +65,7 @@ class PatternRules:
         min_length_m: shorter pieces are dropped.
         edge_offset_m: distance of the outer lines from the lateral extremes of the edges.
         field_area_m2: area of the whole field, square metres.
+        min_spacing_m: smallest spacing of lines in `fill_region`, but at most the width.
     """
 
     width_m: float
@@ -72,6 +73,7 @@ class PatternRules:
     min_length_m: float
     edge_offset_m: float
     field_area_m2: float
+    min_spacing_m: float = 0.0
 
 
 def collect_edges(region: shapely.Geometry) -> FloatArray:
@@ -216,7 +218,8 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
     """Pieces that cover a region (in metres) completely, in swath coordinates; None if it is not worth a piece.
 
     Every piece extends over the whole swath, also at oblique edges; one shorter than `rules.min_length_m` is extended
-    at both ends. `rules.trim_m` is not used. The cost is the length driven; nothing remains uncovered.
+    at both ends. Lines keep `rules.min_spacing_m`, so that the outer swaths may reach beyond the region by less than
+    half a width. `rules.trim_m` is not used. The cost is the length driven; nothing remains uncovered.
     """
     frame = compute_axes(bearing_rad)
     turned = shapely.transform(region, lambda points: points @ frame.T)
@@ -227,7 +230,7 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
     low, high = float(edges[..., 1].min()) + half, float(edges[..., 1].max()) - half
     if high < low:
         low = high = 0.5 * (low + high)
-    q = space_lines(low, high, rules.width_m)
+    q = _spread_lines(space_lines(low, high, rules.width_m), min(rules.min_spacing_m, rules.width_m))
     west, _, east, _ = turned.bounds
     swaths = shapely.intersection(shapely.box(west - 1.0, q - half, east + 1.0, q + half), turned, grid_size=GRID_M)
     line: list[int] = []
@@ -241,6 +244,14 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
     s = np.array(ends)
     cost = float((s[:, 1] - s[:, 0]).sum())
     return SwathPattern(q, np.array(line, dtype=np.int64), s[:, 0], s[:, 1], cost)
+
+
+def _spread_lines(q: FloatArray, min_spacing_m: float) -> FloatArray:
+    """Evenly spaced lines with a minimum spacing, spread from the middle, so that outer swaths may overlap the edge."""
+    if len(q) < 2 or q[1] - q[0] >= min_spacing_m:
+        return q
+    spread: FloatArray = 0.5 * (q[0] + q[-1]) + min_spacing_m * (np.arange(len(q)) - 0.5 * (len(q) - 1))
+    return spread
 
 
 def _find_swath_spans(swath: shapely.Geometry, rules: PatternRules) -> list[tuple[float, float]]:

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +43,7 @@ MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
 WIDTH_STEP_M = 0.5  # of working widths that are advised
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
+SAME_LINE_M, SAME_CURVE_M = 1e-3, 0.05
 """Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
 PROMISING_COST_RATIO = 1.25
 """To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""
@@ -95,6 +97,7 @@ class Layout:
         inner_region: where the centre lines of swaths may be; with headland passes, the ground inside these.
         headland_passes: number of worked headland passes; 0 if the headland is only room for turning.
         cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one.
+        min_spacing_m: inside headland passes, the smallest spacing of lines, but at most the width.
     """
 
     field: Field
@@ -105,6 +108,7 @@ class Layout:
     inner_region: shapely.Geometry
     headland_passes: int = 0
     cells: tuple[Cell, ...] = ()
+    min_spacing_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.cells:
@@ -130,6 +134,33 @@ class Layout:
         return math.fsum(swath.length_m for swath in self.swaths)
 
 
+def measure_min_spacing_m(layout: Layout) -> float:
+    """The least distance of neighbouring swaths (m); below the width where swaths are evenly spaced."""
+    spacing_m = layout.width_m
+    for before, swath in pairwise(layout.swaths):
+        if swath.line != before.line + 1:
+            continue
+        distances_m = _measure_distances_m(before, swath)
+        spread_m = SAME_CURVE_M if before.via_m or swath.via_m else SAME_LINE_M
+        if len(distances_m) and np.ptp(distances_m) < spread_m and distances_m[0] > 0.5 * layout.width_m:
+            # at the points of a curve steps sag to either side, so the middle of their distances is that of the lines
+            is_curved = before.via_m or swath.via_m
+            spacing_m = min(spacing_m, float(np.median(distances_m) if is_curved else distances_m[0]))
+    return spacing_m
+
+
+def _measure_distances_m(before: Swath, swath: Swath) -> FloatArray:
+    """Distances (n,) of a swath from the line of another; of a curved one those beside it, not beyond its ends."""
+    if before.via_m or swath.via_m:
+        line, points = shapely.LineString(before.points_m), shapely.points(swath.points_m)
+        along = shapely.line_locate_point(line, points)
+        is_beside = (along > 0.0) & (along < line.length)
+        return np.asarray(shapely.distance(line, points)[is_beside])
+    ends = np.array([swath.start_m, swath.end_m]) - before.start_m
+    along = (np.array(before.end_m) - before.start_m) / before.length_m
+    return np.asarray(np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0]))
+
+
 def lay_swaths(
     field: Field,
     width_m: float,
@@ -137,6 +168,7 @@ def lay_swaths(
     bearing_deg: float | None = None,
     min_length_m: float = 5.0,
     headland_passes: int = 0,
+    min_spacing_m: float = 0.0,
 ) -> Layout:
     """Lay parallel swaths on a field.
 
@@ -157,6 +189,8 @@ def lay_swaths(
         min_length_m: shorter pieces are dropped; with headland passes they are extended to this length.
         headland_passes: worked passes of the headland. With any, the headland is as deep as they are wide, all along
             the outline and every hole, and swaths cover all ground inside it, also along oblique edges.
+        min_spacing_m: with headland passes, the smallest spacing of lines, but at most the width; with a machine's
+            width plus clearance, machines can pass each other on neighbouring swaths.
 
     Raises:
         FieldError: a value is out of range, or no swath fits.
@@ -164,7 +198,9 @@ def lay_swaths(
     _check_layout_request(width_m, headland_m, bearing_deg, min_length_m)
     region = _inset_boundary(field, width_m)
     if headland_passes:
-        return _lay_inside_headland(field, width_m, headland_m, headland_passes, bearing_deg, min_length_m)
+        return _lay_inside_headland(
+            field, width_m, headland_m, headland_passes, bearing_deg, min_length_m, min_spacing_m
+        )
     edges = collect_edges(region)
     trim_m = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = PatternRules(width_m, trim_m, min_length_m, EDGE_SLACK_M, field.area_m2)
@@ -253,10 +289,11 @@ def _fill_inside_headland(
     headland_passes: int,
     bearing_deg: float | None = None,
     min_length_m: float = MIN_THICKNESS_M,
+    min_spacing_m: float = 0.0,
 ) -> tuple[float, shapely.Geometry, SwathPattern] | None:
     """Bearing (rad), region and pattern of the swaths inside headland passes; None if no track fits."""
     region = compute_inner_region(field, headland_passes * width_m)
-    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area)
+    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, min_spacing_m)
     edges = collect_edges(region)
     choice = _choose_pattern(field, edges, rules, bearing_deg) if len(edges) else None
     if choice is None and len(edges):
@@ -273,9 +310,10 @@ def _lay_inside_headland(
     headland_passes: int,
     bearing_deg: float | None,
     min_length_m: float,
+    min_spacing_m: float,
 ) -> Layout:
     """Swaths over all ground inside the headland passes."""
-    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m)
+    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m, min_spacing_m)
     if filled is None:
         raise FieldError(
             f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "
@@ -285,7 +323,7 @@ def _lay_inside_headland(
     bearing_rad, region, pattern = filled
     depth = headland_passes * width_m
     swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)))
-    return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes)
+    return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
 def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:

@@ -27,6 +27,8 @@ from strategies.program.turn_costs import TurnCosts
 from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor
 
+# Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
+CLEARANCE_SHARE = 1.0 / 3.0
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
 GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 

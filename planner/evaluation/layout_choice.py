@@ -68,24 +68,25 @@ def build_effort_rates(rules: DrivingRules, turn_times: Sequence[float | None]) 
 
 
 def list_layouts(
-    request: PlanRequest, field: Field, headland_m: float, rates: EffortRates = PLAIN_RATES
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float = 0.0, rates: EffortRates = PLAIN_RATES
 ) -> list[Layout]:
     """The layouts to compare, most promising first: first those inside as many passes as the headland takes.
 
     Bearing and headland of the request, if given, hold for every layout; with both given, or without headland passes,
-    there is only one. `rates` are those of turns. Raises FieldError if no swath fits.
+    there is only one. Swaths are at least `spacing_m` apart so that machines can pass each other, as far as the working
+    width allows. `rates` are those of turns. Raises FieldError if no swath fits.
     """
     width, bearing = request.width_m, request.bearing_deg
     if request.no_headland:
         return [lay_swaths(field, width, headland_m, bearing)]
-    plain = _build_plain_layout(request, field, headland_m, rates)
+    plain = _build_plain_layout(request, field, headland_m, spacing_m, rates)
     layouts = _list_promising_layouts(request, plain, rates, PROMISING)
     if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
         return layouts[:1]
     if request.requested_headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
         least_m = _estimate_effort_m(layouts[0], rates)
         for more in range(1, 1 + (DEEPER_FROM_ONE_PASS if plain.headland_passes == 1 else 1)):
-            deeper = _build_deeper_layouts(request, field, plain.headland_passes + more, rates)
+            deeper = _build_deeper_layouts(request, field, plain.headland_passes + more, spacing_m, rates)
             layouts += [one for one in deeper if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
     cumulative_swaths = accumulate(len(layout.swaths) for layout in layouts)
     return [
@@ -96,7 +97,7 @@ def list_layouts(
 
 
 def lay_contours(
-    request: PlanRequest, field: Field, headland_m: float, terrain: Terrain | None, radius_m: float
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float, terrain: Terrain | None, radius_m: float
 ) -> Layout:
     """The layout along contours, inside as many headland passes as the headland takes and the field has room for.
 
@@ -110,7 +111,7 @@ def lay_contours(
         )
     grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
     width = request.width_m
-    lay = partial(lay_contour_swaths, field, grid, width, radius_m=radius_m)
+    lay = partial(lay_contour_swaths, field, grid, width, radius_m=radius_m, min_spacing_m=spacing_m)
     max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
     for count in range(max_passes, 1, -1):
         with suppress(FieldError):
@@ -124,35 +125,41 @@ def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
     return float(estimate_layout_cost_m(layout, rates) + layout.headland_passes * ring_m)
 
 
-def _lay_plain(request: PlanRequest, field: Field, passes: int, depth_m: float, rates: EffortRates) -> Layout:
+def _lay_plain(
+    request: PlanRequest, field: Field, passes: int, depth_m: float, spacing_m: float, rates: EffortRates
+) -> Layout:
     """The layout with the bearing of the request, or the one that seems cheapest."""
     width, bearing = request.width_m, request.bearing_deg
     region = compute_inner_region(field, passes * width)
-    lay = partial(lay_swaths, field, width, depth_m, headland_passes=passes)
+    lay = partial(lay_swaths, field, width, depth_m, headland_passes=passes, min_spacing_m=spacing_m)
     if bearing is None and not region.is_empty:
         with suppress(FieldError):  # a little ground may take a swath in some bearings only
             return lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
     return lay(bearing_deg=bearing)
 
 
-def _build_plain_layout(request: PlanRequest, field: Field, headland_m: float, rates: EffortRates) -> Layout:
+def _build_plain_layout(
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float, rates: EffortRates
+) -> Layout:
     """One bearing, inside as many headland passes as the headland takes and the field has room for."""
     width = request.width_m
     max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
     for count in range(max_passes, 1, -1):
         try:
             depth = headland_m if count == max_passes else count * width
-            return _lay_plain(request, field, count, depth, rates)
+            return _lay_plain(request, field, count, depth, spacing_m, rates)
         except FieldError:
             if request.requested_headland_m is not None:
                 raise
-    return _lay_plain(request, field, 1, width, rates)
+    return _lay_plain(request, field, 1, width, spacing_m, rates)
 
 
-def _build_deeper_layouts(request: PlanRequest, field: Field, headland_passes: int, rates: EffortRates) -> list[Layout]:
+def _build_deeper_layouts(
+    request: PlanRequest, field: Field, headland_passes: int, spacing_m: float, rates: EffortRates
+) -> list[Layout]:
     """The most promising layouts inside this many headland passes; none if no swath fits."""
     try:
-        plain = _lay_plain(request, field, headland_passes, headland_passes * request.width_m, rates)
+        plain = _lay_plain(request, field, headland_passes, headland_passes * request.width_m, spacing_m, rates)
     except FieldError:
         return []
     return _list_promising_layouts(request, plain, rates, DEEPER)

@@ -19,7 +19,7 @@ from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, check_width, compute_free_space
 from planner.errors import attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground, build_field_physics, check_fuel_is_known
 from planner.evaluation.layout_choice import (
     Report,
@@ -158,6 +158,7 @@ def _lay_out_field(
         layout, obstacle_bends = bend_around_obstacles(base_layout, tractor, implement, radius_m, reach)
         return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
 
+    passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
     turn_times = turn_clock.measure_best_times(
         request.width_m, compute_available_turn_depth_m(headland_m, reach), list_allowed_kinds(request.turn)
     )
@@ -165,9 +166,9 @@ def _lay_out_field(
     contexts: list[PlanningContext] = []
     refusals: list[StrategyError] = []
     layouts = (
-        list_layouts(request, field, headland_m, rates)
+        list_layouts(request, field, headland_m, passing_m, rates)
         if request.swaths == STRAIGHT
-        else [lay_contours(request, field, headland_m, physics.terrain, radius_m)]
+        else [lay_contours(request, field, headland_m, passing_m, physics.terrain, radius_m)]
     )
     weigh = build_slope_weigher(request, physics, tractor, field.default_ground)
     with time_share.save_half() as layout_share:

@@ -131,5 +131,5 @@ def _warm_up_scheduling(tractor: Tractor, implement: Implement) -> None:
 
     schedule_plan(
         Plan((build_mission((1.0, 0.0)), build_mission((0.0, 1.0)))),
-        TrafficRules(tractor, implement, 0.5, simulate_alone),
+        TrafficRules(tractor, implement, 0.5, 0.5, simulate_alone),
     )

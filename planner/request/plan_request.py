@@ -95,14 +95,14 @@ class PlanRequest:
     `field` and `tractor` are names or files; a field may be a GeoDataFrame, a shapely polygon or anything else with a
     `__geo_interface__`, kept as a text. Planning decides what is None: the headland by the turn that must fit it, the
     bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline that
-    is earlier than the start is on the next day. The clearance is between machines with their implements, the margin to
-    obstacles and holes of the field. Machines may reach over its open edges by `overhang_m`, or by what an edge allows;
-    with `open_edges` only the latter limits them. The `sections` of an implement are equally wide; one is none. With
-    `no_headland` the headland is left as room for turning, else it is worked in passes, `headland_passes` of them or as
-    many as `headland_m` takes. `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and
-    latitude, or x and y of a field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or
-    "lon,lat,radius in metres" to avoid besides those of the field, `ignored` names or numbers of obstacles of the field
-    that are left out.
+    is earlier than the start is on the next day. The clearance is between machines with their implements; a
+    formation keeps what neighbouring swaths leave. The margin is to obstacles and holes of the field. Machines may
+    reach over its open edges by `overhang_m`, or by what an edge allows; with `open_edges` only the latter limits them.
+    The `sections` of an implement are equally wide; one is none. With `no_headland` the headland is left as room for
+    turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes. `cell_bearings`
+    are pairs of a cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local
+    metres) replaces that of the field. `obstacles` are places "lon,lat" or "lon,lat,radius in metres" to avoid besides
+    those of the field, `ignored` names or numbers of obstacles of the field that are left out.
 
     `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
     between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow

@@ -127,6 +127,7 @@ class TrafficRules:
     tractor: Tractor
     implement: Implement
     clearance_m: float
+    side_clearance_m: float
     simulate_alone: SoloSimulation
     cache: TrajectoryCache = field(default_factory=TrajectoryCache)
 
@@ -141,7 +142,9 @@ def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan |
         return None
     models = np.array([build_model_record(rules.tractor, rules.implement)])
     gated_legs = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
-    zones = find_conflict_zones(trajectories, models, rules.clearance_m, gated_legs, rules.cache)
+    zones = find_conflict_zones(
+        trajectories, models, rules.clearance_m, rules.side_clearance_m, gated_legs, rules.cache
+    )
     precedence = PrecedenceSearch(plan, zones, slack)
     table = precedence.find_timetable()
     if table is None:

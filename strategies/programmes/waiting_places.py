@@ -35,11 +35,12 @@ class StandingCheck:
 
     Attributes:
         models: (1,) their MODEL record.
-        clearance_m: how near they may come.
+        clearance_m, beside_clearance_m: how near they may come, and how near beside each other.
     """
 
     models: npt.NDArray[np.void]
     clearance_m: float
+    beside_clearance_m: float
 
     def __call__(self, standing: Floats, driving: Floats) -> bool:
         """Whether one that stands at a pose (3,) is in the way of one at poses (n, 3)."""
@@ -48,13 +49,13 @@ class StandingCheck:
     @property
     def reach_m(self) -> float:
         """How far apart two are never in each other's way (m)."""
-        return float(2.0 * self.models["reach"][0] + self.clearance_m)
+        return float(2.0 * self.models["reach"][0] + max(self.clearance_m, self.beside_clearance_m))
 
     def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
         path, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
         for other in driving:
-            rows = find_conflicting_poses(path, other, self.models, self.clearance_m)
+            rows = find_conflicting_poses(path, other, self.models, self.clearance_m, self.beside_clearance_m)
             blocked[rows[:, 0]] = True
         return blocked
 

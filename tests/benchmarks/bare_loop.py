@@ -40,7 +40,7 @@ def run_bare_steps(  # type: ignore[no-untyped-def]
             for i in range(count):
                 run_control_tick(i, states, models, legs, gates, points, cumulative, step * dt, every * dt)
             write_record_row(record, step // every, states)
-            find_too_close(states, models, clearances, -1.0)
+            find_too_close(states, models, clearances, -1.0, -1.0)
         for i in range(count):
             model = models[states[i].model]
             ground = legs[states[i].leg].ground

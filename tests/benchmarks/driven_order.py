@@ -147,7 +147,7 @@ def compose_programme(programme: Programme) -> ComposedPlan:
 
 def _simulated(site: PlanningContext, composed: ComposedPlan) -> tuple[float, float] | None:
     """Seconds and metres off work of a plan for one tractor."""
-    driven = ProgrammeDriver(site).drive(composed)
+    driven = ProgrammeDriver(site, beside=False).drive(composed)
     if driven.reason is not None:
         return None
     return driven.run.duration_s, sum(leg.length_m for leg in driven.run.plan.missions[0].legs if not leg.implement)

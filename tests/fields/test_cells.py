@@ -32,11 +32,12 @@ def test_a_track_runs_as_its_cell_does() -> None:
     assert [cell.bearing_deg for cell in layout.cells] == [90.0, 0.0]
 
 
-def test_lines_inside_rounds_are_spread_evenly_and_cover_all() -> None:
-    """7 m inside three rounds take three lines of 3 m, which overlap between them."""
-    layout = lay_swaths(rectangle(200, 25), 3.0, 9.0, 90.0, headland_passes=3)
+@pytest.mark.parametrize(("apart_m", "spacing"), [(0.0, 2.0), (2.85, 2.85), (9.0, 3.0)])
+def test_lines_inside_rounds_are_as_far_apart_as_asked_and_cover_all(apart_m: float, spacing: float) -> None:
+    """7 m inside three rounds take three lines of 3 m; what they overlap may lie between them or outside."""
+    layout = lay_swaths(rectangle(200, 25), 3.0, 9.0, 90.0, headland_passes=3, min_spacing_m=apart_m)
     across = [track.start_m[1] for track in layout.swaths]
-    assert sorted(across) == pytest.approx([10.5, 12.5, 14.5])
+    assert sorted(across) == pytest.approx([12.5 - spacing, 12.5, 12.5 + spacing])
     lines = [shapely.LineString([track.start_m, track.end_m]) for track in layout.swaths]
     swaths = shapely.union_all(shapely.buffer(lines, 1.5, cap_style="flat"))
     assert layout.inner_region.difference(swaths).area == pytest.approx(0.0, abs=1e-6)

@@ -64,7 +64,7 @@ def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]
 
 def crossings(trajectories: Sequence[SoloTrajectory], gated: dict[int, set[int]] | None = None) -> ConflictZones:
     return find_conflict_zones(
-        trajectories, MODELS, APART_M, [(gated or {}).get(n, set()) for n in range(len(trajectories))]
+        trajectories, MODELS, APART_M, APART_M, [(gated or {}).get(n, set()) for n in range(len(trajectories))]
     )
 
 

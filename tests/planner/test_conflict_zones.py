@@ -53,7 +53,7 @@ def stretches_of(one: SoloTrajectory, place: int) -> list[int]:
 def met(a: SoloTrajectory, b: SoloTrajectory) -> Iterator[tuple[int, int]]:
     """Pairs of places that both cannot take."""
     for i, first, last in find_conflicting_poses(
-        PosePath(a.poses), PosePath(b.poses), MODELS, APART_M + EXTRA_CLEARANCE_M
+        PosePath(a.poses), PosePath(b.poses), MODELS, APART_M + EXTRA_CLEARANCE_M, APART_M
     ).tolist():
         yield from ((i, j) for j in range(first, last + 1))
 
@@ -154,13 +154,13 @@ class TestWhatIsKnown:
     def test_meetings_are_looked_up_and_what_is_too_much_is_forgotten(self, monkeypatch: pytest.MonkeyPatch) -> None:
         known = TrajectoryCache()
         trajectories = [straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, 1.5, 84, [0, 12, 84])]
-        fresh = find_conflict_zones(trajectories, MODELS, APART_M, [set(), set()])
+        fresh = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()])
         for _ in range(2):
-            again = find_conflict_zones(trajectories, MODELS, APART_M, [set(), set()], known)
-            assert (again.apart.span_s == fresh.apart.span_s).all() and len(known.meetings_by_pair) == 1
+            again = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()], known)
+            assert (again.apart.span_s == fresh.apart.span_s).all() and len(known.meetings) == 1
         known.pose_count = 10**9
         known.clear_if_too_large()
-        assert not known.meetings_by_pair and known.pose_count == 0
+        assert not known.meetings and known.pose_count == 0
 
 
 def test_thirty_that_cross_one_road_get_home_one_behind_the_other() -> None:

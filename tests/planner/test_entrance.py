@@ -154,7 +154,7 @@ class TestPlan:
             for other in range(one):
                 both = np.intersect1d(present[one], present[other])
                 poses = [build_poses(found.get_poses(tractor)[both]) for tractor in (one, other)]
-                pairs = find_conflicting_poses(PosePath(poses[0]), PosePath(poses[1]), model, 0.3)
+                pairs = find_conflicting_poses(PosePath(poses[0]), PosePath(poses[1]), model, 0.3, 0.05)
                 assert not (pairs[:, 0] == pairs[:, 1]).any()
 
     def test_one_alone_takes_the_time_of_its_ways_longer(self) -> None:

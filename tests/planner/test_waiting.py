@@ -23,7 +23,7 @@ def simulate(site: Any, plan: Plan) -> SimulationRun:
 
 
 def resolve(site: Any, plan: Plan) -> tuple[SimulationRun, str | None]:
-    rules = TrafficRules(site.tractor, site.implement, 0.05, SoloRuns(site))
+    rules = TrafficRules(site.tractor, site.implement, 0.05, 0.05, SoloRuns(site))
     return resolve_conflicts(plan, partial(simulate, site), lambda one, slack: schedule_plan(one, rules, slack))
 
 

@@ -23,6 +23,7 @@ from planner.evaluation.candidates.evaluate import (
     Outcome,
     simulate_candidate,
 )
+from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
@@ -144,7 +145,10 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     assert again.duration_s == one.run.duration_s and np.array_equal(again.record, one.run.record)
     assert measure_excursion_m(again, site) < 0.5
     # Nobody comes nearer than the scenario allows: a world that stops there is not stopped.
-    kept = World(saved.plan, site.tractor, site.implement).run(stop_clearance_m=site.request.clearance_m)
+    kept = World(saved.plan, site.tractor, site.implement).run(
+        stop_clearance_m=site.request.clearance_m,
+        beside_clearance_m=compute_parallel_clearance_m(site, STRATEGIES[strategy].formation is not None),
+    )
     assert kept.outcome == DONE
 
 

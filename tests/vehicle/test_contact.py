@@ -95,7 +95,7 @@ def test_outlines_that_cross_like_a_plus_touch_though_no_corner_is_inside() -> N
     assert compute_outline_distance(states[0], model, states[1], model) == 0.0
     assert compute_outline_distance(states[1], model, states[0], model) == 0.0
     clearances = np.full(2, np.inf)
-    assert find_too_close(states, np.array([model]), clearances, 0.5) == (0.0, 0, 1)
+    assert find_too_close(states, np.array([model]), clearances, 0.5, 0.5) == (0.0, 0, 1)
 
 
 @given(st.lists(POSES, min_size=2, max_size=6))
@@ -107,7 +107,7 @@ def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float
     states, models = states_at(*spread), np.array([build_model_record(TRACTOR, NARROW)])
     for clearance in (-1.0, 1e8):
         clearances = np.full(len(poses), np.inf)
-        closest, first, second = find_too_close(states, models, clearances, clearance)
+        closest, first, second = find_too_close(states, models, clearances, clearance, clearance)
         assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
         assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
     assert closest == pytest.approx(table.min(), abs=1e-9)
@@ -193,26 +193,26 @@ def test_beside_by_hand(pose: tuple[float, float, float], expected: bool) -> Non
 
 
 @pytest.mark.parametrize("slow", [False, True])
-@pytest.mark.parametrize(("clearance_m", "outcome"), [(0.2, "done"), (0.4, "conflict")])
-def test_beside_each_other_the_whole_clearance_counts(
-    build: Any, eg105: Tractor, slow: bool, clearance_m: float, outcome: str
+@pytest.mark.parametrize(("beside_m", "outcome"), [(0.2, "done"), (0.4, "conflict"), (None, "conflict")])
+def test_beside_each_other_another_clearance_counts(
+    build: Any, eg105: Tractor, slow: bool, beside_m: float | None, outcome: str
 ) -> None:
     """Two pass each other 3 m apart, with 3 - 2.7 m between their implements."""
     plan = build.plan([build.leg((0, 0), (0, 25))], [build.leg((3, 25), (3, 0))])
-    run = simulate(plan, eg105, Implement(width_m=3.0), stop_clearance_m=clearance_m, slow=slow)
+    run = simulate(plan, eg105, Implement(width_m=3.0), stop_clearance_m=0.5, beside_clearance_m=beside_m, slow=slow)
     assert run.outcome == outcome
     assert outcome == "conflict" or run.min_clearance_m == pytest.approx(0.3, abs=1e-6)
 
 
 def test_behind_each_other_the_whole_clearance_counts(build: Any, eg105: Tractor, implement: Implement) -> None:
     plan = build.plan([build.leg((0, 10), (0, 12))], [build.leg((0, 0), (0, 20))])
-    run = simulate(plan, eg105, implement, stop_clearance_m=0.5)
+    run = simulate(plan, eg105, implement, stop_clearance_m=0.5, beside_clearance_m=0.05)
     assert run.outcome == "conflict" and 0.2 < run.min_clearance_m < 0.5
 
 
 def test_a_pair_that_is_too_close_counts_however_close_another_has_been() -> None:
     """Without that, a pair at 0.4 m would pass unseen once others had been at 0.3 m."""
-    states = states_at((0.0, 0.0, 0.0), (0.0, 8.0, 0.0), (60.0, 0.0, 0.0), (65.0 + 0.22, 0.0, math.pi))
+    states = states_at((0.0, 0.0, 0.0), (0.0, 3.0, 0.0), (60.0, 0.0, 0.0), (65.0 + 0.22, 0.0, math.pi))
     models, clearances = np.array([MODEL_3M]), np.full(4, 0.3)
-    found = find_too_close(states, models, clearances, 0.5)
+    found = find_too_close(states, models, clearances, 0.5, 0.1)
     assert found[1:] == (2, 3) and found[0] == pytest.approx(5.22 - 2 * 2.42)

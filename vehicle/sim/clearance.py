@@ -142,13 +142,13 @@ def is_beside(a, am, b, bm) -> bool:  # type: ignore[no-untyped-def]
 
 @compile_function
 def find_too_close(  # type: ignore[no-untyped-def]
-    states, models, clearances, clearance
+    states, models, clearances, clearance, beside_clearance
 ) -> tuple[float, int, int]:
     """Update the smallest clearance so far per tractor; return the pair that is closest of those too close.
 
-    Two are too close within `clearance`; if none are, the distance returned is 1e9. Pairs whose enclosing circles are
-    farther apart than `clearance` and than the smallest clearance of either so far are skipped, as are tractors off the
-    field.
+    Two are too close within `clearance`, or within `beside_clearance` if they are beside each other; if none are, the
+    distance returned is 1e9. Pairs whose enclosing circles are farther apart than `clearance` and than the smallest
+    clearance of either so far are skipped, as are tractors off the field.
     """
     best, first, second = 1e9, -1, -1
     for i in range(len(states)):
@@ -167,8 +167,11 @@ def find_too_close(  # type: ignore[no-untyped-def]
             distance = compute_distance_below(a, models[a.model], b, models[b.model], relevant_m)
             clearances[i] = min(clearances[i], distance)
             clearances[j] = min(clearances[j], distance)
-            if distance < min(clearance, best):
-                best, first, second = distance, j, i
+            if distance >= min(clearance, best):
+                continue
+            if distance >= beside_clearance and is_beside(a, models[a.model], b, models[b.model]):
+                continue
+            best, first, second = distance, j, i
     return best, first, second
 
 

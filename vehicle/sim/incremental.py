@@ -48,13 +48,14 @@ class IncrementalSimulator:
         implement: Implement,
         *,
         stop_clearance_m: float,
+        beside_clearance_m: float | None = None,
         terrain: Terrain | None = None,
         load: WorkLoad | None = None,
         position_errors: Any = None,
         seed: int = 1,
     ) -> None:
         self.tractor, self.implement = tractor, implement
-        self.stop_clearance_m = stop_clearance_m
+        self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
         self.terrain, self.load = terrain, load
         self.position_errors, self.seed = position_errors, seed
         self.resumed_at_s = 0.0
@@ -89,6 +90,7 @@ class IncrementalSimulator:
 
         run = world.run(
             stop_clearance_m=self.stop_clearance_m,
+            beside_clearance_m=self.beside_clearance_m,
             max_time_s=max_time_s,
             progress=keep_snapshot,
             chunk_s=SNAPSHOT_INTERVAL_S,
@@ -151,10 +153,10 @@ class IncrementalSimulator:
             self._solo_fleet = solo_runs, combine_solo_runs(solo_runs)
         combined = self._solo_fleet[1]
         reach_m = _compute_fastest_mps(plan.missions) / self.tractor.guidance.rate_hz
+        stop = self.stop_clearance_m
+        limits = stop, stop if self.beside_clearance_m is None else self.beside_clearance_m
         snapshot_count = len(self._list_common_snapshots(combined, plan, max_time_s))
-        return find_last_independent_snapshot(
-            combined, solo_runs, snapshot_count, models, self.stop_clearance_m, reach_m
-        )
+        return find_last_independent_snapshot(combined, solo_runs, snapshot_count, models, limits, reach_m)
 
     def _build_world(self, plan: Plan) -> World:
         return World(
@@ -211,6 +213,7 @@ class IncrementalSimulator:
             earlier.fine_progress_m[index] = progress_rows = []
             world.run(
                 stop_clearance_m=self.stop_clearance_m,
+                beside_clearance_m=self.beside_clearance_m,
                 chunk_s=FINE_INTERVAL_S,
                 max_time_s=earlier.snapshots[index + 1].time_s,
                 independent=earlier.is_independent,

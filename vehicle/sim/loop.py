@@ -163,7 +163,7 @@ def note_contacts(bridge, contacts, time) -> None:  # type: ignore[no-untyped-de
 @compile_function
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, steps_per_tick, clock, bridge, states, models, grounds, tables, legs, gates, points, cumulative, record,
-    clearances, contacts, stop_clearance, stall_s, position_errors, present, required, heights, frame,
+    clearances, contacts, stop_clearance, beside_clearance, stall_s, position_errors, present, required, heights, frame,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `steps_per_tick`.
 
@@ -205,7 +205,7 @@ def run_loop(  # type: ignore[no-untyped-def]
             write_record_row(record, rows, states)
             rows += 1
             if checks_clearance:
-                _, first, second = find_too_close(states, models, clearances, stop_clearance)
+                _, first, second = find_too_close(states, models, clearances, stop_clearance, beside_clearance)
                 if first >= 0:
                     return TOO_CLOSE, rows, first, second
             stuck = find_stuck_tractor(states)

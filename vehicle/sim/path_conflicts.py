@@ -11,6 +11,7 @@ import numpy as np
 from vehicle.arrays import Booleans, Floats, Integers, Records
 from vehicle.jit import compile_function, drop_owner
 from vehicle.sim.clearance import (
+    PARALLEL_SINE,
     ROUNDING_M,
     compute_box_gap_m,
     compute_corner_distance,
@@ -46,16 +47,18 @@ class PosePath:
         self.outer_circles = _compute_enclosing_circles(self.block_circles)
 
 
-def find_conflicting_poses(a: PosePath, b: PosePath, models: Records, clearance_m: float) -> Records:
+def find_conflicting_poses(
+    a: PosePath, b: PosePath, models: Records, clearance_m: float, beside_clearance_m: float
+) -> Records:
     """Poses that two tractors cannot take at once: rows (k, 3) of a pose in `a` and a range (first, last) in `b`.
 
     Rows are sorted by the pose in `a`, then by those in `b`. As in vehicle.sim.clearance, two are in conflict within
-    `clearance_m`. `models` (1,) is their MODEL record.
+    `clearance_m`, or within `beside_clearance_m` if they are beside each other. `models` (1,) is their MODEL record.
     """
     rows = np.empty((1024, 3), dtype=np.int64)
     while True:
         directions, blocks = (a.directions, b.directions), (a.block_circles, b.block_circles, b.outer_circles)
-        count = _scan_conflicts(a.poses, b.poses, *directions, *blocks, models, clearance_m, rows)
+        count = _scan_conflicts(a.poses, b.poses, *directions, *blocks, models, clearance_m, beside_clearance_m, rows)
         if count <= len(rows):
             return rows[:count]
         rows = np.empty((count, 3), dtype=np.int64)
@@ -90,11 +93,18 @@ def _is_box_near(a, b, ahead_a, ahead_b, relative_pose, box, other_box, limit): 
 
 
 @compile_function
-def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, limit):  # type: ignore[no-untyped-def]
+def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
     """Whether two poses cannot be taken at once; distances are computed only where needed."""
     relative_pose = compute_relative_pose(a, b, ahead_a, ahead_b)
     whole, body, tool = boxes
     gap = compute_box_gap_m(relative_pose, whole, whole)
+    limit = clearance
+    if (
+        gap < limit + ROUNDING_M
+        and abs(relative_pose[5]) <= PARALLEL_SINE + ROUNDING_M
+        and is_beside(a, model, b, model)
+    ):
+        limit = min(clearance, beside_clearance)
     if gap >= limit + ROUNDING_M:
         return False
     return (
@@ -107,13 +117,13 @@ def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, limit):  # type: igno
 
 @compile_function
 def _scan_conflicts(  # type: ignore[no-untyped-def]
-    a, b, ahead_a, ahead_b, blocks_a, blocks_b, outer_b, models, clearance, rows
+    a, b, ahead_a, ahead_b, blocks_a, blocks_b, outer_b, models, clearance, beside_clearance, rows
 ):
     """Number of conflict rows; as many as fit are written to `rows`."""
     a, b, ahead_a, ahead_b = drop_owner(a), drop_owner(b), drop_owner(ahead_a), drop_owner(ahead_b)
     blocks_a, blocks_b, outer_b = drop_owner(blocks_a), drop_owner(blocks_b), drop_owner(outer_b)
     model, boxes, close_blocks = models[0], get_boxes(models[0]), np.empty(len(blocks_b), dtype=np.int64)
-    reach, count = 2.0 * model.reach + clearance, 0
+    reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0
     for p in range(len(blocks_a)):
         block_count = 0
         for outer in range(len(outer_b)):
@@ -131,7 +141,9 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
                     if dx * dx + dy * dy >= reach * reach:
                         continue
                     first, second = (ahead_a[i, 0], ahead_a[i, 1]), (ahead_b[j, 0], ahead_b[j, 1])
-                    if not _is_pose_pair_too_close(a[i], b[j], first, second, boxes, clearance):
+                    if not _is_pose_pair_too_close(
+                        a[i], b[j], first, second, boxes, model, clearance, beside_clearance
+                    ):
                         continue
                     if last != j - 1:
                         count += 1

@@ -154,12 +154,12 @@ def find_last_independent_snapshot(
     solo_runs: Sequence[SoloRun],
     snapshot_count: int,
     models: Records,
-    clearance_limit_m: float,
+    clearance_limits_m: tuple[float, float],
     reach_m: float,
 ) -> WorldSnapshot | None:
     """The last of the first `snapshot_count` snapshots of a fleet up to which its tractors drive as if alone.
 
-    They do until two come too close by `clearance_limit_m` (vehicle.sim.clearance.find_too_close), or so close that
+    They do until two come too close by `clearance_limits_m` (vehicle.sim.clearance.find_too_close), or so close that
     they may touch before the next check, until which a tractor drives at most `reach_m`. After the snapshot all make
     progress, so that the time of the last progress does not matter. None if there is no such snapshot.
     """
@@ -169,7 +169,7 @@ def find_last_independent_snapshot(
     record = np.concatenate([solo_run.run.record[:rows] for solo_run in solo_runs], axis=1)
     clearances = np.full(len(solo_runs), np.inf)
     leaves = np.array([solo_run.mission.leaves for solo_run in solo_runs])
-    limits_m = (clearance_limit_m, CORNER_SPEED_RATIO * reach_m)
+    limits_m = (*clearance_limits_m, CORNER_SPEED_RATIO * reach_m)
     states = np.zeros(len(solo_runs), dtype=STATE)
     free_rows = _count_independent_rows(record, states, leaves, models, clearances, *limits_m)
     for number in range(snapshot_count - 2, -1, -1):
@@ -185,7 +185,7 @@ def find_last_independent_snapshot(
 
 @compile_function
 def _count_independent_rows(  # type: ignore[no-untyped-def]
-    record, states, leaves, models, clearances, stop_clearance_m, min_clearance_m
+    record, states, leaves, models, clearances, stop_clearance_m, beside_clearance_m, min_clearance_m
 ):
     """Number of rows of a record before two are too close or may touch; updates `clearances` (n,)."""
     for row in range(len(record)):
@@ -193,7 +193,7 @@ def _count_independent_rows(  # type: ignore[no-untyped-def]
             states[i].x, states[i].y = record[row, i, REC_X], record[row, i, REC_Y]
             states[i].angle = record[row, i, REC_ANGLE]
             states[i].away = 1 if leaves[i] and record[row, i, REC_STATUS] == FINISHED else 0
-        _, first, _ = find_too_close(states, models, clearances, stop_clearance_m)
+        _, first, _ = find_too_close(states, models, clearances, stop_clearance_m, beside_clearance_m)
         if first >= 0 or clearances.min() < min_clearance_m:
             return row
     return len(record)

@@ -59,7 +59,7 @@ def _check_heights(terrain: Terrain, points: Records) -> None:
 
 
 def run_slow_loop(
-    world: World, steps: int, dt: float, record: Records, stop: float, stall_s: float
+    world: World, steps: int, dt: float, record: Records, stop: tuple[float, float], stall_s: float
 ) -> tuple[int, int, int, int]:
     """As vehicle.sim.loop.run_loop, for a world; returns outcome, record rows and the closest pair."""
     program, states = world.program, world.program.states.view(np.recarray)
@@ -79,7 +79,7 @@ def run_slow_loop(
             for tractor in range(len(states)):
                 path, period = (program.points, program.cumulative), world.steps_per_tick * dt
                 run_control_tick(tractor, states, models, legs, gates, *path, time, period)
-            world.boxes.required[:] = (states["away"] == 0) & (stop > IGNORE_CLEARANCE_M)
+            world.boxes.required[:] = (states["away"] == 0) & (stop[0] > IGNORE_CLEARANCE_M)
             world.boxes.update_space()
             write_record_row(record, rows, states)
             rows += 1
@@ -101,10 +101,10 @@ def run_slow_loop(
     return RUNNING, rows, -1, -1
 
 
-def _judge_outcome(world: World, time: float, stop: float, stall_s: float) -> tuple[int, tuple[int, int]]:
+def _judge_outcome(world: World, time: float, stop: tuple[float, float], stall_s: float) -> tuple[int, tuple[int, int]]:
     states, clock = world.program.states, world.clock
-    if len(states) > 1 and stop > IGNORE_CLEARANCE_M:
-        _, first, second = find_too_close(states, world.models, world.clearances, stop)
+    if len(states) > 1 and stop[0] > IGNORE_CLEARANCE_M:
+        _, first, second = find_too_close(states, world.models, world.clearances, *stop)
         if first >= 0:
             return TOO_CLOSE, (first, second)
     stuck = np.flatnonzero(states["short_time"] > STALL_AFTER_S)
@@ -232,6 +232,7 @@ class World:
         self,
         *,
         stop_clearance_m: float = -1.0,
+        beside_clearance_m: float | None = None,
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
@@ -240,12 +241,14 @@ class World:
     ) -> SimulationRun:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
-        `progress` is called with the driven share of all path length, every `chunk_s` of
+        Two that are beside each other on parallel lines (vehicle.sim.clearance) may come as close as
+        `beside_clearance_m`. `progress` is called with the driven share of all path length, every `chunk_s` of
         simulated time. `slow` selects the plain Python loop. `independent` tractors drive through each other, and no
         clearance is measured.
         """
         advance = self._choose_loop(slow)
         stop_clearance_m = IGNORE_CLEARANCE_M if independent else stop_clearance_m
+        stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
         expected_s = min(self._expected_s, max_time_s)
         outcome = RUNNING
@@ -253,7 +256,7 @@ class World:
         while outcome == RUNNING and self.clock[0] < most:
             steps = min(round(chunk_s / DT_S), most - int(self.clock[0]))
             chunk = self._reserve_rows(math.ceil(steps / self.steps_per_tick) + 1, expected_s)
-            outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
+            outcome, rows, *self.pair = advance(steps, chunk, stop)
             self.outcome = outcome
             self.rows += rows
             if progress:
@@ -325,7 +328,7 @@ class World:
         legs = self.program.states["first_leg"].copy()
         return legs, self.program.legs["first_segment"][legs]
 
-    def _choose_loop(self, slow: bool) -> Callable[[int, Records, float], Any]:
+    def _choose_loop(self, slow: bool) -> Callable[[int, Records, tuple[float, float]], Any]:
         if not slow:
             try:
                 engine = PymunkEngine(self.space, self.bodies)
@@ -337,14 +340,14 @@ class World:
         self.ids = np.array([body.id for body in self.bodies])
         return lambda steps, record, stop: run_slow_loop(self, steps, DT_S, record, stop, STALL_S)
 
-    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Records, stop: float) -> Any:
+    def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Records, stop: tuple[float, float]) -> Any:
         """Run the compiled loop for `steps` steps, with contact boxes in the space where tractors are near others."""
         program, last, rows = self.program, int(self.clock[0]) + steps, 0
         while True:
             outcome, more, first, second = run_loop(
                 last - int(self.clock[0]), DT_S, self.steps_per_tick, self.clock, engine.bridge,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
-                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, stop, STALL_S,
+                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
                 self.position_errors, self.boxes.present, self.boxes.required, self.heights, self.frame,
             )  # fmt: skip
             rows += more

@@ -8,8 +8,15 @@ from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_parallel_clearance_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
+from planner.evaluation.candidates.pruning import (
+    Incumbent,
+    describe_loss,
+    describe_nearness,
+    estimate_loss_s,
+    find_incumbent,
+)
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -57,14 +64,39 @@ def simulate_candidates(
 ) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
-    With `prunes` one that cannot beat those before it is not driven.
+    Tractors that come nearer than the clearance on neighbouring tracks are the last. With `prunes` a candidate that
+    cannot beat those before it is not driven.
     """
-    results, sketches = list[PlanResult](), [_sketch(context, one) for one in candidates]
-    for number in sorted(range(len(candidates)), key=lambda number: (_get_sketched_s(sketches[number]), number)):
-        incumbent = find_incumbent(results) if prunes else None
-        outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
-        results.append(outcome.result)
-        yield number, outcome
+    results, numbers = list[PlanResult](), range(len(candidates))
+    are_near = [_comes_near(context, one) for one in candidates]
+    for near in (False, True):
+        incumbent = find_incumbent(results) if prunes and near else None
+        group = [number for number in numbers if are_near[number] == near]
+        if incumbent is not None and incumbent.keeps_clearance:
+            reason = describe_nearness(max(0.0, compute_machine_gap_m(context)), context.request.clearance_m, incumbent)
+            yield from ((number, _build_refusal(context, candidates[number], reason)) for number in group)
+            return
+        sketches = {number: _sketch(context, candidates[number]) for number in group}
+        for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
+            incumbent = find_incumbent(results) if prunes else None
+            outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
+            results.append(outcome.result)
+            yield number, outcome
+
+
+def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
+    """Whether tractors work beside each other where neighbouring tracks leave less than the clearance."""
+    beside = candidate.tractors > 1 and get_strategy(candidate.strategy).beside
+    return compute_parallel_clearance_m(context, beside) < context.request.clearance_m
+
+
+def _build_refusal(
+    context: PlanningContext, candidate: Candidate, reason: str, bound_s: float | None = None
+) -> Outcome:
+    """The outcome of a candidate that is not driven."""
+    return Outcome(
+        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
+    )
 
 
 def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
@@ -103,9 +135,7 @@ def _simulate_sketched(
             return _measure_run(context, candidate, driven)
         assert incumbent is not None
         reason, bound_s = describe_loss(driven, incumbent), round(driven, 3)
-    return Outcome(
-        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
-    )
+    return _build_refusal(context, candidate, reason, bound_s)
 
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
@@ -127,7 +157,7 @@ def _run_unless_pruned(
     """
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver, best, best_s = ProgrammeDriver(context), None, math.inf
+    driver, best, best_s = ProgrammeDriver(context, sketches[0].beside), None, math.inf
     losers, refusals = list[float](), list[StrategyError]()
     sketches = list(sketches)
     for sketch in sketches:
@@ -201,6 +231,11 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
 def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
     remarks = []
+    if run.min_clearance_m < context.request.clearance_m:
+        remarks.append(
+            f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
+            f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
+        )
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)")

@@ -91,12 +91,14 @@ class SketchedPlan:
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
         sketch_apart: sketches the same where tractors work apart from each other on the headland; None where they do,
             or where it cannot be dealt so.
+        beside: whether tractors keep beside each other, as near as neighbouring swaths are.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
     sketch_apart: Callable[[], SketchedPlan] | None = None
+    beside: bool = False
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -117,7 +119,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
             refusals.append(refusal)
             continue
         notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None}
-        sketches.append(_add_notes(context, one, notes))
+        sketches.append(replace(_add_notes(context, one, notes), beside=strategy.beside))
     if not sketches:
         raise refusals[0]
     return sorted(sketches, key=lambda one: round(max(one.tractor_s), 3))
@@ -180,7 +182,9 @@ def _require_lines(context: PlanningContext) -> SiteMoves:
 
 def get_formation_site(context: PlanningContext) -> FormationSite:
     """What the formations of a context have in common."""
-    return recall(context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context)))
+    return recall(
+        context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context, True))
+    )
 
 
 def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
@@ -201,7 +205,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
     One tractor of a formation may have all.
     """
-    moves, supply, stands_in_way = _require_lines(context), context.supply, build_standing_check(context)
+    moves, supply = _require_lines(context), context.supply
+    stands_in_way = build_standing_check(context, strategy.beside)
     if strategy.deal is None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
@@ -251,12 +256,12 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[s
 class ProgrammeDriver:
     """Drives composed plans of a candidate; tractors give way to one another."""
 
-    def __init__(self, context: PlanningContext) -> None:
-        """For the machines and ground of a context."""
-        self._context, rehearsal = context, build_rehearsal(context)
+    def __init__(self, context: PlanningContext, beside: bool) -> None:
+        """For the machines and ground of a context, beside each other or not."""
+        self._context, rehearsal = context, build_rehearsal(context, beside)
         self._simulate = build_simulate(context, rehearsal)
         self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone)
+        self._schedule = build_scheduler(context, self._alone, beside)
 
     def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""

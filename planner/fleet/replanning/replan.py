@@ -17,6 +17,7 @@ import shapely.ops
 
 from fields.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import find_service_conflict
+from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site, get_site_moves
@@ -288,10 +289,12 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
 
 def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
     """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
-    clearance_m = context.request.clearance_m
+    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context, beside=True)
     machines = context.tractor, context.implement
     ground: dict[str, Any] = {"terrain": context.physics.terrain, "load": context.physics.driven_load}
-    rehearsal = IncrementalSimulator(*machines, stop_clearance_m=clearance_m, seed=context.request.seed, **ground)
+    rehearsal = IncrementalSimulator(
+        *machines, stop_clearance_m=clearance_m, beside_clearance_m=beside_m, seed=context.request.seed, **ground
+    )
 
     def compute_patience_s(tried_plan: Plan) -> float:
         legs = [leg for mission in tried_plan.missions for leg in mission.legs]
@@ -302,7 +305,7 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
         return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
 
     def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
-        rules = TrafficRules(*machines, clearance_m, simulate_alone)
+        rules = TrafficRules(*machines, clearance_m, beside_m, simulate_alone)
         scheduled_plan = schedule_plan(tried_plan, rules, slack)
         return None if scheduled_plan is None else move_gates(remaining, scheduled_plan)[0]
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as some
 from fields.errors import FieldError
 from fields.geometry.field import Field
 from fields.layout.contours import STEP_M, GuideCurve, lay_contour_swaths, measure_climb, smooth_contour
-from fields.layout.swaths import Layout, lay_swaths
+from fields.layout.swaths import Layout, lay_swaths, measure_min_spacing_m
 from fields.terrain.elevation_grid import ElevationGrid
 
 WIDTH_M, RADIUS_M = 6.0, 6.0
@@ -138,3 +138,16 @@ def test_ground_without_a_contour_through_it_is_refused(heights: Heights) -> Non
     small = Field("dome", shapely.Point(80.0, 50.0).buffer(60.0))
     with pytest.raises(FieldError, match=r"No contour leads through field 'dome'.*swaths"):
         lay(heights, small)
+
+
+def test_spacing_of_curved_swaths_is_that_of_their_lines() -> None:
+    def fall_from_top(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return -0.08 * np.hypot(x - 80.0, y + 120.0)
+
+    field = Field("slope", shapely.box(0.0, 0.0, LENGTH_M, DEPTH_M))
+    layout = lay_contour_swaths(field, build_grid(fall_from_top), WIDTH_M, 2.0 * WIDTH_M, 2, RADIUS_M, 5.0)
+    assert all(swath.via_m for swath in layout.swaths)
+    radii = {swath.line: float(np.hypot(*(swath.points_m - (80.0, -120.0)).T).mean()) for swath in layout.swaths}
+    steps = np.abs(np.diff([radii[line] for line in sorted(radii)]))
+    assert measure_min_spacing_m(layout) == pytest.approx(steps.min(), abs=0.02)
+    assert 5.0 <= measure_min_spacing_m(layout) < WIDTH_M
