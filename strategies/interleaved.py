@@ -19,4 +19,4 @@ def deal_in_turn(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int)
     return LineDeal(allowed, rules.stagger_m)
 
 
-STRATEGY = Strategy(NAME, "the tractors take the tracks in turn", deal_in_turn)
+STRATEGY = Strategy(NAME, "the tractors take the tracks in turn", deal_in_turn, beside=True)

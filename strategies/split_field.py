@@ -6,52 +6,15 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
+from strategies.program.dealing import (
+    DealtLine,
+    LineDeal,
+    cut_balanced_blocks,
+    free_other_lines,
+    group_swath_lines,
+)
 from strategies.program.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
-
-WEIGHT_RESOLUTION = 1e-6  # of the heaviest line
-
-
-def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
-    """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`.
-
-    Weights count to a millionth of the heaviest, so that rounding errors decide nothing where two cuts are as good.
-    """
-    heaviest = max(weights)
-    shares = [round(weight / heaviest / WEIGHT_RESOLUTION) for weight in weights]
-    low, high = max(shares), sum(shares)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if len(_pack_runs(shares, middle)) <= count else (middle + 1, high)
-    sizes = _split_largest_runs(_pack_runs(shares, high), count)
-    borders = [0]
-    for size in sizes:
-        borders.append(borders[-1] + size)
-    return borders
-
-
-def _pack_runs(weights: Sequence[int], max_weight: int) -> list[int]:
-    """Sizes of the fewest runs none of which weighs more than `max_weight`."""
-    sizes, total = [0], 0
-    for weight in weights:
-        if sizes[-1] and total + weight > max_weight:
-            sizes.append(0)
-            total = 0
-        sizes[-1] += 1
-        total += weight
-    return sizes
-
-
-def _split_largest_runs(sizes: list[int], count: int) -> list[int]:
-    """Split the largest runs until there are `count` of them."""
-    sizes = list(sizes)
-    while len(sizes) < count:
-        largest = max(range(len(sizes)), key=lambda i: sizes[i])
-        half = sizes[largest] // 2
-        sizes[largest : largest + 1] = [sizes[largest] - half, half]
-    return sizes
-
 
 NAME = "split-field"
 BORDER_SHARE = 0.25  # of a block on either side of its border: swaths that either of the two tractors may work

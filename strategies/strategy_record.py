@@ -14,16 +14,18 @@ class Strategy:
 
     `description` says what the tractors do, for help texts and tables. `deal` says which work lines each tractor may
     have, and a search puts them in order for all at once. Tractors of a `formation` keep beside one another, and its
-    rule says how they turn; one tractor alone has all lines. Both raise StrategyError if the field cannot be worked
-    this way with this fleet.
+    rule says how they turn; one tractor alone has all lines. `beside`: they work neighbouring swaths at a time. Both
+    raise StrategyError if the field cannot be worked this way with this fleet.
     """
 
     name: str
     description: str
     deal: DealLines | None = None
     formation: FormationRule | None = None
+    beside: bool = False
 
     def __post_init__(self) -> None:
-        """Check that there is either `deal` or `formation`."""
+        """Check that there is either `deal` or `formation`; a formation works beside one another."""
         if (self.deal is None) == (self.formation is None):
             raise TypeError(f"strategy {self.name!r} needs either deal or formation")
+        object.__setattr__(self, "beside", self.beside or self.formation is not None)

@@ -25,6 +25,7 @@ from planner.cli.main import main
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import measure_settling
@@ -40,7 +41,8 @@ RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
 run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
 search_programmes(OrderProblem.from_moves(seconds, seconds[0, :6], seconds[0, :6]), 1, 1)
-context = prepare_context(PlanRequest(width_m=6.0, tractors=(1,)), field=Field("yard", shapely.box(0, 0, 90, 60)))
+yard = WorkOrder(PlanRequest(width_m=6.0, tractors=(1,)), Field("yard", shapely.box(0, 0, 90, 60)))
+context = prepare_context(yard)
 simulate_candidate(context, Candidate("split-field", 2))
 site = build_site(context)
 finder = MoveFinder(site, measure_settling(site))

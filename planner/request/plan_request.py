@@ -94,8 +94,8 @@ class PlanRequest:
     `field` and `tractor` are names or files; a field may be a GeoDataFrame, a shapely polygon or anything else with a
     `__geo_interface__`, kept as a text. Planning decides what is None: the headland by the turn that must fit it, the
     bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline that
-    is earlier than the start is on the next day. The clearance is between machines with their implements; on
-    neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. Machines may
+    is earlier than the start is on the next day. The clearance is between machines with their implements; a
+    formation keeps what neighbouring swaths leave. The margin is to obstacles and holes of the field. Machines may
     reach over its open edges by `overhang_m`, or by what an edge allows; with `open_edges` only the latter limits them.
     The `sections` of an implement are equally wide; one is none. With `no_headland` the headland is left as room for
     turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes. `cell_bearings`

@@ -288,13 +288,13 @@ def find_conflict_zones(
     cache = cache or TrajectoryCache()
     pair_meetings: dict[tuple[int, int], Ints] = {}
     for i, j in combinations(range(len(trajectories)), 2):
-        pair = trajectories[i], trajectories[j]
-        if pair not in cache.meetings_by_pair:
-            cache.meetings_by_pair[pair] = find_conflicting_poses(
-                pair[0].trail, pair[1].trail, models, clearance_m + EXTRA_CLEARANCE_M, beside_m
+        a, b = trajectories[i], trajectories[j]
+        if (a, b, beside_m) not in cache.meetings:
+            cache.meetings[a, b, beside_m] = find_conflicting_poses(
+                a.trail, b.trail, models, clearance_m + EXTRA_CLEARANCE_M, beside_m
             )
-        if len(cache.meetings_by_pair[pair]):
-            pair_meetings[i, j] = cache.meetings_by_pair[pair]
+        if len(cache.meetings[a, b, beside_m]):
+            pair_meetings[i, j] = cache.meetings[a, b, beside_m]
     used_poses = [np.zeros(len(trajectory.poses), dtype=np.bool_) for trajectory in trajectories]
     for (i, j), meeting_rows in pair_meetings.items():
         mark_conflicting_poses(meeting_rows, used_poses[i], used_poses[j])

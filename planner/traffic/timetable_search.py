@@ -206,23 +206,28 @@ def _can_chain_segments(net, state, begun_s, free_s, margins, tractor, length, e
 
 @compile_function
 def _find_following_guard(net, state, begun_s, behind_s, own_segment, other_tractor, begin_s):  # type: ignore[no-untyped-def]
-    """What keeps a tractor behind another that it would follow closely: a segment and seconds; -1 for none."""
+    """What keeps a tractor behind another that it would follow closely: a segment and seconds; -1 for none.
+
+    It is the last segment that the other has been on for a while then, with the seconds after which it is clear of all.
+    """
     start, first = net.apart_start[own_segment], net.base[other_tractor]
     start = find_first_place_row(net.apart_at, start, net.apart_start[own_segment + 1], first)
     row = find_first_place_row(net.apart_at, start, net.apart_start[own_segment + 1], first + state[other_tractor])
+    clear_s, guard = -NEVER_S, np.int64(-1)
     while row > start:
         place = net.apart_at[row - 1]
         if begun_s[place] + (net.begins_s[place + 1] - net.begins_s[place]) < begin_s - GUARD_LIMIT_S:
             break
-        after_s, has_passed = MOVED_OFF_S, False
         while row > start and net.apart_at[row - 1] == place:
             row -= 1
-            high_s = net.apart_s[row, 1] + behind_s
-            if begin_s - GUARD_LIMIT_S < begun_s[place] + high_s <= begin_s + TIME_TOLERANCE_S:
-                after_s, has_passed = max(after_s, high_s), True
-        if has_passed and begun_s[place] + after_s <= begin_s + TIME_TOLERANCE_S:
-            return place, after_s
-    return -1, 0.0
+            passed_s = begun_s[place] + net.apart_s[row, 1] + behind_s
+            if max(begin_s - GUARD_LIMIT_S, clear_s) < passed_s <= begin_s + TIME_TOLERANCE_S:
+                clear_s, guard = passed_s, max(guard, place)
+    while guard > first and begun_s[guard] + MOVED_OFF_S > begin_s + TIME_TOLERANCE_S:
+        guard -= 1
+    if guard < 0 or begun_s[guard] + MOVED_OFF_S > begin_s + TIME_TOLERANCE_S:
+        return -1, 0.0
+    return guard, max(MOVED_OFF_S, clear_s - begun_s[guard])
 
 
 @compile_function

@@ -98,13 +98,14 @@ class SoloTrajectory:
 
 @dataclass
 class TrajectoryCache:
-    """What plans of one field share: trajectories by mission, and where pairs meet (vehicle.sim.path_conflicts).
+    """What plans of one field share: trajectories by mission, and where pairs meet (vehicle.sim.path_conflicts) with a
+    clearance beside each other.
 
     It is emptied when it holds more than MAX_CACHED_POSES poses: large fields have few plans.
     """
 
     trajectories: dict[bytes, SoloTrajectory | None] = field(default_factory=dict)
-    meetings_by_pair: dict[tuple[SoloTrajectory, SoloTrajectory], npt.NDArray[np.int64]] = field(default_factory=dict)
+    meetings: dict[tuple[SoloTrajectory, SoloTrajectory, float], npt.NDArray[np.int64]] = field(default_factory=dict)
     pose_count: int = 0
 
     def get_trajectory(self, mission: Mission, simulate_alone: SoloSimulation) -> SoloTrajectory | None:
@@ -122,7 +123,7 @@ class TrajectoryCache:
         """Empty the cache if it has become too large."""
         if self.pose_count > MAX_CACHED_POSES:
             self.trajectories.clear()
-            self.meetings_by_pair.clear()
+            self.meetings.clear()
             self.pose_count = 0
 
 

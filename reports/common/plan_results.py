@@ -98,6 +98,7 @@ class PlanResult(ShownResult):
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something or leaves the field.
+        keeps_clearance: whether no two tractors come nearer than asked for.
         bound_s: estimated time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
@@ -137,6 +138,7 @@ class PlanResult(ShownResult):
     waiting_s: float | None = None
     reversals: int | None = None
     min_clearance_m: float | None = None
+    keeps_clearance: bool = True
     collisions: int | None = None
     order_gap_pct: float | None = None
     measured: Mapping[str, float | None] = field(default_factory=dict)
@@ -294,11 +296,13 @@ def choose_by_count(
 ) -> dict[int, PlanResult]:
     """The plan to take with every number of tractors, fewest first: that of the least value, which is time or cost.
 
-    Of those that are as good and take as long, within the error of the model, it is the first by `build_quality_key`.
+    Plans that keep the clearance come first. Of those that are as good and take as long, within the error of the model,
+    it is the first by `build_quality_key`.
     """
     chosen = {}
     for count in sorted({plan.tractors for plan in plans}):
-        alike = [plan for plan in plans if plan.tractors == count]
+        of_count = [plan for plan in plans if plan.tractors == count]
+        alike = [plan for plan in of_count if plan.keeps_clearance] or of_count
         least = min(alike, key=lambda plan: (get_value(plan), build_time_sort_key(plan)))
         limits = [(get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, get_ranked_s)]
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]

@@ -13,6 +13,8 @@ from strategies.path_planning.errors import build_too_many_error
 from strategies.program.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
 
+WEIGHT_RESOLUTION = 1e-6  # of the heaviest line
+
 
 class DealtLine(Protocol):
     """What a deal goes by: a work line's task and its length in metres."""
@@ -55,3 +57,43 @@ def group_swath_lines(lines: Sequence[DealtLine], tractors: int) -> list[list[in
 def free_other_lines(lines: Sequence[DealtLine], tractors: int) -> npt.NDArray[np.bool_]:
     """A deal (tractors, lines) of everything but swaths: whoever is near or has time may work it."""
     return np.tile([line.task.kind != SWATH for line in lines], (tractors, 1))
+
+
+def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
+    """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`.
+
+    Weights count to a millionth of the heaviest, so that rounding errors decide nothing where two cuts are as good.
+    """
+    heaviest = max(weights)
+    shares = [round(weight / heaviest / WEIGHT_RESOLUTION) for weight in weights]
+    low, high = max(shares), sum(shares)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if len(_pack_runs(shares, middle)) <= count else (middle + 1, high)
+    sizes = _split_largest_runs(_pack_runs(shares, high), count)
+    borders = [0]
+    for size in sizes:
+        borders.append(borders[-1] + size)
+    return borders
+
+
+def _pack_runs(weights: Sequence[int], max_weight: int) -> list[int]:
+    """Sizes of the fewest runs none of which weighs more than `max_weight`."""
+    sizes, total = [0], 0
+    for weight in weights:
+        if sizes[-1] and total + weight > max_weight:
+            sizes.append(0)
+            total = 0
+        sizes[-1] += 1
+        total += weight
+    return sizes
+
+
+def _split_largest_runs(sizes: list[int], count: int) -> list[int]:
+    """Split the largest runs until there are `count` of them."""
+    sizes = list(sizes)
+    while len(sizes) < count:
+        largest = max(range(len(sizes)), key=lambda i: sizes[i])
+        half = sizes[largest] // 2
+        sizes[largest : largest + 1] = [sizes[largest] - half, half]
+    return sizes

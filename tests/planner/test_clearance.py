@@ -11,14 +11,17 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import PlanRequest
-from tests.examples import seldom
 
 FIELD = shapely.box(0, 0, 150, 60)
 PARALLEL = math.radians(10.0)
 
 
-@pytest.mark.parametrize("strategy", [*seldom("row-by-row"), "col-by-col", "interleaved"])
-def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, place: Any) -> None:
+@pytest.mark.parametrize(("strategy", "beside_m"), [
+    pytest.param("row-by-row", 0.1, marks=pytest.mark.matrix), ("col-by-col", 0.1), ("interleaved", 0.1),
+    ("split-field", 0.5)
+])  # fmt: skip
+def test_it_is_kept_and_who_works_side_by_side_may_be_nearer(strategy: str, beside_m: float, place: Any) -> None:
+    """Neighbouring tracks leave 0.3 m between machines, of which a third is enough in a formation."""
     site = place(FIELD, (0.0, 0.0), tractors=(3,))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert site.request.clearance_m == 0.5 and run is not None and run.contacts == ()
@@ -36,7 +39,7 @@ def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, plac
         for beside in (True, False):
             nearest[beside] = min(nearest[beside], *apart[(np.abs(angle) < PARALLEL) == beside], math.inf)
     assert nearest[False] > 0.5 - 0.05, "looked at ten times a second"
-    assert nearest[True] > 0.1 - 0.02, "a third of the 0.3 m that neighbouring tracks leave"
+    assert nearest[True] > beside_m - 0.05
 
 
 def test_of_two_in_a_row_one_turns_a_little_ahead(place: Any) -> None:

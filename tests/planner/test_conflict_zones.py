@@ -157,10 +157,10 @@ class TestWhatIsKnown:
         fresh = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()])
         for _ in range(2):
             again = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()], known)
-            assert (again.apart.span_s == fresh.apart.span_s).all() and len(known.meetings_by_pair) == 1
+            assert (again.apart.span_s == fresh.apart.span_s).all() and len(known.meetings) == 1
         known.pose_count = 10**9
         known.clear_if_too_large()
-        assert not known.meetings_by_pair and known.pose_count == 0
+        assert not known.meetings and known.pose_count == 0
 
 
 def test_thirty_that_cross_one_road_get_home_one_behind_the_other() -> None:

@@ -46,7 +46,9 @@ def prepare(field: Field, **request: object) -> PlanningContext:
 
 def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
     """The cheapest programme of blocks, driven."""
-    return ProgrammeDriver(found).drive(sketch_plans(found, STRATEGIES["split-field"], tractors)[0].compose())
+    return ProgrammeDriver(found, beside=False).drive(
+        sketch_plans(found, STRATEGIES["split-field"], tractors)[0].compose()
+    )
 
 
 @pytest.fixture(scope="module")

@@ -111,7 +111,7 @@ def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     """A plan made for level ground, driven up the plane."""
     level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")
     assert level.run is not None
-    run = build_simulate(steep, build_rehearsal(steep))(level.run.plan)
+    run = build_simulate(steep, build_rehearsal(steep, beside=False))(level.run.plan)
     assert run.stall is not None and locate_stall(run.stall).kind == "stuck"
     reason = describe_stall(run.stall, FIELD)
     assert reason.startswith("tractor 1 gets stuck at x ") and "45 % uphill" in reason

@@ -146,7 +146,8 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     assert measure_excursion_m(again, site) < 0.5
     # Nobody comes nearer than the scenario allows: a world that stops there is not stopped.
     kept = World(saved.plan, site.tractor, site.implement).run(
-        stop_clearance_m=site.request.clearance_m, beside_clearance_m=compute_parallel_clearance_m(site)
+        stop_clearance_m=site.request.clearance_m,
+        beside_clearance_m=compute_parallel_clearance_m(site, STRATEGIES[strategy].formation is not None),
     )
     assert kept.outcome == DONE
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from strategies.interleaved import deal_in_turn
+from strategies.lines.headland_stretches import deal_stretches
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.program.driving_rules import DrivingRules
@@ -54,6 +56,35 @@ def test_every_nth_swath_in_turn() -> None:
     assert owners.tolist() == [0, 1, 2, 0, 1, 2, 0]
     assert (deal.allowed[:, 1:].sum(axis=0) == 1).all()
     assert deal.stagger_m == RULES.stagger_m
+
+
+def draw_ring(number: int, low: float, high: float, first: int) -> list[WorkLine]:
+    """The sides of a square, from the south anticlockwise, as headland pass `number`."""
+    corners = [(low, low), (high, low), (high, high), (low, high), (low, low)]
+    return [
+        WorkLine(LegTask(HEADLAND_PASS, number), ("ring", first), (path, path[::-1].copy()), 1.0)
+        for path in (np.array(ends) for ends in pairwise(corners))
+    ]
+
+
+def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near() -> None:
+    """West and east block of a square of 120 m, three rings along its edge and one round a pond in the east."""
+    rings = [
+        draw_ring(pass_number, 3.0 * pass_number, 120.0 - 3.0 * pass_number, pass_number) for pass_number in (1, 2, 3)
+    ]
+    swaths = [draw_line(SWATH, k, (12.0 + 3.0 * k, 12.0), (12.0 + 3.0 * k, 108.0)) for k in range(32)]
+    lines = [*(side for ring in rings for side in ring), *draw_ring(1, 85.0, 95.0, 4), *swaths]
+    allowed = np.ones((2, len(lines)), bool)
+    allowed[0, 16:] = np.arange(32) < 16
+    allowed[1, 16:] = ~allowed[0, 16:]
+    dealt = deal_stretches(lines, allowed)
+    assert dealt is not None and (dealt[:, 16:] == allowed[:, 16:]).all()
+    assert (dealt[:, :16].sum(axis=0) == 1).all(), "a side is one tractor's"
+    assert (dealt[:, :4] == dealt[:, 4:8]).all() and (dealt[:, :4] == dealt[:, 8:12]).all(), "in all passes"
+    assert dealt[0, 3] and dealt[1, 1], "the west side is the western tractor's, the east side the eastern's"
+    assert (dealt[:, :4].sum(axis=1) == 2).all(), "as long for both"
+    assert dealt[1, 12:16].all(), "the ring round the pond is whole"
+    assert deal_stretches(lines, np.ones((5, len(lines)), bool)) is None, "four sides are no stretches for five"
 
 
 @pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])

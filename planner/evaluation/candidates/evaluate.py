@@ -8,9 +8,15 @@ from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m
+from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_parallel_clearance_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
-from planner.evaluation.candidates.pruning import Incumbent, describe_loss, estimate_loss_s, find_incumbent
+from planner.evaluation.candidates.pruning import (
+    Incumbent,
+    describe_loss,
+    describe_nearness,
+    estimate_loss_s,
+    find_incumbent,
+)
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -29,6 +35,7 @@ from strategies.registry import get_strategy
 from vehicle.missions.run import SimulationRun
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
+WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
 
 
@@ -57,14 +64,39 @@ def simulate_candidates(
 ) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
-    With `prunes` one that cannot beat those before it is not driven.
+    Tractors that come nearer than the clearance on neighbouring tracks are the last. With `prunes` a candidate that
+    cannot beat those before it is not driven.
     """
-    results, sketches = list[PlanResult](), [_sketch(context, one) for one in candidates]
-    for number in sorted(range(len(candidates)), key=lambda number: (_get_sketched_s(sketches[number]), number)):
-        incumbent = find_incumbent(results) if prunes else None
-        outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
-        results.append(outcome.result)
-        yield number, outcome
+    results, numbers = list[PlanResult](), range(len(candidates))
+    are_near = [_comes_near(context, one) for one in candidates]
+    for near in (False, True):
+        incumbent = find_incumbent(results) if prunes and near else None
+        group = [number for number in numbers if are_near[number] == near]
+        if incumbent is not None and incumbent.keeps_clearance:
+            reason = describe_nearness(max(0.0, compute_machine_gap_m(context)), context.request.clearance_m, incumbent)
+            yield from ((number, _build_refusal(context, candidates[number], reason)) for number in group)
+            return
+        sketches = {number: _sketch(context, candidates[number]) for number in group}
+        for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
+            incumbent = find_incumbent(results) if prunes else None
+            outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
+            results.append(outcome.result)
+            yield number, outcome
+
+
+def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
+    """Whether tractors work beside each other where neighbouring tracks leave less than the clearance."""
+    beside = candidate.tractors > 1 and get_strategy(candidate.strategy).beside
+    return compute_parallel_clearance_m(context, beside) < context.request.clearance_m
+
+
+def _build_refusal(
+    context: PlanningContext, candidate: Candidate, reason: str, bound_s: float | None = None
+) -> Outcome:
+    """The outcome of a candidate that is not driven."""
+    return Outcome(
+        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
+    )
 
 
 def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
@@ -103,9 +135,7 @@ def _simulate_sketched(
             return _measure_run(context, candidate, driven)
         assert incumbent is not None
         reason, bound_s = describe_loss(driven, incumbent), round(driven, 3)
-    return Outcome(
-        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
-    )
+    return _build_refusal(context, candidate, reason, bound_s)
 
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
@@ -123,12 +153,13 @@ def _run_unless_pruned(
     About the least seconds of its plans instead where these are likely to lose to the incumbent.
 
     Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
-    nobody waited.
+    nobody waited; where somebody did, tractors that work apart are tried too.
     """
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver, best, best_s = ProgrammeDriver(context), None, math.inf
+    driver, best, best_s = ProgrammeDriver(context, sketches[0].beside), None, math.inf
     losers, refusals = list[float](), list[StrategyError]()
+    sketches = list(sketches)
     for sketch in sketches:
         if max(sketch.tractor_s) >= best_s:
             continue
@@ -147,10 +178,13 @@ def _run_unless_pruned(
         if loss_s is not None:
             losers.append(loss_s)
             continue
-        if best is not None and max(driver.measure_alone_s(one)) * one.left_factor >= best_s:
+        alone_s = max(driver.measure_alone_s(one)) * one.left_factor
+        if best is not None and alone_s >= best_s:
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
+        if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
+            sketches.append(sketch.sketch_apart())
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
     if losers and (best is None or best.reason is not None):

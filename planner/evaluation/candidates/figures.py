@@ -90,6 +90,7 @@ def measure_candidate(
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
         min_clearance_m=replace_infinite(run.min_clearance_m),
+        keeps_clearance=run.min_clearance_m >= context.request.clearance_m,
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         measured={key: measure(run) for key, measure in MEASURES.items()},

@@ -30,13 +30,13 @@ BATCH_SIZE = 8  # tractors simulated in one world, with little overhead; they fi
 TIMEOUT_FACTOR = 4.0  # times the seconds at the speeds of the legs: bends are driven more slowly
 
 
-def build_rehearsal(context: PlanningContext) -> IncrementalSimulator:
+def build_rehearsal(context: PlanningContext, beside: bool) -> IncrementalSimulator:
     """Simulates the plans of a candidate one after another."""
     return IncrementalSimulator(
         context.tractor,
         context.implement,
         stop_clearance_m=context.request.clearance_m,
-        beside_clearance_m=compute_parallel_clearance_m(context),
+        beside_clearance_m=compute_parallel_clearance_m(context, beside),
         terrain=context.physics.terrain,
         load=context.physics.driven_load,
         position_errors=context.position_errors,
@@ -54,13 +54,13 @@ def build_simulate(context: PlanningContext, rehearsal: IncrementalSimulator) ->
     return simulate
 
 
-def build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
+def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool) -> Scheduler:
     """A scheduler for plans of a context."""
     rules = TrafficRules(
         context.tractor,
         context.implement,
         context.request.clearance_m,
-        compute_parallel_clearance_m(context),
+        compute_parallel_clearance_m(context, beside),
         solo_runs,
         context.trajectory_cache,
     )
@@ -73,16 +73,17 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
     return schedule
 
 
-def build_standing_check(context: PlanningContext) -> StandingCheck:
+def build_standing_check(context: PlanningContext, beside: bool) -> StandingCheck:
     """Whether a tractor stands in the way of another, as the scheduler sees it."""
     models = np.array([build_model_record(context.tractor, context.implement)])
     clearance_m = context.request.clearance_m + EXTRA_CLEARANCE_M
-    return StandingCheck(models, clearance_m, compute_parallel_clearance_m(context))
+    return StandingCheck(models, clearance_m, compute_parallel_clearance_m(context, beside))
 
 
-def compute_parallel_clearance_m(context: PlanningContext) -> float:
-    """How near two tractors may come on parallel lines (m): no more than neighbouring swaths allow."""
-    return min(max(CLEARANCE_SHARE * compute_machine_gap_m(context), MIN_CLEARANCE_M), context.request.clearance_m)
+def compute_parallel_clearance_m(context: PlanningContext, beside: bool) -> float:
+    """How near two tractors may come on parallel lines (m): a formation as near as neighbouring swaths are."""
+    beside_m = max(CLEARANCE_SHARE * compute_machine_gap_m(context), MIN_CLEARANCE_M)
+    return min(beside_m, context.request.clearance_m) if beside else context.request.clearance_m
 
 
 def compute_machine_gap_m(context: PlanningContext) -> float:

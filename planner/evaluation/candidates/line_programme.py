@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
 from planner.evaluation.candidates.fleet_drive import (
@@ -27,6 +28,7 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_O
 from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
+from strategies.lines.headland_stretches import deal_stretches
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal
@@ -40,6 +42,8 @@ from strategies.service_stops.programme_stops import build_stop_moves, estimate_
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.run import DONE
+
+Flags = npt.NDArray[np.bool_]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
@@ -85,11 +89,16 @@ class SketchedPlan:
     Attributes:
         tractor_s: about the seconds of every tractor.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
+        sketch_apart: sketches the same where tractors work apart from each other on the headland; None where they do,
+            or where it cannot be dealt so.
+        beside: whether tractors keep beside each other, as near as neighbouring swaths are.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
+    sketch_apart: Callable[[], SketchedPlan] | None = None
+    beside: bool = False
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -110,10 +119,20 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
             refusals.append(refusal)
             continue
         notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None}
-        sketches.append(replace(one, compose=partial(_compose_sketch, context, one.compose, notes)))
+        sketches.append(replace(_add_notes(context, one, notes), beside=strategy.beside))
     if not sketches:
         raise refusals[0]
     return sorted(sketches, key=lambda one: round(max(one.tractor_s), 3))
+
+
+def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, Any]) -> SketchedPlan:
+    """A sketch whose plan has notes, and that of tractors apart likewise."""
+    apart = sketch.sketch_apart
+    return replace(
+        sketch,
+        compose=partial(_compose_sketch, context, sketch.compose, notes),
+        sketch_apart=None if apart is None else lambda: _add_notes(context, apart(), notes),
+    )
 
 
 def _compose_sketch(
@@ -163,7 +182,9 @@ def _require_lines(context: PlanningContext) -> SiteMoves:
 
 def get_formation_site(context: PlanningContext) -> FormationSite:
     """What the formations of a context have in common."""
-    return recall(context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context)))
+    return recall(
+        context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context, True))
+    )
 
 
 def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
@@ -184,13 +205,15 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
     One tractor of a formation may have all.
     """
-    moves, supply, stands_in_way = _require_lines(context), context.supply, build_standing_check(context)
+    moves, supply = _require_lines(context), context.supply
+    stands_in_way = build_standing_check(context, strategy.beside)
     if strategy.deal is None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+    apart = deal_stretches(moves.lines, deal.allowed) if tractors > 1 else None
 
-    def sketch(order: str) -> SketchedPlan:
+    def sketch(order: str, deal: LineDeal = deal, apart: Flags | None = apart) -> SketchedPlan:
         table = MoveTable(moves)
         stages = list_stages(table.lines, order)
         stop_moves = None if supply is None else build_stop_moves(table, supply)
@@ -215,7 +238,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
-        return SketchedPlan(order, sketched.tractor_s, compose)
+        sketch_apart = None if apart is None else partial(sketch, order, replace(deal, allowed=apart), None)
+        return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart)
 
     return sketch
 
@@ -232,12 +256,12 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[s
 class ProgrammeDriver:
     """Drives composed plans of a candidate; tractors give way to one another."""
 
-    def __init__(self, context: PlanningContext) -> None:
-        """For the machines and ground of a context."""
-        self._context, rehearsal = context, build_rehearsal(context)
+    def __init__(self, context: PlanningContext, beside: bool) -> None:
+        """For the machines and ground of a context, beside each other or not."""
+        self._context, rehearsal = context, build_rehearsal(context, beside)
         self._simulate = build_simulate(context, rehearsal)
         self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone)
+        self._schedule = build_scheduler(context, self._alone, beside)
 
     def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""

@@ -22,13 +22,14 @@ class Incumbent:
     """The quickest feasible plan with as many tractors: its strategy and seconds to finish the field.
 
     `tractor_s` is the sum over its tractors, each until it is done; `left_factor` by how much both are more than
-    driven, for the ground that it leaves.
+    driven, for the ground that it leaves; `keeps_clearance` as in its result.
     """
 
     strategy: str
     finish_s: float
     tractor_s: float = 0.0
     left_factor: float = 1.0
+    keeps_clearance: bool = True
 
 
 def prunes_candidates(context: PlanningContext) -> bool:
@@ -53,11 +54,11 @@ def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
     feasible = [one for one in results if one.feasible]
     if not feasible:
         return None
-    best = min(feasible, key=lambda one: (round(get_finished_field_s(one), 3), one.strategy))
+    best = min(feasible, key=lambda one: (not one.keeps_clearance, round(get_finished_field_s(one), 3), one.strategy))
     finish_s = get_finished_field_s(best)
     left_factor = finish_s / best.time_s if best.time_s else 1.0
     tractor_s = (best.tractor_time_s or 0.0) * left_factor
-    return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor)
+    return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor, best.keeps_clearance)
 
 
 def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None) -> float | None:
@@ -76,3 +77,11 @@ def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumb
 def describe_loss(bound_s: float, incumbent: Incumbent) -> str:
     """Why a candidate is not simulated whose plans all take about so many seconds or more."""
     return f"skipped: by estimate ({bound_s:.0f} s) it is slower than {incumbent.strategy} ({incumbent.finish_s:.0f} s)"
+
+
+def describe_nearness(gap_m: float, clearance_m: float, incumbent: Incumbent) -> str:
+    """Why a candidate is not simulated whose tractors would work neighbouring tracks beside each other."""
+    return (
+        f"machines on neighbouring tracks are {gap_m:.2f} m apart, less than the clearance of "
+        f"{clearance_m:g} m, which {incumbent.strategy} keeps"
+    )

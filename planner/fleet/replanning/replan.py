@@ -289,7 +289,7 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
 
 def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
     """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
-    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context)
+    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context, beside=True)
     machines = context.tractor, context.implement
     ground: dict[str, Any] = {"terrain": context.physics.terrain, "load": context.physics.driven_load}
     rehearsal = IncrementalSimulator(
