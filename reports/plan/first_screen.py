@@ -113,12 +113,12 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """How many plans the table leaves out, were refused, or were not simulated."""
     refused = list_refused(ranking)
-    not_simulated = sum(plan.bound_s is not None for plan in refused)
+    not_simulated = sum(not plan.is_simulated for plan in refused)
     hidden = len(list_feasible(ranking)) - len(plans)
     counts = [
         translate_count("{count} more plan", "{count} more plans", hidden) if hidden else "",
         translate("{count} refused", count=len(refused) - not_simulated) if len(refused) > not_simulated else "",
-        translate("{count} not simulated as others are faster", count=not_simulated) if not_simulated else "",
+        translate("{count} not simulated as others are better", count=not_simulated) if not_simulated else "",
     ]
     listed = ", ".join(filter(None, counts))
     return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []

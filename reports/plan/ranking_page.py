@@ -161,8 +161,8 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
             *ranking.check_sentences,
         ],
         "refusals": [
-            _build_refusal_section("Refused", [plan for plan in refused if plan.bound_s is None]),
-            _build_refusal_section("Not simulated", [plan for plan in refused if plan.bound_s is not None]),
+            _build_refusal_section("Refused", [plan for plan in refused if plan.is_simulated]),
+            _build_refusal_section("Not simulated", [plan for plan in refused if not plan.is_simulated]),
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }

@@ -59,8 +59,8 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
     remarks = [*ranking.check_sentences, *([effects] if effects else [])]
     parts += [format_sentence(text, style="dim") for text in remarks]
     refused = list_refused(ranking)
-    pruned = [plan for plan in refused if plan.bound_s is not None]
-    parts += _list_refusal_reasons("Refused", [plan for plan in refused if plan.bound_s is None])
+    pruned = [plan for plan in refused if not plan.is_simulated]
+    parts += _list_refusal_reasons("Refused", [plan for plan in refused if plan.is_simulated])
     parts += _list_refusal_reasons("Not simulated", pruned)
     parts += [format_sentence("--all simulates these too.", style="dim")] if pruned else []
     return Group(*parts)

@@ -46,7 +46,7 @@ PLANS = tuple(
 )  # fmt: skip
 REFUSED = (
     PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
-    PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0),
+    PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0, is_simulated=False),
 )
 DEFAULT = PlanRanking(
     "denmark", 3.92, 1, (*PLANS, *REFUSED), currency="EUR",

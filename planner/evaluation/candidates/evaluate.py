@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
@@ -74,7 +75,9 @@ def simulate_candidates(
         group = [number for number in numbers if are_near[number] == near]
         if incumbent is not None and incumbent.keeps_clearance:
             reason = describe_nearness(max(0.0, compute_machine_gap_m(context)), context.request.clearance_m, incumbent)
-            yield from ((number, _build_refusal(context, candidates[number], reason)) for number in group)
+            yield from (
+                (number, _build_refusal(context, candidates[number], reason, is_simulated=False)) for number in group
+            )
             return
         sketches = {number: _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
@@ -90,13 +93,10 @@ def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
     return compute_parallel_clearance_m(context, beside) < context.request.clearance_m
 
 
-def _build_refusal(
-    context: PlanningContext, candidate: Candidate, reason: str, bound_s: float | None = None
-) -> Outcome:
+def _build_refusal(context: PlanningContext, candidate: Candidate, reason: str, **figures: Any) -> Outcome:
     """The outcome of a candidate that is not driven."""
-    return Outcome(
-        PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, bound_s=bound_s)
-    )
+    turn = context.request.turn
+    return Outcome(PlanResult(candidate.strategy, candidate.tractors, turn, False, reason, **figures))
 
 
 def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
@@ -125,17 +125,15 @@ def _simulate_sketched(
     sketches: list[SketchedPlan] | StrategyError,
     incumbent: Incumbent | None,
 ) -> Outcome:
-    reason, bound_s = "", None
     try:
         driven = _run_unless_pruned(context, sketches, incumbent)
     except StrategyError as refusal:
-        reason = str(refusal)
-    else:
-        if isinstance(driven, CandidateRun):
-            return _measure_run(context, candidate, driven)
-        assert incumbent is not None
-        reason, bound_s = describe_loss(driven, incumbent), round(driven, 3)
-    return _build_refusal(context, candidate, reason, bound_s)
+        return _build_refusal(context, candidate, str(refusal))
+    if isinstance(driven, CandidateRun):
+        return _measure_run(context, candidate, driven)
+    assert incumbent is not None
+    reason = describe_loss(driven, incumbent)
+    return _build_refusal(context, candidate, reason, bound_s=round(driven, 3), is_simulated=False)
 
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
