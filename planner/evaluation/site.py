@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -13,6 +14,7 @@ from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from strategies.lines.done_lines import begin_where_tractors_stand, leave_done_lines
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
@@ -79,9 +81,16 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
     def find_moves() -> SiteMoves:
         site, laid = build_site(context), {} if headland_lines is None else headland_lines
         passes = context.layout.headland_passes
+        whole = replace(site, layout=replace(site.layout, field=replace(site.layout.field, done=None)))
         if passes not in laid:
-            laid[passes] = lay_headland_lines(site)
-        return SiteMoves(site, lay_lines(site, laid[passes]))
+            laid[passes] = lay_headland_lines(whole)
+        lines, going_on = lay_lines(whole, laid[passes]), context.going_on
+        if going_on is None:
+            return SiteMoves(site, lines)
+        lines = leave_done_lines(site, lines, going_on.error_m)
+        poses = [stand.pose for stand in going_on.stands]
+        lines, starts = begin_where_tractors_stand(site, lines, poses, going_on.error_m)
+        return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands))
 
     return recall(context, SiteMoves, find_moves)
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import shapely
+
 from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
+from planner.evaluation.context import Stand
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
@@ -29,6 +32,16 @@ FieldChoice = Field | FieldSource | None
 RADIUS_FACTOR = 1.08
 
 
+@dataclass(frozen=True, eq=False)
+class DoneWork:
+    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it."""
+
+    ground: shapely.Geometry
+    error_m: float
+    stands: tuple[Stand, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class WorkOrder:
     """What is to be planned: a request, what replaces its field and machines, and the values of a farm.
@@ -36,6 +49,8 @@ class WorkOrder:
     `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
     gives hitch and length, its width is that of the request. `uncertainty` and `cost_terms` are the farm's laws and
     prices, `supply` is what the implement carries, `times` and `yard` make up the day. Without a farm all are None.
+    `done` is what is worked already, as it is or by its source (planner.pipeline.going_on); of the machines of a saved
+    plan among them those `without` (numbers from 1) are left out.
     """
 
     request: PlanRequest
@@ -47,6 +62,8 @@ class WorkOrder:
     supply: Supply | None = None
     times: FarmTimes | None = None
     yard: Yard | None = None
+    done: tuple[str | DoneWork, ...] = ()
+    without: tuple[int, ...] = ()
 
     def name_choices(self) -> PlanRequest:
         """The request with the names of the field and tractor that replace its own."""

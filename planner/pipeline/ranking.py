@@ -204,13 +204,13 @@ def _is_enough(result: PlanResult, requested_share: float) -> bool:
 def _measure_requested_share(context: PlanningContext) -> float:
     """The share of the field that is to be worked: all but a headland that is kept free on request."""
     kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
-    return 1.0 - kept_m2 / float(context.layout.field.region_without_obstacles.area)
+    return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     """The share that a plan works, and the reason why most of the rest is not worked."""
     requested_share = _measure_requested_share(context)
-    requested_m2 = requested_share * context.layout.field.region_without_obstacles.area
+    requested_m2 = requested_share * context.layout.field.due_region.area
     worked_pct = (best.worked_pct or 0.0) / requested_share
     areas = [(one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason != KEPT_HEADLAND]
     unexplained_m2 = 0.01 * (100.0 - worked_pct) * requested_m2 - sum(area_m2 for area_m2, _ in areas)

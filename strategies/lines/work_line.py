@@ -70,6 +70,11 @@ class WorkLine:
         return measure_along(self.paths[0]), measure_along(self.paths[1])
 
     @property
+    def is_place(self) -> bool:
+        """Whether it is only where a tractor stands, and no work."""
+        return not self.task.is_work
+
+    @property
     def length_m(self) -> float:
         """Length in metres, as driven."""
         return max(self.measure_path_m(0), self.measure_path_m(1))

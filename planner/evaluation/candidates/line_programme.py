@@ -29,7 +29,7 @@ from strategies.formations.compose import compose_formation, describe_formation_
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import LineDeal
+from strategies.program.dealing import LineDeal, give_nearest_shares
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
@@ -189,6 +189,9 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+    if moves.starts:
+        middles = np.array([line.paths[0].mean(axis=0) for line in moves.lines])
+        deal = give_nearest_shares(deal, middles, np.array([moves.ends[node][:2] for node in moves.starts]))
 
     def sketch(order: str) -> SketchedPlan:
         table = MoveTable(moves)

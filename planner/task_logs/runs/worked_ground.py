@@ -26,12 +26,7 @@ def measure_coverage(
     runs: Sequence[ProjectedRun], field: shapely.Polygon, width_m: float, tool_offset_m: float
 ) -> GroundCoverage:
     """The ground of a field that the runs worked with a tool of `width_m`, in metres of their system."""
-    strips = [
-        clip_area(field, strip)
-        for run in runs
-        for line in trace_tool_lines(run, tool_offset_m)
-        for strip in _build_tool_strips(line, width_m)
-    ]
+    strips = [clip_area(field, strip) for run in runs for strip in iter_worked_strips(run, width_m, tool_offset_m)]
     worked = unite_areas(np.array(strips, dtype=np.object_)) if strips else shapely.MultiPolygon()
     unworked = subtract_area(field, worked)
     total = float(sum(strip.area for strip in strips))
@@ -42,6 +37,12 @@ def measure_coverage(
         _extract_rings(_drop_slivers(unworked)),
         _extract_rings(_drop_slivers(_find_overlap(strips))),
     )
+
+
+def iter_worked_strips(run: ProjectedRun, width_m: float, tool_offset_m: float) -> Iterator[shapely.Geometry]:
+    """The ground that a run worked with a tool of `width_m`, piece by piece, in metres of its system."""
+    for line in trace_tool_lines(run, tool_offset_m):
+        yield from _build_tool_strips(line, width_m)
 
 
 def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Array]:

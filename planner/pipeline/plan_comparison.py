@@ -12,8 +12,8 @@ import shapely
 from fields.documents.reader import read_field
 from fields.text_files import count_noun
 from planner.errors import HeadlandError, RequestError
+from planner.pipeline.example_logs import find_work_state, locate_antenna
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
-from planner.task_logs.example_logs import find_work_state, locate_antenna
 from planner.task_logs.runs.phases import find_true_segments, summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
