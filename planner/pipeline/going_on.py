@@ -35,9 +35,10 @@ from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproj
 from planner.task_logs.runs.worked_ground import iter_worked_strips
 from strategies.lines.work_line import cut_line
 from strategies.path_planning.paths import Pose
+from strategies.program.supply import Supply
 from strategies.registry import get_strategy
 from vehicle.errors import MissionError
-from vehicle.missions.plan import ENTER, LEAVE, Mission
+from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -307,12 +308,17 @@ def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext
     """What a tractor has used of its load on leg `at` of its mission, at a pose, since it was served last."""
     if context.supply is None:
         return 0.0
-    served = max((number for number in range(at + 1) if mission.legs[number].stand_s > 0.0), default=0)
     leg = mission.legs[at]
     driven_m = float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
-    begun = [leg.copy_with() if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
-    legs = [*mission.legs[served:at], *(begun if driven_m > 0.0 else [])]
-    return context.supply.compute_legs_need(legs, context.request.width_m) if legs else 0.0
+    begun = [leg] if driven_m >= leg.length_m else [replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
+    legs = [*mission.legs[:at], *(begun if driven_m > 0.0 else [])]
+    return sum_used(legs, context.supply, context.request.width_m)
+
+
+def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
+    """What legs have used of a load since it was filled last."""
+    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
+    return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
 
 
 def _shift_stand(stand: Stand, shift: np.ndarray) -> Stand:

@@ -29,7 +29,7 @@ from strategies.formations.compose import compose_formation, describe_formation_
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import LineDeal, give_nearest_shares
+from strategies.program.dealing import DealLines, LineDeal, give_nearest_shares
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
@@ -188,7 +188,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     if strategy.deal is None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
-        deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+        deal = _deal_or_share(moves, strategy.deal, tractors)
     if moves.starts:
         middles = np.array([line.paths[0].mean(axis=0) for line in moves.lines])
         deal = give_nearest_shares(deal, middles, np.array([moves.ends[node][:2] for node in moves.starts]))
@@ -221,6 +221,16 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         return SketchedPlan(order, sketched.tractor_s, compose)
 
     return sketch
+
+
+def _deal_or_share(moves: SiteMoves, deal: DealLines, tractors: int) -> LineDeal:
+    """The deal; where too little is left of work that goes on to deal it out, everybody may work everything."""
+    try:
+        return deal(moves.lines, moves.site.rules, tractors)
+    except StrategyError:
+        if not moves.starts:
+            raise
+        return LineDeal(np.ones((tractors, len(moves.lines)), bool))
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
