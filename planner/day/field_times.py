@@ -28,6 +28,7 @@ from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
+from planner.pipeline.going_on import hash_sources
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
@@ -127,6 +128,7 @@ class FieldTimeTask:
     tractor: Tractor
     implement: Implement
     supply: Supply | None = None
+    done: tuple[str, ...] = ()
 
     @cached_property
     def key(self) -> str:
@@ -134,9 +136,9 @@ class FieldTimeTask:
         elevation_name = get_elevation_name(self.request, self.field)
         request = replace(self.request, field=ANONYMOUS, tractor=ANONYMOUS, elevation=None)
         nameless = replace(self.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
-        if elevation_name is None:
+        if elevation_name is None and not self.done:
             nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
-        files = hash_height_files(elevation_name), hash_strategies(request.strategies)
+        files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(self.done)
         return hash_content(nameless, request, self.tractor, self.implement, self.supply, files, worker=__name__)
 
 
@@ -162,6 +164,7 @@ def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]
                     machine,
                     plan_implement,
                     plan_inputs.supply,
+                    day_field.done,
                 )
                 if is_suitable(day_field, implement)
                 else None
@@ -249,6 +252,8 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
                 tractor=task.tractor,
                 implement=task.implement,
                 supply=task.supply,
+                done=task.done,
+                from_road=True,
                 executor=SerialExecutor(),
                 time_share=share,
             )

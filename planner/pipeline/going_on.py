@@ -25,6 +25,7 @@ from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.work_order import DoneWork, WorkOrder
+from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_machines, read_request, rerun_plan
 from planner.request.option_texts import DAY_S, format_clock
 from planner.request.plan_request import PlanRequest
@@ -64,7 +65,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
     done = clip_area(ground, field.region_without_obstacles)
     _check_something_done(done, field)
-    stands = next((one.stands for one in reversed(works) if one.stands), ())
+    stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
         raise RequestError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
@@ -74,6 +75,17 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     left = replace(left, remarks=(*left.remarks, remark))
     going_on = GoingOn(closing_m, stands)
     return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
+
+
+def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
+    """What sources of done work hold: for each file its hash, with the time at which a plan is left."""
+    found = list[tuple[str, str | None]]()
+    for source in sources:
+        match = _match_plan(source)
+        path, time = (Path(source.partition("#")[0]), "") if match is None else (Path(match["file"]), source[-8:])
+        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+        found += [(time, hash_file(one)) for one in files]
+    return found
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from planner.fleet.replanning.replan import (
     ReplanProposal,
     _cut_leg,
     _describe_unknown_load,
-    infer_carried_supply,
     _is_existing_stop,
+    infer_carried_supply,
     replan_remaining_work,
 )
 from strategies.program.supply import Supply
