@@ -50,7 +50,8 @@ class WorkOrder:
     gives hitch and length, its width is that of the request. `uncertainty` and `cost_terms` are the farm's laws and
     prices, `supply` is what the implement carries, `times` and `yard` make up the day. Without a farm all are None.
     `done` is what is worked already, as it is or by its source (planner.pipeline.going_on); of the machines of a saved
-    plan among them those `without` (numbers from 1) are left out.
+    plan among them those `without` (numbers from 1) are left out; with `from_road`
+    they come in from outside.
     """
 
     request: PlanRequest
@@ -64,6 +65,7 @@ class WorkOrder:
     yard: Yard | None = None
     done: tuple[str | DoneWork, ...] = ()
     without: tuple[int, ...] = ()
+    from_road: bool = False
 
     def name_choices(self) -> PlanRequest:
         """The request with the names of the field and tractor that replace its own."""

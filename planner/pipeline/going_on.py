@@ -114,15 +114,15 @@ def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> 
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates that can go on with the tractors that stand on the field: all of them, and in no formation."""
+    """The candidates that can go on with the tractors that stand on the field: all of them, and in no formation.
+
+    Strategies that deal lines differ no more: whoever is near takes what is left.
+    """
     stands = 0 if context.going_on is None else len(context.going_on.stands)
     if not stands:
         return list(candidates)
-    kept = [
-        one
-        for one in candidates
-        if one.tractors >= stands and (one.tractors == 1 or get_strategy(one.strategy).formation is None)
-    ]
+    dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
+    kept = list({one.tractors: one for one in reversed(dealt) if one.tractors >= stands}.values())[::-1]
     if not kept:
         raise RequestError(
             f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "

@@ -145,6 +145,7 @@ def plan(
     yard: Yard | None = None,
     done: DoneSource | Sequence[DoneSource] = (),
     without: Sequence[int] = (),
+    from_road: bool = False,
     executor: Executor | None = None,
     progress: Progress | None = None,
     report_stage: StageReport | None = None,
@@ -168,21 +169,32 @@ def plan(
 
     `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
     gives hitch and length, its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from
-    a farm, `supply` is what its implement carries. `done` is what is worked already, one or
-    several of: a file of ground, logs, or a saved plan at a time ("plan.json@13:20"); the plan is for the rest, by the
-    machines of that plan from where they stand, but for those `without` (numbers from 1). `executor` simulates the
-    candidates, by default in fresh processes on all cores; the result does not depend on it. `progress` is called with
-    (done, total), `report_stage` with the
-    stage in words (LAYING_OUT, SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a
-    request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that is
-    estimated to be slower is pruned, except on small fields and with `simulate_all`. A `time_share`, for executors in
-    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
+    a farm, `supply` is what its implement carries. `done` is what is worked already, one or several of: a file of
+    ground, logs, or a saved plan at a time ("plan.json@13:20"); the plan is for the rest, by the machines of that plan
+    from where they stand, but for those `without` (numbers from 1); with `from_road` they come in from outside.
+    `executor` simulates the candidates, by default in fresh processes on all cores; the result does not depend on it.
+    `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT, SIMULATING), done and
+    total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be planned. A candidate that
+    cannot be driven is ranked last with its reason; one that is estimated to be slower is pruned, except on small
+    fields and with `simulate_all`. A `time_share`, for executors in this thread, ends planning with what is found by
+    then, without parts; TimeSpentError where no layout is.
     """
     if not isinstance(request, PlanRequest):
         raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
     sources = tuple(done) if isinstance(done, list | tuple) else (done,)
     order = WorkOrder(
-        request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard, sources, tuple(without)
+        request,
+        field,
+        tractor,
+        implement,
+        uncertainty,
+        cost_terms,
+        supply,
+        times,
+        yard,
+        sources,
+        tuple(without),
+        from_road,
     )
     return plan_order(
         order,

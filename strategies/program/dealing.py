@@ -8,13 +8,10 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 from strategies.path_planning.errors import build_too_many_error
 from strategies.program.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
-
-Floats = npt.NDArray[np.float64]
 
 
 class DealtLine(Protocol):
@@ -42,19 +39,6 @@ class LineDeal:
 
 DealLines = Callable[[Sequence[DealtLine], DrivingRules, int], LineDeal]
 """Deals lines, given how tractors drive, to a number of tractors; raises StrategyError where they are too few."""
-
-
-def give_nearest_shares(deal: LineDeal, middles: Floats, places: Floats) -> LineDeal:
-    """A deal in which tractors standing at places (k, 2), the first of the fleet, have the shares nearest to them.
-
-    `middles` (n, 2) are those of the lines. All begin at once.
-    """
-    own = deal.allowed & ~deal.allowed.all(axis=0)
-    centres = np.array([middles[row].mean(axis=0) if row.any() else middles.mean(axis=0) for row in own])
-    distances = np.hypot(*(places[:, None, :] - centres[None, :, :]).transpose(2, 0, 1))
-    shares = linear_sum_assignment(distances)[1].tolist()
-    order = [*shares, *(number for number in range(len(centres)) if number not in shares)]
-    return LineDeal(deal.allowed[order])
 
 
 def group_swath_lines(lines: Sequence[DealtLine], tractors: int) -> list[list[int]]:

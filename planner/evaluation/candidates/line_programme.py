@@ -29,7 +29,7 @@ from strategies.formations.compose import compose_formation, describe_formation_
 from strategies.formations.formation_site import FormationSite
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import DealLines, LineDeal, give_nearest_shares
+from strategies.program.dealing import LineDeal
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
@@ -182,16 +182,13 @@ def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
 def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
     """Sketches the plan of a strategy that only says which lines each tractor may have; all are served in time.
 
-    One tractor of a formation may have all.
+    One tractor of a formation may have all; so may tractors that stand on the field: who is near takes what is left.
     """
     moves, supply, stands_in_way = _require_lines(context), context.supply, build_standing_check(context)
-    if strategy.deal is None:
+    if strategy.deal is None or moves.starts:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
-        deal = _deal_or_share(moves, strategy.deal, tractors)
-    if moves.starts:
-        middles = np.array([line.paths[0].mean(axis=0) for line in moves.lines])
-        deal = give_nearest_shares(deal, middles, np.array([moves.ends[node][:2] for node in moves.starts]))
+        deal = strategy.deal(moves.lines, moves.site.rules, tractors)
 
     def sketch(order: str) -> SketchedPlan:
         table = MoveTable(moves)
@@ -221,16 +218,6 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         return SketchedPlan(order, sketched.tractor_s, compose)
 
     return sketch
-
-
-def _deal_or_share(moves: SiteMoves, deal: DealLines, tractors: int) -> LineDeal:
-    """The deal; where too little is left of work that goes on to deal it out, everybody may work everything."""
-    try:
-        return deal(moves.lines, moves.site.rules, tractors)
-    except StrategyError:
-        if not moves.starts:
-            raise
-        return LineDeal(np.ones((tractors, len(moves.lines)), bool))
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:

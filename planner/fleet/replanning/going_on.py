@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.errors import HeadlandError
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
@@ -39,10 +38,9 @@ from planner.pipeline.outputs.saved_plans import read_done_ground
 from strategies.lines.work_line import build_tool_strip, cut_line
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.site_moves import SiteMoves
-from strategies.registry import get_strategy
+from strategies.split_field import STRATEGY
 from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate
 
-DEALS = ("split-field", "interleaved")  # tractors that stand anywhere line up in no formation
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
 
 
@@ -139,17 +137,15 @@ def _cut_driven(leg: Leg, driven_m: float) -> Leg:
 
 def _compose_best(context: PlanningContext, tractors: int) -> ComposedPlan:
     """The quickest plan by its lines and moves; raises FleetManagerError where there is none."""
-    sketches, refusals = [], list[HeadlandError]()
-    for name in DEALS if tractors > 1 else DEALS[:1]:
-        try:
-            sketches += sketch_plans(context, get_strategy(name), tractors)
-        except StrategyError as refusal:
-            refusals.append(refusal)
-    for sketch in sorted(sketches, key=lambda one: round(max(one.tractor_s), 3)):
-        try:
-            return sketch.compose()
-        except StrategyError as refusal:
-            refusals.append(refusal)
+    refusals = list[StrategyError]()
+    try:
+        for sketch in sketch_plans(context, STRATEGY, tractors):
+            try:
+                return sketch.compose()
+            except StrategyError as refusal:
+                refusals.append(refusal)
+    except StrategyError as refusal:
+        refusals.append(refusal)
     raise FleetManagerError(f"The work that is left cannot be planned: {refusals[0]}")
 
 
