@@ -1,4 +1,4 @@
-"""Work lines of a field that is worked in part: which leave, where others are cut, and where standing tractors begin."""
+"""Work lines of a field that is worked in part: which leave, which are cut, and where standing tractors begin."""
 
 from __future__ import annotations
 
