@@ -15,7 +15,8 @@ from planner.guide.options_page import build_options_page
 TOPICS = (
     "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "implements", "weather", "refills",
     "going-on", "day", "many-fields", "terminals", "task-logs", "diagnosis", "diagnosis-method", "vehicle", "service",
-    "operations", "proxy", "threat-model", "python", "strategies", "reference", "options", "architecture", "benchmarks", "glossary",
+    "operations", "proxy", "threat-model", "python", "strategies", "reference", "options", "architecture",
+    "benchmarks", "glossary",
 )  # fmt: skip
 """In the order in which people need them."""
 OPTIONS_TOPIC, IMPLEMENTS_TOPIC = "options", "implements"
