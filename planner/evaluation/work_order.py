@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_e
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor
 
+_PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
@@ -67,6 +69,12 @@ class WorkOrder:
     without: tuple[int, ...] = ()
     from_road: bool = False
 
+    @property
+    def begins_on_field(self) -> bool:
+        """Whether machines stand on the field: they go on from there, with a saved plan at a time or by themselves."""
+        places = (one.stands if isinstance(one, DoneWork) else match_plan_time(one) for one in self.done)
+        return not self.from_road and any(places)
+
     def name_choices(self) -> PlanRequest:
         """The request with the names of the field and tractor that replace its own."""
         names: dict[str, Any] = {
@@ -75,6 +83,11 @@ class WorkOrder:
             if choice is not None
         }
         return replace(self.request, **names)
+
+
+def match_plan_time(source: str) -> re.Match[str] | None:
+    """The file and the time of a source such as plan.json@13:20; None for the name of a file."""
+    return None if Path(source).exists() else _PLAN_TIME.fullmatch(source)
 
 
 def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
@@ -144,7 +157,7 @@ def complete_cost_terms(cost_terms: CostTerms | None, workday: Workday | None, t
         return cost_terms
     return replace(
         cost_terms,
-        road_km=2e-3 * workday.road_m,
+        road_km=1e-3 * workday.road_ways * workday.road_m,
         road_s=workday.sum_duties_s(ROAD),
         handling_s=workday.sum_duties_s(UNFOLD) + workday.sum_duties_s(FOLD),
     )

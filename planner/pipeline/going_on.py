@@ -24,7 +24,7 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.work_order import DoneWork, WorkOrder
+from planner.evaluation.work_order import DoneWork, WorkOrder, match_plan_time
 from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_machines, read_request, rerun_plan
 from planner.request.option_texts import DAY_S, format_clock
@@ -48,7 +48,6 @@ PLAN_ERROR_M = 0.5 * MIN_PIECE_WIDTH_M  # a plan of ours: what is narrower than 
 OTHERS_ERROR_M = 0.3  # of guidance by satellites alone from pass to pass, which is what unknown work may be driven with
 LEAST_DUE_WIDTHS = 1.0  # less ground than a square of the width is nothing to plan
 MOST_SHIFT_M = 0.1  # of a boundary that is still the same: what other programs round coordinates to
-_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 
 
 def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
@@ -81,7 +80,7 @@ def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
     """What sources of done work hold: for each file its hash, with the time at which a plan is left."""
     found = list[tuple[str, str | None]]()
     for source in sources:
-        match = _match_plan(source)
+        match = match_plan_time(source)
         path, time = (Path(source.partition("#")[0]), "") if match is None else (Path(match["file"]), source[-8:])
         files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
         found += [(time, hash_file(one)) for one in files]
@@ -102,7 +101,7 @@ def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> 
 
     Raises HeadlandError.
     """
-    match = next((match for source in reversed(sources) if (match := _match_plan(source))), None)
+    match = next((match for source in reversed(sources) if (match := match_plan_time(source))), None)
     if match is None:
         return None
     saved = _read_plan(match["file"])
@@ -132,10 +131,6 @@ def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -
     return kept
 
 
-def _match_plan(source: str) -> re.Match[str] | None:
-    return None if Path(source).exists() else _TIME.fullmatch(source)
-
-
 def _read_plan(name: str) -> SavedPlan:
     return parse_saved_plan(read_text(name, "a plan of headland plan --save", MissionError))
 
@@ -161,7 +156,7 @@ def _list_machines_left(saved: SavedPlan, without: Sequence[int]) -> list[int]:
 
 def _read_source(source: str, context: PlanningContext, without: Sequence[int]) -> DoneWork:
     """What a source says is done, in metres of the field."""
-    if match := _match_plan(source):
+    if match := match_plan_time(source):
         return _read_driven_plan(match, context, without)
     path = Path(source.partition("#")[0])
     if not path.exists():

@@ -94,7 +94,7 @@ def _describe_next_day_time(subject: str, clock_text: str, start_s: int) -> str:
 
 
 def _describe_duties(day: Workday) -> str:
-    road_s = 0.5 * day.sum_duties_s(ROAD)
+    road_s = day.sum_duties_s(ROAD) / max(1, day.road_ways)
     road = f"{day.road_m / 1000.0:.1f} km of road each way take {_format_minutes(road_s)}, " if day.road_m else ""
     unfolding, folding = (_format_minutes(day.sum_duties_s(duty)) for duty in (UNFOLD, FOLD))
     sentence = f"{road}unfolding {unfolding} and folding {folding}"

@@ -31,7 +31,7 @@ from strategies.lines.work_line import build_tool_strip
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, plan_three
 
-TIMES = 10.0
+TIMES = 6.0
 LONGEST_S = 900.0
 
 
@@ -85,7 +85,7 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
 def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
     assert proposal.sentence is not None
-    assert proposal.sentence.startswith("Tractor 1 is on ") and "Tractor 2 is left out." in proposal.sentence
+    assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
     assert proposal.sentence.endswith("of 0.42 ha are left.")
 
 
