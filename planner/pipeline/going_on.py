@@ -34,6 +34,7 @@ from planner.task_logs.log_import import detect_log_format, read_task_logs
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproject_run
 from planner.task_logs.runs.worked_ground import iter_worked_strips
+from strategies.lines.done_lines import build_round_corners
 from strategies.lines.work_line import cut_line
 from strategies.path_planning.paths import Pose
 from strategies.program.supply import Supply
@@ -245,7 +246,13 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, without: S
     begun = cut_run(run, elapsed_s)
     shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
     swept = unite_areas(compute_swept_area(begun, context).ground)
-    ground = unite_areas(np.array([swept, *read_done_ground(saved)], dtype=np.object_))
+    legs = [
+        leg
+        for number, mission in enumerate(saved.plan.missions)
+        for leg in mission.legs[: int(begun.get_leg_numbers(number)[-1])]
+    ]
+    corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
+    ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
     left = _list_machines_left(saved, without)
     stands = {number: _find_stand(begun, number, context) for number in left}
     order = sorted(left, key=lambda number: stands[number] is None)

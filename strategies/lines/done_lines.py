@@ -7,21 +7,30 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
-from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, STATION_M, Span, keep_uncovered
+from strategies.lines.lay_lines import (
+    MIN_LEFT_AREA_WIDTHS,
+    MIN_OWN_SHARE,
+    MIN_PIECE_M,
+    STATION_M,
+    Span,
+    keep_uncovered,
+)
 from strategies.lines.work_line import Floats, WorkLine, cut_line, extend_line, locate_at
 from strategies.path_planning.paths import Pose
 from strategies.site.site import Site
 from vehicle.arrays import find_true_spans, measure_along
-from vehicle.missions.plan import ENTER, LegTask
+from vehicle.missions.plan import ENTER, Leg, LegTask
 
 START_OVERLAP_M = 1.0  # of work that a start joins: an implement takes about a metre to work as deep as it should
 BAR_POINTS = 17  # places on the bar where it is asked what is done: one is less of it than a line is worth driving for
+STRAIGHT_RAD, SHARPEST_RAD = 0.2, 2.0  # corners that are worked round, as work_moves has them
+LOOSE_BEND = 2.0  # turning radii: what bends less sharply is a bent line and no corner
 PLACE_M = 0.02  # length of the line that stands for a place
 BESIDE_WIDTHS, ASTRAY_RAD = 0.25, 0.2  # beside and across a line on which a tractor still is: moves lose it so
 
@@ -30,20 +39,22 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
     """The lines, or their parts, that are not done, each with the ground that it alone covers of what is due.
 
     Where work was done is known to `error_m`: ground that near to it is no reason to drive, and is worked again where a
-    line joins it.
+    line joins it. Nor is a part that is no more than a corner which those before went round.
     """
     done = site.layout.field.done
     if done is None:
         return list(lines)
     known = done.buffer(error_m)
     shapely.prepare(known)
-    parts, counts = list[WorkLine](), Counter[LegTask]()
+    parts, counts, is_whole = list[WorkLine](), Counter[LegTask](), dict[LegTask, bool]()
     for line in lines:
         for part in _cut_done_line(site, line, known, START_OVERLAP_M + error_m):
             task = replace(line.task, piece=0)
             parts.append(replace(part, task=replace(task, piece=counts[task])))
             counts[task] += 1
-    return keep_uncovered(site, parts)
+            is_whole[parts[-1].task] = part is line
+    least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
+    return [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
 
 
 def _cut_done_line(site: Site, line: WorkLine, done: shapely.Geometry, join_m: float) -> Iterator[WorkLine]:
@@ -99,6 +110,22 @@ def _measure_due_shares(bar: Floats, stations: Floats, width_m: float, done: sha
     places = (middle[:, None, :] + across_m[None, :, None] * aside[:, None, :]).reshape(-1, 2)
     shares: Floats = 1.0 - shapely.contains_xy(done, places).reshape(len(stations), BAR_POINTS).mean(axis=1)
     return shares
+
+
+def build_round_corners(legs: Iterable[Leg], radius_m: float, width_m: float) -> list[shapely.Geometry]:
+    """The corners that legs go round with the implement down, whole: what a plan left there is not gone back for."""
+    corners = list[shapely.Geometry]()
+    for points in (leg.points for leg in legs if leg.implement):
+        steps = np.diff(points, axis=0)
+        first, last = steps[0] / np.hypot(*steps[0]), steps[-1] / np.hypot(*steps[-1])
+        sine, cosine = float(first[0] * last[1] - first[1] * last[0]), float(first @ last)
+        turn = abs(math.atan2(sine, cosine))
+        if STRAIGHT_RAD < turn < SHARPEST_RAD and measure_along(points)[-1] <= LOOSE_BEND * radius_m * turn:
+            gap = points[-1] - points[0]
+            tip = points[0] + (gap[0] * last[1] - gap[1] * last[0]) / sine * first
+            line = shapely.LineString([points[0], tip, points[-1]])
+            corners.append(line.buffer(0.5 * width_m, cap_style="flat", join_style="mitre"))
+    return corners
 
 
 def begin_where_tractors_stand(

@@ -10,10 +10,15 @@ import numpy as np
 import pytest
 import shapely
 
-from strategies.lines.done_lines import START_OVERLAP_M, begin_where_tractors_stand, leave_done_lines
+from strategies.lines.done_lines import (
+    START_OVERLAP_M,
+    begin_where_tractors_stand,
+    build_round_corners,
+    leave_done_lines,
+)
 from strategies.lines.lay_lines import STATION_M
 from strategies.lines.work_line import WorkLine
-from vehicle.missions.plan import SWATH, LegTask
+from vehicle.missions.plan import SWATH, Leg, LegTask
 
 WIDTH_M, TOOL_M, LENGTH_M = 4.0, 2.0, 100.0
 
@@ -84,6 +89,30 @@ def test_work_in_the_middle_leaves_two_pieces_with_numbers_of_their_own() -> Non
 def test_a_gap_that_two_joins_would_close_is_driven_through() -> None:
     first, second, _ = leave(shapely.box(50.0, -2.0, 51.5, 2.0))
     assert measure_worked_x(first) == (0.0, LENGTH_M) and second.task.number == 1
+
+
+@pytest.mark.parametrize(("left_m", "stays"), [(1.5, False), (2.5, True)])
+def test_less_than_half_a_square_of_the_width_is_no_piece_to_go_back_for(left_m: float, stays: bool) -> None:
+    left = leave(shapely.box(0.0, -2.0, LENGTH_M - left_m, 2.0))
+    assert [line.task.number for line in left] == ([0] if stays else []) + [1, 2]
+
+
+def bend(radius_m: float, turn: float, implement: bool = True) -> Leg:
+    """A bend to the left from the origin, that comes in eastwards."""
+    angles = np.linspace(0.0, turn, 30)
+    return Leg(radius_m * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)]), 1.0, implement=implement)
+
+
+def test_a_corner_that_was_worked_round_counts_whole() -> None:
+    (corner,) = build_round_corners([bend(6.0, 0.5 * math.pi)], 6.0, WIDTH_M)
+    # Two strips of 6 m that meet in the tip (6, 0), and the square of 2 m by 2 m outside of it that they have not.
+    assert corner.area == pytest.approx(2 * 6.0 * WIDTH_M, rel=0.05)
+    assert corner.bounds == pytest.approx((0.0, -2.0, 8.0, 6.0), abs=0.4)
+
+
+def test_a_bent_line_a_turn_and_a_straight_line_are_no_corners() -> None:
+    legs = [bend(30.0, 0.5 * math.pi), bend(6.0, 0.5 * math.pi, implement=False), bend(6.0, 3.0), bend(6.0, 0.1)]
+    assert build_round_corners(legs, 6.0, WIDTH_M) == []
 
 
 def test_a_tractor_on_its_line_goes_on_from_its_place_and_nobody_else_may() -> None:

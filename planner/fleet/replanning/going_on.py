@@ -35,6 +35,7 @@ from planner.fleet.replanning.replan import (
 )
 from planner.pipeline.going_on import PLAN_ERROR_M, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground
+from strategies.lines.done_lines import build_round_corners
 from strategies.lines.work_line import build_tool_strip, cut_line
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.site_moves import SiteMoves
@@ -124,6 +125,7 @@ def _leave_done_work(
         if number in remaining.excluded and legs:
             legs[-1:] = [_cut_driven(legs[-1], state.leg_m)] if state.leg_m > 0.0 else []
         strips += [build_tool_strip(leg.points, tool_m, width_m) for leg in legs if leg.implement]
+        strips += build_round_corners(legs, context.driving_rules.radius_m, width_m)
     ground = extract_polygons(unite_areas(np.array(strips, dtype=np.object_))) if strips else shapely.Polygon()
     done = clip_area(ground, field.region_without_obstacles)
     stands = tuple(helper.stand for helper in helpers if helper.stand is not None)
