@@ -35,10 +35,14 @@ GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a tractor stands: the pose of its guided point in metres of the field, and what it has used of its load."""
+    """Where a tractor stands: the pose of its guided point in metres of the field, and what it has used of its load.
+
+    `ahead` are poses in the middle of the work that was to be its next, in order: a new plan is no worse than that.
+    """
 
     pose: Pose
     used: float = 0.0
+    ahead: tuple[Pose, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
-from strategies.lines.done_lines import begin_where_tractors_stand, leave_done_lines
+from strategies.lines.done_lines import begin_where_tractors_stand, find_orders, leave_done_lines
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
@@ -96,7 +96,8 @@ def build_site_moves(
     lines = leave_done_lines(site, lines, going_on.error_m)
     poses = [stand.pose for stand in going_on.stands]
     lines, starts = begin_where_tractors_stand(site, lines, poses, going_on.error_m)
-    return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands))
+    orders = find_orders(site, lines, starts, [stand.ahead for stand in going_on.stands])
+    return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands), orders)
 
 
 def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:

@@ -34,7 +34,7 @@ from planner.task_logs.log_import import detect_log_format, read_task_logs
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproject_run
 from planner.task_logs.runs.worked_ground import iter_worked_strips
-from strategies.lines.done_lines import build_round_corners
+from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import cut_line
 from strategies.path_planning.paths import Pose
 from strategies.program.supply import Supply
@@ -315,7 +315,7 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
         return None
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
-    return Stand(pose, measure_used(run.plan.missions[number], at, pose, context))
+    return Stand(pose, measure_used(run.plan.missions[number], at, pose, context), list_places_ahead(legs[at:]))
 
 
 def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext) -> float:
@@ -336,5 +336,7 @@ def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
 
 
 def _shift_stand(stand: Stand, shift: np.ndarray) -> Stand:
-    x, y, heading = stand.pose
-    return replace(stand, pose=(x + float(shift[0]), y + float(shift[1]), heading))
+    def move(pose: Pose) -> Pose:
+        return pose[0] + float(shift[0]), pose[1] + float(shift[1]), pose[2]
+
+    return replace(stand, pose=move(stand.pose), ahead=tuple(map(move, stand.ahead)))

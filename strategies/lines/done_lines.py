@@ -146,6 +146,41 @@ def begin_where_tractors_stand(
     return lines, tuple(starts)
 
 
+def list_places_ahead(legs: Iterable[Leg]) -> tuple[Pose, ...]:
+    """Poses in the middle of the legs that work lines, in order."""
+    places = list[Pose]()
+    for leg in legs:
+        if leg.implement and leg.task.is_work:
+            along = measure_along(leg.points)
+            (x, y), (x1, y1) = locate_at(leg.points, along, 0.5 * along[-1] + np.array([0.0, PLACE_M])).tolist()
+            places.append((x, y, math.atan2(y1 - y, x1 - x)))
+    return tuple(places)
+
+
+def find_orders(
+    site: Site, lines: Sequence[WorkLine], starts: Sequence[int], places: Sequence[Sequence[Pose]]
+) -> tuple[tuple[int, ...], ...]:
+    """For every tractor that stands on the field its start and the nodes at places ahead of it; each line once."""
+    taken, orders = {start // 2 for start in starts}, list[tuple[int, ...]]()
+    curves = [[shapely.LineString(path) for path in line.paths] for line in lines]
+    for start, ahead in zip(starts, places, strict=True):
+        order = [start]
+        for pose in ahead:
+            for number, line in enumerate(lines):
+                for way in () if number in taken else (0, 1) if line.both_ways else (0,):
+                    if _is_on_line(site, line, curves[number][way], way, pose):
+                        order.append(2 * number + way)
+                        taken.add(number)
+        orders.append(tuple(order))
+    return tuple(orders)
+
+
+def _is_on_line(site: Site, line: WorkLine, curve: shapely.LineString, way: int, pose: Pose) -> bool:
+    place = shapely.Point(pose[:2])
+    turn = math.remainder(line.get_pose(way, float(curve.project(place)))[2] - pose[2], 2.0 * math.pi)
+    return float(curve.distance(place)) <= BESIDE_WIDTHS * site.width_m and abs(turn) <= ASTRAY_RAD
+
+
 def _iter_rests(
     site: Site, lines: Sequence[WorkLine], pose: Pose, join_m: float, taken: Sequence[int]
 ) -> Iterator[tuple[int, WorkLine]]:
@@ -155,10 +190,9 @@ def _iter_rests(
         for way in (0, 1) if line.both_ways else (0,):
             path = line.paths[way]
             curve = shapely.LineString(path)
-            off_m, begun_m = float(curve.distance(place)), float(curve.project(place))
-            turn = math.remainder(line.get_pose(way, begun_m)[2] - pose[2], 2.0 * math.pi)
+            begun_m = float(curve.project(place))
             rest_m = line.measure_path_m(way) - begun_m
-            is_on_line = off_m <= BESIDE_WIDTHS * site.width_m and abs(turn) <= ASTRAY_RAD
+            is_on_line = _is_on_line(site, line, curve, way, pose)
             if 2 * number in taken or not is_on_line or begun_m > 2.0 * join_m or rest_m < MIN_PIECE_M:
                 continue
             rest = cut_line(path, begun_m, line.measure_path_m(way))

@@ -45,6 +45,7 @@ class SiteMoves:
     Attributes:
         starts: nodes of the lines that tractors standing on the field begin with, in the order of the tractors.
         used: what each of these has used of its load.
+        orders: the nodes that each of these was to work before, its start first; a search begins with them.
         ends, begins: poses of the guided point where nodes end and begin; the entrance comes last.
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
     """
@@ -53,6 +54,7 @@ class SiteMoves:
     lines: Sequence[WorkLine]
     starts: tuple[int, ...] = ()
     used: tuple[float, ...] = ()
+    orders: tuple[tuple[int, ...], ...] = ()
     finder: MoveFinder = field(init=False)
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)

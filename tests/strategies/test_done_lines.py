@@ -14,7 +14,9 @@ from strategies.lines.done_lines import (
     START_OVERLAP_M,
     begin_where_tractors_stand,
     build_round_corners,
+    find_orders,
     leave_done_lines,
+    list_places_ahead,
 )
 from strategies.lines.lay_lines import STATION_M
 from strategies.lines.work_line import WorkLine
@@ -149,3 +151,18 @@ def test_two_tractors_never_begin_with_the_same_line() -> None:
     poses = [(42.0, 0.0, 0.0), (42.2, 0.0, 0.0)]
     lines, starts = begin_where_tractors_stand(site, left, poses, 0.1)
     assert starts == (0, 6) and lines[3].is_place
+
+
+def test_the_order_of_before_is_found_again_line_by_line() -> None:
+    site = make_site(shapely.box(0.0, -2.0, 40.0, 2.0))
+    left = leave_done_lines(site, [draw_line(number) for number in range(3)], 0.1)
+    lines, starts = begin_where_tractors_stand(site, left, [(40.0 + TOOL_M, 0.0, 0.0)], 0.1)
+    rest, turn, second, first = (
+        Leg(np.array([[42.0, 0.0], [102.0, 0.0]]), 1.0, implement=True, task=LegTask(SWATH, 0)),
+        bend(6.0, 3.0, implement=False),
+        Leg(np.array([[98.0, 8.0], [-2.0, 8.0]]), 1.0, implement=True, task=LegTask(SWATH, 2)),
+        Leg(np.array([[2.0, 4.0], [102.0, 4.0]]), 1.0, implement=True, task=LegTask(SWATH, 1)),
+    )
+    ahead = list_places_ahead([rest, turn, second, first])
+    assert len(ahead) == 3 and ahead[1] == pytest.approx((48.0, 8.0, math.pi))
+    assert find_orders(site, lines, starts, [ahead]) == ((0, 5, 2),)

@@ -35,7 +35,7 @@ from planner.fleet.replanning.replan import (
 )
 from planner.pipeline.going_on import PLAN_ERROR_M, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground
-from strategies.lines.done_lines import build_round_corners
+from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import build_tool_strip, cut_line
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.site_moves import SiteMoves
@@ -111,7 +111,8 @@ def _build_helper(remaining: RemainingWork, number: int, kept_legs: int, context
     if not legs:
         return _Helper(number, 0, None)
     used = 0.0 if context.supply is None else sum_used(legs, context.supply, context.request.width_m)
-    return _Helper(number, kept_legs, Stand(compute_leg_end_pose(legs[-1], -1), used))
+    ahead = list_places_ahead(remaining.states[number].mission.legs[kept_legs:])
+    return _Helper(number, kept_legs, Stand(compute_leg_end_pose(legs[-1], -1), used, ahead))
 
 
 def _leave_done_work(
