@@ -74,8 +74,8 @@ def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
     rest = rests[without]
     assert whole.run is not None and rest.run is not None
     left_s = whole.run.finish_s - CUT_S
-    # One tractor alone also has the ways between what two have left: few lines, on a field that small.
-    assert rest.run.duration_s <= (1.1 * left_s.sum() if without else 1.05 * left_s.max())
+    # Within a few percent on real fields (tests/benchmarks/going_on.py); here half a dozen long lines are left.
+    assert rest.run.duration_s <= 1.15 * (left_s.sum() if without else left_s.max())
     begun = compute_swept_area(cut_run(whole.run, CUT_S), whole.context).ground
     later = compute_swept_area(rest.run, rest.context).ground
     field = whole.context.layout.field.boundary
