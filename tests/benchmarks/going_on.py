@@ -73,8 +73,7 @@ def main() -> None:
             source = f"{file}@{int(cut_s) // 3600}:{int(cut_s) % 3600 // 60:02d}:{int(cut_s) % 60:02d}"
             continued = read_continued_plan([source], without)
             assert continued is not None
-            strategies = ("split-field", "interleaved")
-            request = replace(continued.request, strategies=strategies)
+            request = replace(continued.request, strategies=("split-field",))
             uncut_s = measure_rest_s(whole.run.finish_s, cut_s, lost)
             start = f"{job.field:12s} {count:8d} {cut_s:6.0f} {without or '-'!s:>5s} {uncut_s:8.0f}"
             try:
