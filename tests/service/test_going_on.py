@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +18,16 @@ import pytest
 import shapely
 
 from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
+from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetRules
 from planner.fleet.replanning.going_on import continue_remaining_work
 from planner.fleet.replanning.replan import ReplanProposal
+from planner.fleet.session.frame_content import build_report, describe_mission
+from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
+from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import plan as make_plan
@@ -28,6 +35,7 @@ from planner.request.plan_request import PlanRequest
 from planner.service.errors import ServiceError
 from planner.service.fleets.robot_client import request_json
 from strategies.lines.work_line import build_tool_strip
+from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, plan_three
 
@@ -92,6 +100,74 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
 def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:
     with pytest.raises(FleetManagerError, match="keep at least one"):
         extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0, goes_on=True)
+
+
+@dataclass
+class LiveFleet:
+    """All but the network: steering, speed control and noise of every robot, releases and orders."""
+
+    manager: FleetManager
+    drivers: dict[int, RobotDriver]
+    now: float = 0.0
+    legs: dict[int, list[int]] = field(default_factory=dict)
+
+    def drive(self, until: Callable[[], bool], longest_s: float) -> None:
+        end = self.now + longest_s
+        while not until() and self.now < end:
+            self.now += 0.1
+            plan = self.manager.plan
+            orders, events = self.manager.take_outputs()
+            assert not [event for event in events if event.what == "too near another"]
+            for order in orders:
+                frame = {"kind": order.kind, "reason": ""} | order.data
+                if order.kind == "plan":
+                    frame["plan"] = describe_mission(plan, order.tractor)
+                if order.tractor in self.drivers:
+                    self.drivers[order.tractor].handle_frame(frame, self.now)
+            for number, driver in self.drivers.items():
+                driver.handle_frame({"kind": "heartbeat"}, self.now)
+                state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
+                self.manager.take_report(number, build_report(state, plan), self.now)
+                self.legs.setdefault(number, []).append(state.leg)
+            self.manager.update_fleet(self.now)
+        assert until(), self.manager.state
+
+
+@pytest.mark.slow
+def test_robots_take_up_the_new_mission_where_they_stand_and_drive_it_to_its_end(plan: FleetPlan) -> None:
+    drivers = {
+        number: RobotDriver(
+            mission, plan.tractor, plan.implement, plan.saved.origin_m, name="robot", noise_m=0.02, seed=number
+        )
+        for number, mission in enumerate(plan.plan.missions)
+    }
+    fleet = LiveFleet(FleetManager(plan, FleetRules()), drivers)
+    for number in drivers:
+        fleet.manager.connect_tractor(number, 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
+    begin_s = 0.4 * max(plan.finish_s)
+    fleet.drive(lambda: fleet.now >= begin_s, begin_s + 1.0)
+    fleet.manager.operators.stop_all("anna", fleet.now)
+    stopped_s = fleet.now
+    fleet.drive(lambda: fleet.now >= stopped_s + 10.0, 11.0)
+    del fleet.drivers[1]
+    remaining = extract_remaining_work(fleet.manager, [1], fleet.now, goes_on=True)
+    proposal = continue_remaining_work(remaining)
+    check_proposal_still_fits(remaining, fleet.manager, proposal.plan)
+    fleet.manager.operators.adopt_plan("anna", proposal.plan, fleet.now, remaining.excluded)
+    fleet.drive(lambda: fleet.now >= stopped_s + 12.0, 3.0)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
+    resumed_s = fleet.now
+    fleet.drive(lambda: fleet.now >= resumed_s + 0.3 * proposal.eta_s, proposal.eta_s)
+    fleet.manager = restart_manager(fleet.manager, fleet.now, fleet.now)  # the service is killed and begins anew
+    for number, driver in fleet.drivers.items():
+        driver.handle_frame({"kind": "stop", "reason": "restart"}, fleet.now)
+        fleet.manager.connect_tractor(number, fleet.now)
+    fleet.drive(lambda: fleet.now >= resumed_s + 0.3 * proposal.eta_s + 5.0, 6.0)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
+    fleet.drive(lambda: fleet.manager.state == "done", 1.3 * proposal.eta_s)
+    assert fleet.now - resumed_s < 1.1 * proposal.eta_s + 20.0
+    assert all(legs == sorted(legs) for legs in fleet.legs.values()), "no leg is driven twice"
 
 
 @contextmanager
