@@ -212,7 +212,7 @@ def _read_runs(source: str, runs: Sequence[ProjectedRun], context: PlanningConte
             parameter="done",
         )
     tool_m = context.tractor.antenna_forward_m + context.implement.hitch_m
-    strips = []
+    strips = list[shapely.Geometry]()
     for run in runs:
         placed = reproject_run(run, field.crs)
         strips += iter_worked_strips(placed, run.width_m or width_m, tool_m)
