@@ -32,10 +32,11 @@ from fields.geometry.obstacles import parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
 from fields.geometry.outline_cleaning import clean_outline
 from fields.geometry.tolerances import NEAR_FIELD_M
-from fields.raw_document import FieldDocument, GeoShape, RawShape
+from fields.raw_document import LOCAL_METRES, FieldDocument, GeoShape, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
 
+WGS84_CODE = "EPSG:4326"
 FieldSource = str | Path | GeoShape
 """A field as users name it: a sample, a file, or a shape of another library."""
 HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
@@ -148,6 +149,26 @@ def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) ->
         "of the boundary, an entrance is a Point with role 'entrance' (a service point: 'refill'), a ground zone a "
         "Polygon with a 'ground', a fence a LineString along the boundary with edge 'fence'.",
     )
+
+
+def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
+    """All polygons of a file in metres of a field, such as ground that is worked.
+
+    Raises:
+        FieldError: the file cannot be read, holds no polygon, or is in local metres where the field is not.
+    """
+    source = parse_field_reference(where)
+    document, label = source.read_document(), f"'{source.name}'"
+    raws = (*document.polygons, *document.zones, *(one for one in document.obstacles if one.geometry_type == "Polygon"))
+    if not raws:
+        raise FieldError(f"{label} holds no polygon; give worked ground as polygons.")
+    is_local = document.frame == LOCAL_METRES or (field.crs is None and document.crs is None)
+    if is_local != (field.crs is None):
+        found, needed = ("longitude and latitude", "local metres") if field.crs is None else ("local metres", "degrees")
+        raise FieldError(f"{label} is in {found}, and field '{field.name}' is not; give it in {needed}.")
+    frame = FieldFrame(None if is_local else document.crs or WGS84_CODE, field.crs, field.origin_m)
+    rings = [[frame.to_local(ring) for ring in parse_rings(raw.coordinates, label)] for raw in raws]
+    return [shapely.make_valid(shapely.Polygon(outer, holes)) for outer, *holes in rings]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
 from fields.geometry.open_edges import MAX_OVERHANG_M, EdgeOverhang, compute_overhang_region
+from fields.geometry.overlays import subtract_area
 from fields.geometry.tolerances import EDGE_M
 
 FloatArray = npt.NDArray[np.float64]
@@ -76,6 +77,7 @@ class Field:
         headland_edges: inner edges of headlands from the field file; plans lay their own headlands.
         cut_off_parts: pieces that obstacles and their margins separate from the boundary.
         elevation: path of the file with heights that the field file names, or None.
+        done: ground that is worked already; None where nothing is.
 
     Raises:
         FieldError: the boundary is empty, not a polygon or crosses itself.
@@ -101,18 +103,19 @@ class Field:
     headland_edges: tuple[HeadlandEdge, ...] = ()
     cut_off_parts: tuple[shapely.Polygon, ...] = ()
     elevation: str | None = None
+    done: shapely.Geometry | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boundary", _check_polygon(self.boundary, f"field '{self.name}'"))
 
     @property
     def area_m2(self) -> float:
-        """Area without the obstacles, square metres."""
-        return float(self.region_without_obstacles.area)
+        """Area without the obstacles and what is done, square metres."""
+        return float(self.due_region.area)
 
     @property
     def area_ha(self) -> float:
-        """Area without the obstacles, hectares."""
+        """Area without the obstacles and what is done, hectares."""
         return self.area_m2 / 10_000.0
 
     @cached_property
@@ -132,6 +135,12 @@ class Field:
         return shapely.difference(
             shapely.Polygon(self.original_boundary.exterior), shapely.union_all(self.solid_obstacles)
         )
+
+    @cached_property
+    def due_region(self) -> shapely.Geometry:
+        """The field without its obstacles and without the ground that is done: what a plan is to work."""
+        whole = self.region_without_obstacles
+        return whole if self.done is None else subtract_area(whole, self.done)
 
     @cached_property
     def solid_obstacles(self) -> tuple[shapely.Geometry, ...]:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
-    DEFAULT_FIELD,
     NO_PLAN_STATUS,
     ClusterOption,
     CsvOption,
@@ -34,7 +33,7 @@ from planner.cli.common.outputs import (
 )
 from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
-from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -173,6 +172,10 @@ def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRow], None
 
 MOST_SHOWN_PLANS = 20
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
+_DONE_HELP = (
+    "Worked already: a file of ground, logs, or a saved plan at a time (plan.json@13:20), which goes on; once for each."
+)
+_WITHOUT_HELP = "Leave out this machine of the plan that goes on, by its number; once for each."
 _WIDTH = {
     "type": str,
     "default": "3",
@@ -190,6 +193,8 @@ def plan(
             help="Write one page with map, bars and table; of many fields one with all.", rich_help_panel=OUTPUT
         ),
     ] = None,
+    done: Annotated[Optional[list[str]], typer.Option(help=_DONE_HELP, rich_help_panel=WORK)] = None,
+    without: Annotated[Optional[list[int]], typer.Option(help=_WITHOUT_HELP, rich_help_panel=WORK)] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
     save: Annotated[
         Optional[Path],
@@ -222,14 +227,15 @@ def plan(
     from strategies.registry import describe_hidden_strategies
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)
-    given = read_given_options(context, options)
+    given = read_given_options(context, options, done or (), without or ())
     choice = given.choice
     request, *others = requests = build_requests(given, fields)
-    if others or request.field != (fields or [DEFAULT_FIELD])[0] or checkpoint is not None:
-        _refuse_single_field_outputs(("--png", png), ("--save", save))
+    if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
+        _refuse_single_field_outputs(("--png", png), ("--save", save), ("--done", next(iter(done or []), None)))
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files({**options, "field": request.field})
+    input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
@@ -256,7 +262,7 @@ def _describe_learned_values(ranking: PlanRanking) -> list[str]:
     return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
 
 
-def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
+def _refuse_single_field_outputs(*outputs: tuple[str, Path | str | None]) -> None:
     """Refuse output files for one field where there are several."""
 
     for option, path in outputs:

@@ -31,7 +31,7 @@ def compare(
 
     Example: headland compare plan.json runs --html compare.html
     """
-    from planner.task_logs.plan_comparison import compare_plan_with_runs
+    from planner.pipeline.plan_comparison import compare_plan_with_runs
     from planner.task_logs.runs.run_files import list_run_files
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
@@ -163,7 +163,7 @@ def example(
 
     Example: headland logs example plan.json -o TASKDATA
     """
-    from planner.task_logs.example_logs import EXAMPLE_PACE, simulate_task_data
+    from planner.pipeline.example_logs import EXAMPLE_PACE, simulate_task_data
     from reports.common.text_tables import format_sentence
 
     for name in ("TASKDATA.XML", "TLG00001.xml", "TLG00001.bin"):

@@ -28,6 +28,7 @@ from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
+from planner.pipeline.going_on import hash_sources
 from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
@@ -123,9 +124,9 @@ def hash_field_time_order(order: WorkOrder) -> str:
     elevation_name = get_elevation_name(order.request, order.field)
     request = replace(order.request, field=ANONYMOUS, tractor=ANONYMOUS, elevation=None)
     nameless = replace(order.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
-    if elevation_name is None:
+    if elevation_name is None and not order.done:
         nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
-    files = hash_height_files(elevation_name), hash_strategies(request.strategies)
+    files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(order.done)
     return hash_content(nameless, request, order.tractor, order.implement, order.supply, files, worker=__name__)
 
 
@@ -151,6 +152,8 @@ def build_field_time_orders(day: DayFile, farm: FarmFile, fields: Sequence[Field
                     machine,
                     plan_implement,
                     supply=plan_inputs.supply,
+                    done=day_field.done,
+                    from_road=True,
                 )
                 if is_suitable(day_field, implement)
                 else None

@@ -140,6 +140,9 @@ class DayField(FileSection):
     elevation_crs: str | None = define_value(
         None, "such as 'EPSG:25832', in quotes", "that of the heights", strict=True, min_length=1
     )
+    done: tuple[str, ...] = define_value(
+        (), "files of worked ground, logs, or saved plans at a time ('plan.json@13:20')", "nothing"
+    )
     windows: tuple[Window, ...] = define_value((), "such as '08:00-12:00', in quotes", "the whole day")
     value_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "value of the work per hectare")
     loss_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "loss per hectare done on another day")
@@ -306,7 +309,8 @@ def _resolve_paths(day: DayFile, folder: Path) -> DayFile:
     def resolve_files(field: DayField) -> DayField:
         elevation = None if field.elevation is None else str(folder / field.elevation)
         file = field.file if field.file in list_sample_names() else str(folder / field.file)
-        return field.model_copy(update={"file": file, "elevation": elevation})
+        done = tuple(str(folder / source) for source in field.done)
+        return field.model_copy(update={"file": file, "elevation": elevation, "done": done})
 
     fields = tuple(map(resolve_files, day.fields))
     updates: dict[str, Any] = {"fields": fields}

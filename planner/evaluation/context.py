@@ -20,7 +20,7 @@ from planner.risk.assessment import DecisionCriteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
-from strategies.path_planning.paths import EntranceLane, build_entrance_lane
+from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
 from strategies.program.driving_rules import DrivingRules
 from strategies.program.supply import Supply
 from strategies.program.turn_costs import TurnCosts
@@ -33,6 +33,29 @@ CLEARANCE_SHARE = 1.0 / 3.0
 GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 
+@dataclass(frozen=True)
+class Stand:
+    """Where a tractor stands: the pose of its guided point in metres of the field, and what it has used of its load.
+
+    `ahead` are poses in the middle of the work that was to be its next, in order: a new plan is no worse than that.
+    """
+
+    pose: Pose
+    used: float = 0.0
+    ahead: tuple[Pose, ...] = ()
+
+
+@dataclass(frozen=True)
+class GoingOn:
+    """Work that goes on: how well it is known where work was done (m), and where the tractors of the plan stand.
+
+    Tractors beyond those that stand on the field come in through the entrance.
+    """
+
+    error_m: float
+    stands: tuple[Stand, ...] = ()
+
+
 @dataclass(frozen=True, repr=False)
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
@@ -41,7 +64,8 @@ class PlanningContext:
     headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
     simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `obstacle_bends` holds
     lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries, `cost_terms`
-    the prices and `workday` the day of a farm (None without one). `physics` are heights and load. `time_share` limits
+    the prices and `workday` the day of a farm (None without one). `physics` are heights and load. `going_on` is what is
+    known of work that began earlier; what is done is ground of the field (`Field.done`). `time_share` limits
     the computing where this context was made; it is not sent to another process.
     """
 
@@ -62,6 +86,7 @@ class PlanningContext:
     cost_terms: CostTerms | None = None
     workday: Workday | None = None
     physics: FieldPhysics = LEVEL_GROUND
+    going_on: GoingOn | None = None
     time_share: TimeShare = NO_LIMIT
 
     @cached_property

@@ -95,6 +95,7 @@ def prepare_context(
     with attach_parameter("farm"):
         times = order.times
         workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard())
+        workday = workday.begin_on_field() if workday is not None and order.begins_on_field else workday
     cost_terms = complete_cost_terms(order.cost_terms, workday, tractor)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)

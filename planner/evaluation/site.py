@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from fields.geometry.tolerances import EDGE_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from strategies.lines.done_lines import begin_where_tractors_stand, find_orders, leave_done_lines
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
@@ -75,14 +77,26 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
     `headland_lines`, by the number of headland passes, are shared by the layouts of a field.
     """
 
-    def find_moves() -> SiteMoves:
-        site, laid = build_site(context), {} if headland_lines is None else headland_lines
-        passes = context.layout.headland_passes
-        if passes not in laid:
-            laid[passes] = lay_headland_lines(site)
-        return SiteMoves(site, lay_lines(site, laid[passes]))
+    return recall(context, SiteMoves, lambda: build_site_moves(context, build_site(context), headland_lines))
 
-    return recall(context, SiteMoves, find_moves)
+
+def build_site_moves(
+    context: PlanningContext, site: Site, headland_lines: dict[int, list[WorkLine]] | None = None
+) -> SiteMoves:
+    """As `get_site_moves`, on a site of the context; without what is done, and from where tractors stand."""
+    laid = {} if headland_lines is None else headland_lines
+    passes, going_on = context.layout.headland_passes, context.going_on
+    whole = replace(site, layout=replace(site.layout, field=replace(site.layout.field, done=None)))
+    if passes not in laid:
+        laid[passes] = lay_headland_lines(whole)
+    lines = lay_lines(whole, laid[passes])
+    if going_on is None:
+        return SiteMoves(site, lines)
+    lines = leave_done_lines(site, lines, going_on.error_m)
+    poses = [stand.pose for stand in going_on.stands]
+    lines, starts = begin_where_tractors_stand(site, lines, poses, going_on.error_m)
+    orders = find_orders(site, lines, starts, [stand.ahead for stand in going_on.stands])
+    return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands), orders)
 
 
 def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:

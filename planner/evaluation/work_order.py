@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import shapely
 
 from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
@@ -13,6 +16,7 @@ from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
+from planner.evaluation.context import Stand
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
@@ -23,10 +27,21 @@ from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_e
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor
 
+_PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_FACTOR = 1.08
+
+
+@dataclass(frozen=True, eq=False)
+class DoneWork:
+    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it."""
+
+    ground: shapely.Geometry
+    error_m: float
+    stands: tuple[Stand, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -36,6 +51,9 @@ class WorkOrder:
     `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
     gives hitch and length, its width is that of the request. `uncertainty` and `cost_terms` are the farm's laws and
     prices, `supply` is what the implement carries, `times` and `yard` make up the day. Without a farm all are None.
+    `done` is what is worked already, as it is or by its source (planner.pipeline.going_on); of the machines of a saved
+    plan among them those `without` (numbers from 1) are left out; with `from_road`
+    they come in from outside.
     """
 
     request: PlanRequest
@@ -47,6 +65,15 @@ class WorkOrder:
     supply: Supply | None = None
     times: FarmTimes | None = None
     yard: Yard | None = None
+    done: tuple[str | DoneWork, ...] = ()
+    without: tuple[int, ...] = ()
+    from_road: bool = False
+
+    @property
+    def begins_on_field(self) -> bool:
+        """Whether machines stand on the field: they go on from there, with a saved plan at a time or by themselves."""
+        places = (one.stands if isinstance(one, DoneWork) else match_plan_time(one) for one in self.done)
+        return not self.from_road and any(places)
 
     def name_choices(self) -> PlanRequest:
         """The request with the names of the field and tractor that replace its own."""
@@ -56,6 +83,11 @@ class WorkOrder:
             if choice is not None
         }
         return replace(self.request, **names)
+
+
+def match_plan_time(source: str) -> re.Match[str] | None:
+    """The file and the time of a source such as plan.json@13:20; None for the name of a file."""
+    return None if Path(source).exists() else _PLAN_TIME.fullmatch(source)
 
 
 def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
@@ -125,7 +157,7 @@ def complete_cost_terms(cost_terms: CostTerms | None, workday: Workday | None, t
         return cost_terms
     return replace(
         cost_terms,
-        road_km=2e-3 * workday.road_m,
+        road_km=1e-3 * workday.road_ways * workday.road_m,
         road_s=workday.sum_duties_s(ROAD),
         handling_s=workday.sum_duties_s(UNFOLD) + workday.sum_duties_s(FOLD),
     )

@@ -7,7 +7,7 @@ the road. Other work before or after field work would be one more `Duty`; servic
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -112,6 +112,15 @@ class Workday:
     def sum_duties_s(self, kind: str) -> float:
         """Seconds of the duties of one kind, before and after together."""
         return sum(duty.seconds for duty in (*self.duties_before, *self.duties_after) if duty.kind == kind)
+
+    @property
+    def road_ways(self) -> int:
+        """How often the road is driven: out and home, or only home by a fleet that stands on the field."""
+        return sum(duty.kind == ROAD for duty in (*self.duties_before, *self.duties_after))
+
+    def begin_on_field(self) -> Workday:
+        """The same for a fleet that stands on the field already."""
+        return replace(self, duties_before=())
 
     def compute_clock_s(self, work_s: float, *, begins: bool = False) -> float:
         """Seconds after the start when `work_s` seconds of work are done; with `begins`, when the next work begins."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fields.units import MPS_PER_KMH
 from planner.errors import RequestError, attach_parameter, mark_parameter
@@ -15,22 +15,28 @@ from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
-from planner.request.options import convert_options_to_parameters, list_given_parameters
+from planner.request.options import convert_options_to_parameters, list_given_parameters, list_options
 from planner.request.plan_request import FarmChoice, PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
 from vehicle.model.tractor import list_tractor_names
+
+if TYPE_CHECKING:
+    from planner.pipeline.going_on import ContinuedPlan
 
 
 @dataclass(frozen=True)
 class GivenOptions:
     """The options of a plan and its farm by name, as a command or the API is given them; None is the same as not given.
 
-    Of what a farm sets, the options of `given_names` win over it.
+    Of what a farm sets, the options of `given_names` win over it, and over a saved plan among what is `done`; of its
+    machines those `without` are left out.
     """
 
     values: Mapping[str, Any]
     given_names: Collection[str]
+    done: tuple[str, ...] = ()
+    without: tuple[int, ...] = ()
 
     @cached_property
     def choice(self) -> FarmChoice:
@@ -49,7 +55,23 @@ class GivenOptions:
         """
         values = {**self.values, **others}
         farm = None if values.get("deadline") is None else self.farm
-        return PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
+        request = PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
+        return request if self.continued is None else self._continue_plan(self.continued.request, request)
+
+    @cached_property
+    def continued(self) -> ContinuedPlan | None:
+        """The saved plan that goes on, if there is one among what is done; raises HeadlandError."""
+        if not self.done:
+            return None
+        from planner.pipeline.going_on import read_continued_plan
+
+        return read_continued_plan(self.done, self.without)
+
+    def _continue_plan(self, earlier: PlanRequest, request: PlanRequest) -> PlanRequest:
+        """The request of a plan that goes on, with the options that are given in place of its own."""
+        names = {*self.given_names} | ({"field"} if "fields" in self.given_names else set())
+        given = {option.parameter for option in list_options(PlanRequest) if option.name in names}
+        return replace(earlier, **{name: getattr(request, name) for name in given})
 
     def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; raises HeadlandError."""
@@ -59,7 +81,12 @@ class GivenOptions:
                 f"{mark_parameter('farm')} or leave it out."
             )
         given = list_given_parameters(PlanRequest, self.given_names)
-        return complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
+        if self.continued is not None:
+            given |= {"tractors", "start_s"}
+        order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
+        if self.continued is not None and self.farm is None and "tractor" not in given:
+            order = replace(order, tractor=self.continued.tractor, implement=self.continued.implement)
+        return replace(order, done=self.done, without=self.without)
 
 
 def complete_request_by_farm(

@@ -19,10 +19,11 @@ from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
-from planner.evaluation.work_order import FieldChoice, WorkOrder
+from planner.evaluation.work_order import DoneWork, FieldChoice, WorkOrder
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
+from planner.pipeline.going_on import go_on, keep_continuing
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
@@ -47,6 +48,7 @@ from vehicle.model.tractor import Implement, Tractor
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
+DoneSource = str | DoneWork
 StageReport = Callable[[str, int, int], None]
 LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
 STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
@@ -141,6 +143,9 @@ def plan(
     supply: Supply | None = None,
     times: FarmTimes | None = None,
     yard: Yard | None = None,
+    done: DoneSource | Sequence[DoneSource] = (),
+    without: Sequence[int] = (),
+    from_road: bool = False,
     executor: Executor | None = None,
     progress: Progress | None = None,
     report_stage: StageReport | None = None,
@@ -164,16 +169,33 @@ def plan(
 
     `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
     gives hitch and length, its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from
-    a farm, `supply` is what its implement carries. `executor` simulates the candidates, by default in fresh processes
-    on all cores; the result does not depend on it. `progress` is called with (done, total), `report_stage` with the
-    stage in words (LAYING_OUT, SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a
-    request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that is
-    estimated to be slower is pruned, except on small fields and with `simulate_all`. A `time_share`, for executors in
-    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
+    a farm, `supply` is what its implement carries. `done` is what is worked already, one or several of: a file of
+    ground, logs, or a saved plan at a time ("plan.json@13:20"); the plan is for the rest, by the machines of that plan
+    from where they stand, but for those `without` (numbers from 1); with `from_road` they come in from outside.
+    `executor` simulates the candidates, by default in fresh processes on all cores; the result does not depend on it.
+    `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT, SIMULATING), done and
+    total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be planned. A candidate that
+    cannot be driven is ranked last with its reason; one that is estimated to be slower is pruned, except on small
+    fields and with `simulate_all`. A `time_share`, for executors in this thread, ends planning with what is found by
+    then, without parts; TimeSpentError where no layout is.
     """
     if not isinstance(request, PlanRequest):
         raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
-    order = WorkOrder(request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard)
+    sources = tuple(done) if isinstance(done, list | tuple) else (done,)
+    order = WorkOrder(
+        request,
+        field,
+        tractor,
+        implement,
+        uncertainty,
+        cost_terms,
+        supply,
+        times,
+        yard,
+        sources,
+        tuple(without),
+        from_road,
+    )
     return plan_order(
         order,
         executor=executor,
@@ -196,11 +218,12 @@ def plan_order(
     time_share: TimeShare = NO_LIMIT,
 ) -> PlanningResult:
     """Simulate and rank every candidate of a work order, as `plan` does."""
-    candidates = list_candidates(order.request)
     with ExitStack() as opened:
         if executor is None:
-            executor = opened.enter_context(create_executor(len(group_candidates(candidates))))
+            executor = opened.enter_context(create_executor(len(group_candidates(list_candidates(order.request)))))
         context = prepare_context(order, report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share)
+        context = go_on(context, order)
+        candidates = keep_continuing(context, list_candidates(order.request))
         check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
         report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
         outcomes = iter_outcomes(

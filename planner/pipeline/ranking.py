@@ -94,7 +94,7 @@ def _describe_next_day_time(subject: str, clock_text: str, start_s: int) -> str:
 
 
 def _describe_duties(day: Workday) -> str:
-    road_s = 0.5 * day.sum_duties_s(ROAD)
+    road_s = day.sum_duties_s(ROAD) / max(1, day.road_ways)
     road = f"{day.road_m / 1000.0:.1f} km of road each way take {_format_minutes(road_s)}, " if day.road_m else ""
     unfolding, folding = (_format_minutes(day.sum_duties_s(duty)) for duty in (UNFOLD, FOLD))
     sentence = f"{road}unfolding {unfolding} and folding {folding}"
@@ -204,13 +204,13 @@ def _is_enough(result: PlanResult, requested_share: float) -> bool:
 def _measure_requested_share(context: PlanningContext) -> float:
     """The share of the field that is to be worked: all but a headland that is kept free on request."""
     kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
-    return 1.0 - kept_m2 / float(context.layout.field.region_without_obstacles.area)
+    return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     """The share that a plan works, and the reason why most of the rest is not worked."""
     requested_share = _measure_requested_share(context)
-    requested_m2 = requested_share * context.layout.field.region_without_obstacles.area
+    requested_m2 = requested_share * context.layout.field.due_region.area
     worked_pct = (best.worked_pct or 0.0) / requested_share
     areas = [(one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason != KEPT_HEADLAND]
     unexplained_m2 = 0.01 * (100.0 - worked_pct) * requested_m2 - sum(area_m2 for area_m2, _ in areas)

@@ -108,6 +108,7 @@ class PlanDrive(ShownResult):
             2 turning, 3 waiting, 4 reversing, 5 refilling.
         seconds: per state (working, turning, waiting, reversing, and refilling where there is any) one value per
             tractor.
+        done: rings around ground that was worked before, in the same order.
         unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
         headland_passes: those that are worked.
         cells: of a field that has several.
@@ -132,6 +133,7 @@ class PlanDrive(ShownResult):
     seconds: dict[str, tuple[float, ...]]
     entrance: tuple[float, float] | None = None
     unworked: tuple[Points, ...] = ()
+    done: tuple[Points, ...] = ()
     largest_missed: UnworkedPiece | None = None
     swath_names: tuple[str, ...] = ()
     headland_passes: tuple[HeadlandPassLine, ...] = ()

@@ -156,6 +156,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
             for one in first.headland_passes
         ],
         "cells": frame.format_rings(ring for cell in first.cells for ring in cell.rings),
+        "done": frame.format_rings(first.done),
         "obstacles": frame.format_rings(first.obstacles),
         "fences": "".join(frame.format_path(line) for line in first.fences),
         "labels": _place_labels(place_swath_labels(first, size), frame),

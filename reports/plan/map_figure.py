@@ -74,6 +74,8 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     strips = [build_swath_outline(track, drive.width_m) for track in drive.swaths]
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": palette.SWATH_COLOUR, "linewidths": 0.5, "zorder": 2}
     axes.add_collection(PolyCollection(strips, **look), autolim=False)
+    if drive.done:
+        axes.add_patch(build_patch(drive.done, facecolor=palette.DONE_COLOUR, alpha=0.75, edgecolor="none", zorder=2.1))
     for ring in drive.obstacles:
         axes.add_patch(build_patch([ring], facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", zorder=2.2))
     axes.add_patch(build_patch(outline, facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3))
@@ -394,6 +396,7 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
         (drive.obstacles, Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles")),
         (drive.fences, line(color=ink, linewidth=2.2, linestyle=(0, (2, 1)), label="fences")),
         (drive.fault_places, line(label="cannot be driven", **{**_FAULT_LOOK, "markersize": 9})),
+        (drive.done, Patch(facecolor=palette.DONE_COLOUR, edgecolor="none", label="done before")),
         (drive.unworked, Patch(facecolor="none", edgecolor=palette.UNWORKED_COLOUR, hatch="/////", label="not worked")),
     ]
     return [*tractors, *(handle for is_shown, handle in entries if is_shown)]

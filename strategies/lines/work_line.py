@@ -43,6 +43,12 @@ def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
     return np.vstack([begin, points[1:-1], end])
 
 
+def build_tool_strip(path: Floats, tool_m: float, width_m: float) -> shapely.Geometry:
+    """The ground that an implement `tool_m` behind the guided point passes over on its path (n, 2)."""
+    bar = cut_line(extend_line(path, tool_m, 0.0), 0.0, float(measure_along(path)[-1]))
+    return shapely.buffer(shapely.LineString(bar), 0.5 * width_m, cap_style="flat", join_style="mitre")
+
+
 @dataclass(frozen=True, eq=False)
 class WorkLine:
     """A piece of a swath or a headland side.
@@ -68,6 +74,11 @@ class WorkLine:
     def alongs(self) -> tuple[Floats, Floats]:
         """For either direction the distances of the points of its path, along it (m)."""
         return measure_along(self.paths[0]), measure_along(self.paths[1])
+
+    @property
+    def is_place(self) -> bool:
+        """Whether it is only where a tractor stands, and no work."""
+        return not self.task.is_work
 
     @property
     def length_m(self) -> float:
@@ -100,5 +111,4 @@ class WorkLine:
 
     def build_strip(self, width_m: float) -> shapely.Geometry:
         """The ground that the implement passes over in the first direction."""
-        bar = cut_line(extend_line(self.paths[0], self.tool_m, 0.0), 0.0, self.measure_path_m(0))
-        return shapely.buffer(shapely.LineString(bar), 0.5 * width_m, cap_style="flat", join_style="mitre")
+        return build_tool_strip(self.paths[0], self.tool_m, width_m)

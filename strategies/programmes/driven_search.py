@@ -25,13 +25,16 @@ REFINING = 2  # times fewer perturbations once tours are known
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
 
-def search_estimated_tours(table: MoveTable, pose_problem: PoseProblem, list_moves: ListMoves) -> tuple[Tours, float]:
+def search_estimated_tours(
+    table: MoveTable, pose_problem: PoseProblem, list_moves: ListMoves, start: Tours | None = None
+) -> tuple[Tours, float]:
     """The best tours by moves that were estimated, and their cost: nothing is driven.
 
-    `pose_problem` and `list_moves` as in `search_driven_tours`.
+    `pose_problem`, `list_moves` and `start` as in `search_driven_tours`.
     """
     table.estimate(list_moves(_list_near(pose_problem(table.cost_s))))
-    tours: Tours | None = None
+    table.estimate(list_moves(start or []))
+    tours = start
     for number in range(ESTIMATE_ROUNDS):
         tours = search_programmes(pose_problem(table.estimate_costs()), 0, 1 + number, tours)
         if not table.estimate(list_moves(tours)):

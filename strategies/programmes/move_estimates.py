@@ -35,6 +35,7 @@ class MoveEstimates:
 
     Attributes:
         ends, begins: poses of the guided point where nodes end and begin.
+        starts: nodes that no move leads to, as tractors begin with them.
     """
 
     site: Site
@@ -42,6 +43,7 @@ class MoveEstimates:
     finder: MoveFinder
     ends: Sequence[Pose]
     begins: Sequence[Pose]
+    starts: Sequence[int] = ()
     _known: dict[Pair, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
@@ -56,6 +58,7 @@ class MoveEstimates:
         costs[numbers[:, None] == numbers[None, :]] = NO_MOVE_S
         one_way = [2 * number + 1 for number, line in enumerate(self.lines) if not line.both_ways]
         costs[one_way], costs[:, one_way] = NO_MOVE_S, NO_MOVE_S
+        costs[:, list(self.starts)] = NO_MOVE_S
         return costs
 
     @cached_property

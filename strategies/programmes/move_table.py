@@ -62,6 +62,11 @@ class MoveTable:
         return self.moves.lines
 
     @property
+    def starts(self) -> tuple[int, ...]:
+        """The nodes that tractors standing on the field begin with."""
+        return self.moves.starts
+
+    @property
     def gate(self) -> int:
         """The node of the entrance."""
         return self.moves.gate

@@ -21,6 +21,7 @@ from strategies.site.site import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
 
+START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
@@ -57,9 +58,14 @@ def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
 
 
 def list_pairs(table: MoveTable | SiteMoves, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
-    """Neighbouring nodes of all tours, with the entrance before and after each if there is one."""
+    """Neighbouring nodes of all tours, with the entrance before and after each where there is one to pass."""
+    return [pair for tour in tours if tour for pair in pairwise(add_gates(table, tour))]
+
+
+def add_gates(table: MoveTable | SiteMoves, tour: Sequence[int]) -> list[int]:
+    """A tour with the entrance at its end, and before it unless the tractor stands on the field, where there is one."""
     gate = [] if table.site.lane is None else [table.gate]
-    return [pair for tour in tours if tour for pair in pairwise([*gate, *tour, *gate])]
+    return [*([] if tour and tour[0] in table.starts else gate), *tour, *gate]
 
 
 def make_programme(
@@ -117,8 +123,7 @@ def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:
 
 def _list_short_runs(table: MoveTable, tour: Sequence[int]) -> list[tuple[int, ...]]:
     """Stretches of a tour from one line to settle on to the next, over one or more that are driven for less."""
-    gate = [] if table.site.lane is None else [table.gate]
-    nodes, runs = [*gate, *tour, *gate], list[list[int]]([[]])
+    nodes, runs = add_gates(table, tour), list[list[int]]([[]])
     moves = [None, *(table.get_move(*pair) for pair in pairwise(nodes)), None]
     for node, came, goes in zip(nodes, moves, moves[1:], strict=False):
         runs[-1].append(node)
@@ -152,6 +157,7 @@ def pose_problem(
     `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it.
     """
     site, lines = moves.site, moves.lines
+    may, stage = _place_starts(moves, may, stage)
     own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
     has_lane = site.lane is not None
     is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
@@ -159,17 +165,31 @@ def pose_problem(
         np.repeat(np.where(is_barred, NO_MOVE_S, row[:-1] * has_lane)[None], len(may), axis=0)
         for row in (costs[-1], costs[:, -1])
     ]
+    starts = list(moves.starts)
+    ends_s[0][:, starts], ends_s[0][: len(starts)] = NO_MOVE_S, NO_MOVE_S
+    ends_s[0][range(len(starts)), starts] = 0.0
     if barred is not None:
         ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-        value_s=MISSED_FACTOR * own_s,
+        value_s=MISSED_FACTOR * own_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts, int) // 2),
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,
         stage=stage,
     )
+
+
+def _place_starts(
+    moves: SiteMoves, may: npt.NDArray[np.bool_], stage: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
+    """What tractors may work and when, with every start for its own tractor and in the first stage."""
+    lines = [node // 2 for node in moves.starts]
+    may, stage = may.copy(), stage.copy()
+    may[:, lines], stage[lines] = False, stage.min(initial=0)
+    may[range(len(lines)), lines] = True
+    return may, stage
 
 
 def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
@@ -181,5 +201,14 @@ def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
         parts[-1].append(node)
     if table.site.lane is not None:
         gate = table.gate
-        parts = [p for p in parts if p and table.is_proven(gate, p[0]) and table.is_proven(p[-1], gate)] or [[]]
+        parts = [p for p in parts if p and _is_begun(table, tour, p) and table.is_proven(p[-1], gate)] or [[]]
+    elif tour and tour[0] in table.starts:
+        parts = parts[:1]
     return max(parts, key=lambda part: sum(table.lines[node // 2].length_m for node in part))
+
+
+def _is_begun(table: MoveTable, tour: Sequence[int], part: Sequence[int]) -> bool:
+    """Whether a tractor gets to the first node of a part of its tour: from where it stands, or through the entrance."""
+    if tour[0] in table.starts:
+        return part[0] == tour[0]
+    return table.is_proven(table.gate, part[0])

@@ -43,12 +43,18 @@ class SiteMoves:
     """All that is known of the moves between the lines of a site.
 
     Attributes:
+        starts: nodes of the lines that tractors standing on the field begin with, in the order of the tractors.
+        used: what each of these has used of its load.
+        orders: the nodes that each of these was to work before, its start first; a search begins with them.
         ends, begins: poses of the guided point where nodes end and begin; the entrance comes last.
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
     """
 
     site: Site
     lines: Sequence[WorkLine]
+    starts: tuple[int, ...] = ()
+    used: tuple[float, ...] = ()
+    orders: tuple[tuple[int, ...], ...] = ()
     finder: MoveFinder = field(init=False)
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
@@ -66,12 +72,16 @@ class SiteMoves:
         self.begins: list[Pose] = [self.lines[k // 2].get_begin(k % 2) for k in nodes]
         self.ends.append((0.0, 0.0, 0.0) if lane is None else lane.inner_pose)
         self.begins.append((0.0, 0.0, 0.0) if lane is None else lane.build_path_out().start)
-        self.estimates = MoveEstimates(self.site, self.lines, self.finder, self.ends, self.begins)
+        self.estimates = MoveEstimates(self.site, self.lines, self.finder, self.ends, self.begins, self.starts)
 
     @property
     def gate(self) -> int:
         """The node of the entrance."""
         return 2 * len(self.lines)
+
+    def get_used(self, node: int) -> float:
+        """What a tractor that begins with a node has used of its load."""
+        return self.used[self.starts.index(node)] if node in self.starts else 0.0
 
     def list_options(self, u: int, v: int) -> tuple[Move, ...]:
         """The moves in closed form between two nodes, the cheapest first."""
@@ -157,7 +167,8 @@ class SiteMoves:
         return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)
 
     def _build_passage(self, u: int, v: int, move: Move) -> Passage:
-        before = None if u == self.gate else self.cut_before(u, move.leave_m)
+        stands = u == self.gate or self.lines[u // 2].is_place
+        before = None if stands else self.cut_before(u, move.leave_m)
         return Passage(move, before, None if v == self.gate else self.cut_after(v, move.join_m))
 
     def cut_before(self, node: int, leave_m: float) -> Floats:

@@ -44,5 +44,8 @@ def sketch_programme(
         table,
         lambda costs: pose_problem(moves, costs, stage, may, extra_s),
         lambda tours: list_pairs(moves, tours),
+        [list(order) for order in moves.orders] + [[] for _ in range(tractors - len(moves.orders))]
+        if any(len(order) > 1 for order in moves.orders)
+        else None,
     )
     return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)

@@ -56,6 +56,8 @@ def _build_begin(table: MoveTable, u: int, v: int) -> list[Leg]:
     """What is driven before a move: the end of its line, or the way in."""
     if u == table.gate:
         return build_way_in(table, v)
+    if table.lines[u // 2].is_place:
+        return []
     points = table.moves.cut_before(u, _require_move(table, u, v).leave_m)
     return [build_work_leg(table.site, points, table.lines[u // 2].task)]
 
@@ -86,6 +88,8 @@ def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
 
 def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
     """The legs that work a node: places to wait along a headland side, and before the last part of any line."""
+    if table.lines[node // 2].is_place:
+        return []
     whole = table.moves.build_work_leg(node, leave_m, join_m)
     return [
         replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
@@ -94,9 +98,9 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
 
 
 def build_way_in(table: MoveTable, node: int) -> list[Leg]:
-    """From the entrance to the first line; nothing without one, as the tractor then stands where work begins."""
+    """From the entrance to the first line; nothing without one, or if the tractor stands where work begins."""
     lane, line = table.site.lane, table.lines[node // 2]
-    if lane is None:
+    if lane is None or node in table.starts:
         return []
     move = _require_move(table, table.gate, node)
     path = join_paths([lane.build_path_in(), move.path], move.kind)

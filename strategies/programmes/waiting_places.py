@@ -103,6 +103,8 @@ class BarredPlaces:
         working = [number for number, tour in enumerate(tours) if tour]
         for side in (0, 1):
             for a, b in combinations(working, 2):
+                if side == 0 and self.table.starts:
+                    continue  # they stand where they stand
                 if self._do_clash(side, tours[a][-side], tours[b][-side]):
                     yield side, a, b
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from strategies.program.supply import Supply
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Programme
+from strategies.programmes.programme import Programme, list_pairs
 from strategies.service_stops.load_search import (
     SEARCH_EFFORT_STEPS,
     UNREACHABLE_S,
@@ -52,12 +52,15 @@ class TourLoads:
         """The task with all moves as far as they are known."""
         ways, gaps = self.ways, self._build_gaps(self.tour)
         stage = np.array([self.stages[way.node // 2] for way in ways])
+        is_start = np.array([way.node // 2 in [node // 2 for node in self.table.starts] for way in ways])
+        stage[is_start] = stage.min()
         part = np.arange(len(ways)) // 2
         is_barred = (stage[:, None] > stage[None, :]) | (part[:, None] == part[None, :])
+        is_barred[:, is_start] = True
         turns = np.where(is_barred, UNREACHABLE_S, self._list_turns())
         served_s = self.supply.estimate_stop_s(gaps.total_need)
         detours = np.where(is_barred, UNREACHABLE_S, np.minimum(self._list_detours(turns) + served_s, UNREACHABLE_S))
-        needs = np.array([gaps.share_need(way, way.last_m - way.first_m) for way in self.tour]) + gaps.mean_move_need
+        needs = np.array([gaps.measure_part_need(way) for way in self.tour]) + gaps.mean_move_need
         capacity = self.supply.capacity
         return LoadOrderingTask(turns, detours, *self._list_ends(), np.minimum(needs, capacity), capacity, capacity)
 
@@ -81,7 +84,8 @@ class TourLoads:
             np.where(is_end & ~is_barred, np.minimum(ends[nodes], UNREACHABLE_S) * has_lane, UNREACHABLE_S)
             for is_end, ends in ((is_first, table.cost_s[table.gate]), (is_last, table.cost_s[:, table.gate]))
         )
-        return first, last
+        is_start = np.isin(nodes, table.starts)
+        return (np.where(is_start, 0.0, UNREACHABLE_S) if is_start.any() else first), last
 
     def _list_detours(self, turns: Floats) -> Floats:
         """Seconds from every way by way of a place to every other, without the time to be served."""
@@ -102,13 +106,12 @@ class TourLoads:
         """Find and drive all moves that an order uses; whether there was any that was not driven before."""
         tour = self.list_parts(order)
         cuts = set(order.cuts) if self.moves is not None else set()
-        gate = [] if self.table.site.lane is None else [self.table.gate]
         pairs = [
             (before.node, after.node)
             for gap, (before, after) in enumerate(pairwise(tour), start=1)
             if gap not in cuts and not before.leads_to(after)
         ]
-        ends = [pair for end in gate for pair in ((end, tour[0].node), (tour[-1].node, end))]
+        ends = [pair for pair in list_pairs(self.table, [[tour[0].node, tour[-1].node]]) if self.table.gate in pair]
         is_new = not all(self.table.is_proven(*pair) for pair in [*pairs, *ends])
         self.table.prove([*pairs, *ends])
         return self._drive_detours(tour, order.cuts) or is_new

@@ -44,7 +44,7 @@ def _list_candidates(site: Site, place: Point) -> Iterator[list[Pose]]:
 
 def _find_nearest_ring(site: Site, place: Point, inset_m: float) -> shapely.LinearRing | None:
     """The ring nearest to a place, so far inside the edges and obstacles."""
-    parts = shapely.get_parts(site.work_ground.buffer(-inset_m)).tolist()
+    parts = shapely.get_parts(site.layout.field.region_without_obstacles.buffer(-inset_m)).tolist()
     rings = [ring for part in parts if not part.is_empty for ring in (part.exterior, *part.interiors)]
     return min(rings, key=lambda ring: round(float(ring.distance(shapely.Point(place))), 3), default=None)
 

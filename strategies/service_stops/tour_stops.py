@@ -109,7 +109,7 @@ class TourGaps:
     @property
     def has_ends(self) -> bool:
         """Whether moves lead into the field and out of it, where it has an entrance."""
-        ends = (0, len(self.parts))
+        ends = (0, len(self.parts)) if self.parts[0].node not in self.table.starts else (len(self.parts),)
         return self.table.site.lane is None or all(self.get_direct_move(gap) is not None for gap in ends)
 
     @cached_property
@@ -121,7 +121,12 @@ class TourGaps:
     @cached_property
     def part_needs(self) -> list[float]:
         """What every part takes of a load."""
-        return [self.share_need(part, part.last_m - part.first_m) for part in self.parts]
+        return [self.measure_part_need(part) for part in self.parts]
+
+    def measure_part_need(self, part: TourPart) -> float:
+        """What a part takes of a load; the first of a tractor that stands on the field also what that used before."""
+        used = self.table.moves.get_used(part.node) if part.is_first else 0.0
+        return self.share_need(part, part.last_m - part.first_m) + used
 
     def share_need(self, part: TourPart, length_m: float) -> float:
         """What so many metres of the line of a part take of a load."""

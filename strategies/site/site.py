@@ -80,7 +80,7 @@ class Site:
     @cached_property
     def work_ground(self) -> shapely.Geometry:
         """The ground that is to be worked."""
-        return self.layout.field.region_without_obstacles
+        return self.layout.field.due_region
 
     @property
     def work_s_per_m2(self) -> float:

@@ -24,8 +24,8 @@ from planner.fleet.replanning.replan import (
     ReplanProposal,
     _cut_leg,
     _describe_unknown_load,
-    _infer_carried_supply,
     _is_existing_stop,
+    infer_carried_supply,
     replan_remaining_work,
 )
 from strategies.program.supply import Supply
@@ -187,9 +187,9 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
         for course in plan.timed_missions
     )
     bare = replace(plan, timed_missions=none)
-    told = _describe_unknown_load(bare, _infer_carried_supply(bare))
+    told = _describe_unknown_load(bare, infer_carried_supply(bare))
     assert len(told) == 1 and "check the tanks" in told[0]
-    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) == []
+    assert _describe_unknown_load(plan, infer_carried_supply(plan)) == []
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
     assert _describe_unknown_load(dry, None) == []

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.task_logs.example_logs import DDI_COLUMNS, encode_records
+from planner.pipeline.example_logs import DDI_COLUMNS, encode_records
 from tests.cli.conftest import built, headland  # noqa: F401
 from tests.fields.farm_files import METRE_EAST, METRE_NORTH, place
 

@@ -13,13 +13,14 @@ import pytest
 import shapely
 
 from planner.errors import RequestError
+from planner.pipeline.example_logs import EXAMPLE_PACE, ExampleTaskData, simulate_task_data
 from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.pipeline.plan_comparison import compare_plan_with_runs
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
-from planner.task_logs.example_logs import EXAMPLE_PACE, ExampleTaskData, simulate_task_data
 from planner.task_logs.log_import import import_runs
-from planner.task_logs.plan_comparison import compare_plan_with_runs, measure_coverage
 from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg
+from planner.task_logs.runs.worked_ground import measure_coverage
 from reports.task_logs.plan_comparison import (
     build_comparison_table,
     format_comparison_json,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
-from planner.task_logs.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
+from planner.pipeline.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
 from planner.task_logs.formats.isoxml_logs import format_isoxml_time, parse_time_log
 from planner.task_logs.log_import import import_runs, read_task_logs
 from planner.task_logs.runs.phases import classify_phases, summarise_run

@@ -164,12 +164,18 @@ def _is_argument(annotation: Any) -> bool:
     )
 
 
-def read_given_options(context: typer.Context, values: Mapping[str, Any]) -> GivenOptions:
-    """The options of a plan as a command was given them, and the farm that they name; raises RequestError."""
+def read_given_options(
+    context: typer.Context, values: Mapping[str, Any], done: Sequence[str] = (), without: Sequence[int] = ()
+) -> GivenOptions:
+    """The options of a plan as a command was given them, and the farm that they name; raises RequestError.
+
+    `done` is what is worked already, `without` the machines that do not go on.
+    """
     from planner.pipeline.farm_inputs import GivenOptions
 
     sources = {name: context.get_parameter_source(name) for name in context.params}
-    return GivenOptions(values, [name for name, source in sources.items() if source and source.name != "DEFAULT"])
+    names = [name for name, source in sources.items() if source and source.name != "DEFAULT"]
+    return GivenOptions(values, names, tuple(done), tuple(without))
 
 
 def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:

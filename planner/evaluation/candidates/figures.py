@@ -143,7 +143,8 @@ def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnerg
         used = None if energy is None else energy.total
         return compute_simulated_cost(run, context.cost_terms, used) - travel_cost, travel_cost
     price_per_hour = get_price_per_hour(request.price_per_hour)
-    return run.duration_s * tractors / 3600.0 * price_per_hour, tractors * request.price_per_tractor
+    brought = tractors - (0 if context.going_on is None else len(context.going_on.stands))
+    return run.duration_s * tractors / 3600.0 * price_per_hour, brought * request.price_per_tractor
 
 
 def _add_clock_times(

@@ -203,11 +203,11 @@ def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
 def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
     """Sketches the plan of a strategy that only says which lines each tractor may have; all are served in time.
 
-    One tractor of a formation may have all.
+    One tractor of a formation may have all; so may tractors that stand on the field: who is near takes what is left.
     """
     moves, supply = _require_lines(context), context.supply
     stands_in_way = build_standing_check(context, strategy.beside)
-    if strategy.deal is None:
+    if strategy.deal is None or moves.starts:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)

@@ -118,13 +118,14 @@ def _get_antenna_offset_m(context: PlanningContext) -> float:
 
 
 def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptArea | None = None) -> Coverage:
-    """How much of the field without obstacles was worked, worked more than once, and not worked.
+    """How much of the ground that is due was worked, worked more than once (or done before), and not worked.
 
     `swept` is the swept ground of the run, if known already.
     """
-    boundary = context.layout.field.region_without_obstacles
-    clipped = _clip_areas((swept or compute_swept_area(run, context)).ground, boundary)
-    worked = unite_areas(clipped)
+    field = context.layout.field
+    boundary = field.due_region
+    clipped = _clip_areas((swept or compute_swept_area(run, context)).ground, field.region_without_obstacles)
+    worked = unite_areas(clipped) if field.done is None else clip_area(unite_areas(clipped), boundary)
     unworked = subtract_area(boundary, worked)
     area, total = float(worked.area), float(shapely.area(clipped).sum())
     reachable = (

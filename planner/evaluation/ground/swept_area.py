@@ -217,7 +217,7 @@ def compute_swept_area(run: SimulationRun, context: PlanningContext) -> SweptAre
     ground = build_swept_polygons(ends)
     if context.request.sections > 1:
         order = np.lexsort((marks[:, 0], marks[:, 1])).tolist()
-        region = context.layout.field.region_without_obstacles
+        region = context.layout.field.due_region
         parts = list(switch_sections([ends[one] for one in order], ground[order], region, context.request.sections))
         marks = np.array([_cut_mark(marks[order[part.piece]], part) for part in parts], dtype=np.int64).reshape(-1, 4)
         share = np.array([part.share for part in parts]).reshape(-1, 2)

@@ -21,7 +21,7 @@ SHORTEST_LEG_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class RemainingWork:
-    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles."""
+    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles; `goes_on`: all is planned anew."""
 
     plan: FleetPlan
     states: tuple[TractorState, ...]
@@ -29,6 +29,7 @@ class RemainingWork:
     obstacles: tuple[shapely.Polygon, ...]
     elapsed_s: float
     times: float
+    goes_on: bool = False
 
     def has_tractor_driven(self, number: int) -> bool:
         """Whether a tractor has driven anything of its plan."""
@@ -55,10 +56,15 @@ class RemainingWork:
         return float(x), float(y), float(heading)
 
 
-def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float) -> RemainingWork:
-    """The remaining work of a fleet without these tractors and the failed ones. Raises FleetManagerError."""
+def extract_remaining_work(
+    fleet: FleetState, without: Sequence[int], now: float, *, goes_on: bool = False
+) -> RemainingWork:
+    """The remaining work of a fleet without these tractors and the failed ones; `goes_on` to plan all of it anew.
+
+    Raises FleetManagerError.
+    """
     excluded = tuple(sorted({*without, *(n for n, state in enumerate(fleet.states) if state.has_no_more_legs)}))
-    if not excluded and not fleet.obstacles.items:
+    if not excluded and not fleet.obstacles.items and not goes_on:
         raise FleetManagerError(
             "No tractor has failed and there is no obstacle; name the tractors to plan without.", parameter="without"
         )
@@ -72,7 +78,7 @@ def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float
     states = tuple(copy.copy(state) for state in fleet.states)
     elapsed_s = 0.0 if fleet.started_s is None else (now - fleet.started_s) * fleet.rules.times
     shapes = tuple(block.shape for block in fleet.obstacles.items.values())
-    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times)
+    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times, goes_on)
 
 
 def _check_on_legs(fleet: FleetState, excluded: Sequence[int]) -> None:

@@ -86,13 +86,13 @@ def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     )
     order = WorkOrder(scenario, remaining.plan.field, remaining.plan.tractor, remaining.plan.implement)
     context = prepare_context(order, physics=remaining.plan.physics)
-    helpers = [number for number in range(remaining.plan.tractor_count) if _can_help(remaining, number)]
+    helpers = [number for number in range(remaining.plan.tractor_count) if can_help(remaining, number)]
     if not helpers:
         raise FleetManagerError(
             "Every other tractor is already leaving the field; nobody can take over. Resume one on the field first."
         )
     half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
-    taken = _build_taken_area(remaining, context, half_m)
+    taken = build_taken_area(remaining, context, half_m)
     best: ReplanProposal | None = None
     first_error: FleetManagerError | None = None
     for keep_m, helper_numbers in _list_attempts(context, helpers):
@@ -142,10 +142,10 @@ def _attempt_replan(
     pieces = [piece for share, _ in shares for piece in share]
     helper_tractors = [_build_helper(remaining, number, ends[number]) for number in helpers]
     unreached = assign_pieces(pieces, helper_tractors, ways)
-    supply = _infer_carried_supply(plan)
+    supply = infer_carried_supply(plan)
     missions = _build_missions(remaining, ways, helper_tractors, ends, supply)
-    plan_from_here = _build_plan_from_here(remaining, missions)
-    run = _simulate_without_conflicts(
+    plan_from_here = build_plan_from_here(remaining, missions)
+    run = simulate_without_conflicts(
         remaining, context, plan_from_here if supply is None else add_service_gates(plan_from_here, supply)
     )
     crowding = find_service_conflict(run, supply)
@@ -157,7 +157,7 @@ def _attempt_replan(
     helper_numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     eta_s = float(max(run.finish_s[n] for n in helper_numbers)) / remaining.times
     sentences = [*_describe_open_work(remaining, unreachable_m, blocked_m), *_describe_unknown_load(plan, supply)]
-    new_plan, sentence = _build_whole_plan(remaining, missions, run), " ".join(sentences) or None
+    new_plan, sentence = build_whole_plan(remaining, missions, run), " ".join(sentences) or None
     return ReplanProposal(new_plan, tuple(ends), eta_s, reassigned_m, unreachable_m, blocked_m, sentence)
 
 
@@ -180,7 +180,7 @@ def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
     return ["The plan has no service stops, so the size of a load is unknown: check the tanks."]
 
 
-def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
+def build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
     """What no machine may touch: tractors that have failed with the clearance round them, and obstacles.
 
     `half_m` is half the width of a machine.
@@ -196,7 +196,7 @@ def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m
     return shapely.union_all(shapes)
 
 
-def _can_help(remaining: RemainingWork, number: int) -> bool:
+def can_help(remaining: RemainingWork, number: int) -> bool:
     """Whether a tractor drives on and is not leaving the field already."""
     state, legs = remaining.states[number], remaining.plan.timed_missions[number].legs
     if number in remaining.excluded:
@@ -222,7 +222,7 @@ def _build_helper(remaining: RemainingWork, number: int, end: int) -> HelperTrac
     return HelperTractor(number, remaining_s, compute_leg_end_pose(state.mission.legs[end - 1], -1), [])
 
 
-def _infer_carried_supply(plan: FleetPlan) -> Supply | None:
+def infer_carried_supply(plan: FleetPlan) -> Supply | None:
     """The supply that tractors of a plan carry, inferred from its stops; None without stops."""
     refill_choice = (plan.scenario.refill or "").strip().lower()
     service_place = SERVICE_VEHICLE if refill_choice == SERVICE_VEHICLE else HEADLAND
@@ -257,7 +257,7 @@ def _build_missions(
     return drop_stale_gates(missions, ends)
 
 
-def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:
+def build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:
     """The remaining plan from where all tractors are; leg k counts from the present leg."""
     missions_from_here = []
     for number, (legs, state) in enumerate(zip(missions, remaining.states, strict=True)):
@@ -287,7 +287,7 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
     return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s)
 
 
-def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
+def simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
     """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
     clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context, beside=True)
     machines = context.tractor, context.implement
@@ -321,7 +321,7 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
     return move_waiting_places(remaining, run, simulate)
 
 
-def _build_whole_plan(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]], run: SimulationRun) -> FleetPlan:
+def build_whole_plan(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]], run: SimulationRun) -> FleetPlan:
     """Join the legs driven so far and those of the run into one plan."""
     plan, timed_run, whole_missions, timed_missions = remaining.plan, build_timed_missions(run.plan, run), [], []
     for number, legs in enumerate(missions):

@@ -72,6 +72,7 @@ def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
         crs=layout.field.crs,
         origin_m=layout.field.origin_m,
         relief=_build_relief(context),
+        done=() if layout.field.done is None else list_simplified_rings(tuple(shapely.get_parts(layout.field.done))),
     )
 
 

@@ -124,8 +124,8 @@ def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
 
 
 def export_machines(context: PlanningContext) -> dict[str, Any]:
-    """The machines of a farm, which no name in the request identifies; empty without a farm."""
-    if context.cost_terms is None:
+    """The machines of a farm or of a plan that went on, which no name in the request identifies; empty without."""
+    if context.cost_terms is None and context.going_on is None:
         return {}
     return {
         MACHINES_KEY: {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
@@ -237,6 +237,7 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
         "name": field.name,
         "boundary_m": _export_rings(field.original_boundary or field.boundary),
         "inside_headland_m": [_export_rings(part) for part in inside if part.area > 0.0],
+        "done_m": [] if field.done is None else [_export_rings(part) for part in shapely.get_parts(field.done)],
         "obstacles": [
             {"name": one.name or one.kind, "outline_m": _export_rings(part)}
             for one in field.obstacles
@@ -246,6 +247,14 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
         if field.entrance is None
         else [round(value, COORDINATE_DECIMALS) for value in field.entrance],
     }
+
+
+def read_done_ground(saved: SavedPlan) -> list[shapely.Polygon]:
+    """The ground that was done before a saved plan, in its metres; raises RequestError where it is garbled."""
+    try:
+        return [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("done_m", ())]
+    except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
+        raise RequestError("The ground done before the plan is garbled; save the plan again.") from None
 
 
 def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:

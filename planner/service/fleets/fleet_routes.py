@@ -98,10 +98,11 @@ REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest
 
 
 class ReplanRequest(BaseModel):
-    """Tractors whose tracks the others take over; failed ones are always included."""
+    """Tractors that are left out; failed ones always are. The others take over, with `goes_on` all is planned anew."""
 
     model_config = ConfigDict(extra="forbid")
     without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(max_length=999)] = []
+    goes_on: bool = False
 
 
 class AcceptRequest(BaseModel):
@@ -241,7 +242,7 @@ def _send_and_answer(request: Request, id: str) -> FleetAnswer:
 async def replan_fleet(request: Request, who: OperateAccess, id: str, body: ReplanRequest) -> ProposalAnswer:
     """Replan the remaining work without some tractors."""
     session = _get_sessions(request).get_session(id)
-    number = session.replan(who.name, [tractor - 1 for tractor in body.without])
+    number = session.replan(who.name, [tractor - 1 for tractor in body.without], goes_on=body.goes_on)
     session.send_pending_outputs()
     return ProposalAnswer(proposal=number)
 

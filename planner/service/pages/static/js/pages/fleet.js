@@ -26,13 +26,21 @@ export async function open(main, shell, [id]) {
   const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
     resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
   const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
-  const failing = () => put(which, live.numbers().map((number) => option(String(number), t`Tractor ${number}`)));
+  const failing = () => {
+    put(which, live.numbers().map((number) => option(String(number), t`Tractor ${number}`)));
+    put(leftOut, option("", "With all tractors"), live.numbers().map((number) => option(String(number), t`Without tractor ${number}`)));
+  };
   const fail = button("Plan without it", () => {
     const tractor = Number(which.value);
     if (live.send({ kind: "fail", tractor })) live.send({ kind: "replan", without: [tractor] });
   }, "danger");
   const repaired = button("It works again", () => live.send({ kind: "recover", tractor: Number(which.value) }));
-  const proposed = () => put(proposal, live.proposal && proposalNote(live));
+  // All that is left planned anew from where everybody is; it is sent by "Send to the tractors".
+  const leftOut = el("select", { "aria-label": "Who goes on" });
+  const onward = button("Go on from here", () => live.send({ kind: "replan", goes_on: true, without: leftOut.value ? [Number(leftOut.value)] : [] }));
+  const proposed = () => { put(proposal, live.proposal && proposalNote(live)); map.view.redraw(); };
+  const drawCorners = map.extra;
+  map.extra = (ctx, view) => { drawCorners(ctx, view); drawProposal(ctx, view, live); };
   const inWay = el("ul", { class: "cards" });
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
     button("Remove", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
@@ -45,7 +53,8 @@ export async function open(main, shell, [id]) {
     el("div", { class: "board rest-first" },
       el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, mapLegend(LIVE), drawer.node)),
       el("div", { class: "stack rest" }, figures,
-        el("div", { class: "actions" }, start, pause, resume, recording, el("a", { class: "button", href: `#/replay/${part(id)}` }, "Replay"))),
+        el("div", { class: "actions" }, start, pause, resume, recording, el("a", { class: "button", href: `#/replay/${part(id)}` }, "Replay")),
+        el("div", { class: "row" }, onward, el("div", { class: "grow" }, leftOut))),
       el("div", { class: "stack side" },
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
@@ -62,7 +71,7 @@ export async function open(main, shell, [id]) {
     pause.hidden = now !== "running";
     away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
-    for (const action of [start, pause, resume, fail, repaired, away, drawer.action]) action.disabled = !live.mayControl;
+    for (const action of [start, pause, resume, fail, repaired, away, onward, drawer.action]) action.disabled = !live.mayControl;
     figures.classList.toggle("stale", live.isOld());
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
@@ -82,10 +91,24 @@ function proposalNote(live) {
   const one = live.proposal, gone = t`tractor ${listed(one.without)}`;
   if (one.state === "accepted") return null;
   if (one.state === "failed") return note(one.sentence ?? t`There is no plan without ${gone}.`, "error");
-  if (one.state === "planning") return note(t`The remaining tracks of ${gone} are being planned for the others.`);
+  if (one.state === "planning") return note(one.goes_on ? "All that is left is being planned anew, from where the tractors are." : t`The remaining tracks of ${gone} are being planned for the others.`);
+  if (one.goes_on) return note([one.sentence, t`The new plan is on the map. Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
+    button("Send to the tractors", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
+    button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
   return note([one.sentence ? translate(one.sentence) : t`The others take over from ${gone}.`, t`Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
     button("Accept", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
     button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
+}
+
+// The new legs of a plan that goes on, work wide and ways thin, until it is sent.
+function drawProposal(ctx, view, live) {
+  const one = live.proposal;
+  if (!one?.goes_on || one.state !== "ready") return;
+  const [east, north] = live.origin;
+  for (const { tractor, legs } of one.tractors) for (const leg of legs) {
+    const points = leg.points_m.map(([x, y]) => [x - east, y - north]);
+    line(ctx, view, points, colours.tractor(tractor), leg.implement ? 2.5 : 1, leg.implement ? [] : [3, 4]);
+  }
 }
 
 // An obstacle is drawn by its corners; the legs that it touches are blocked, the others are driven.

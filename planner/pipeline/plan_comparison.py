@@ -1,8 +1,4 @@
-"""A saved plan compared with its as-driven runs: time by kind, worked ground, and causes of the difference.
-
-The middle of the tool follows the logged path, `tool_offset_m` behind it, and sweeps the working width. Paths are cut
-into pieces of about PIECE_LENGTH_M, so that ground on which a path crosses itself counts as worked again.
-"""
+"""A saved plan compared with its as-driven runs: time by kind, worked ground, and causes of the difference."""
 
 from __future__ import annotations
 
@@ -14,22 +10,14 @@ import numpy as np
 import shapely
 
 from fields.documents.reader import read_field
-from fields.geometry.outline_cleaning import list_polygons
-from fields.geometry.overlays import clip_area, extract_polygons, subtract_area, unite_areas
 from fields.text_files import count_noun
 from planner.errors import HeadlandError, RequestError
+from planner.pipeline.example_logs import find_work_state, locate_antenna
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
-from planner.task_logs.example_logs import find_work_state, locate_antenna
 from planner.task_logs.runs.phases import find_true_segments, summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
-from planner.task_logs.runs.run_records import (
-    STANDING_MPS,
-    Array,
-    ProjectedRun,
-    compute_course_deg,
-    compute_speeds,
-    reproject_run,
-)
+from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
+from planner.task_logs.runs.worked_ground import measure_coverage, trace_tool_lines
 from reports.task_logs.run_results import (
     STANDING,
     TRANSIT,
@@ -39,7 +27,6 @@ from reports.task_logs.run_results import (
     ComparisonSide,
     GroundCoverage,
     PlanComparison,
-    Points,
     RunFigures,
     TimeDifference,
 )
@@ -48,9 +35,6 @@ NEAR_FIELD_M, MIN_INSIDE_SHARE = 20.0, 0.5
 """A run belongs to the field if more than this share of its positions is in it or this near."""
 ROW_STEP = 10  # rows of the 10 Hz record: plans are compared at 1 Hz, as logs
 PLAN_FORMAT = "plan"
-PIECE_LENGTH_M, SIMPLIFY_M = 40.0, 0.1
-MIN_DRAWN_WIDTH_M = 0.4  # narrower pieces are within the error of logged positions
-MAX_PIECES = 200
 
 
 def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> PlanComparison:
@@ -254,79 +238,3 @@ def _list_comparison_notes(
         f"Worked ground is swept by a tool of this width {tool_offset_m:.1f} m behind the antenna, by the tractor and "
         "implement of the plan; pieces narrower than 0.4 m are not drawn."
     )
-
-
-def measure_coverage(
-    runs: Sequence[ProjectedRun], field: shapely.Polygon, width_m: float, tool_offset_m: float
-) -> GroundCoverage:
-    """The ground of a field that the runs worked with a tool of `width_m`, in metres of their system."""
-    strips = [
-        clip_area(field, strip)
-        for run in runs
-        for line in trace_tool_lines(run, tool_offset_m)
-        for strip in _build_tool_strips(line, width_m)
-    ]
-    worked = unite_areas(np.array(strips, dtype=np.object_)) if strips else shapely.MultiPolygon()
-    unworked = subtract_area(field, worked)
-    total = float(sum(strip.area for strip in strips))
-    return GroundCoverage(
-        float(worked.area),
-        max(0.0, total - float(worked.area)),
-        float(unworked.area),
-        _extract_rings(_drop_slivers(unworked)),
-        _extract_rings(_drop_slivers(_find_overlap(strips))),
-    )
-
-
-def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Array]:
-    """Paths (n, 2) of the tool's middle for every segment of work, without standing, which has no course."""
-    angle = np.radians(run.heading_deg)
-    tool = run.xy - tool_offset_m * np.column_stack([np.sin(angle), np.cos(angle)])
-    for first, last in find_true_segments(run.is_working):
-        rows = np.arange(first, min(last + 1, len(tool)))
-        line = tool[rows[run.speed_mps[rows] >= STANDING_MPS]]
-        if len(line) > 1 and float(np.hypot(*np.diff(line, axis=0).T).sum()) > SIMPLIFY_M:
-            yield line
-
-
-def _build_tool_strips(line: Array, width_m: float) -> Iterator[shapely.Geometry]:
-    """The ground under the tool along a path, piece by piece."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
-    for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
-        if last > first:
-            piece = shapely.LineString(line[first : last + 1]).simplify(SIMPLIFY_M)
-            if piece.length > 0.0:
-                yield piece.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=2.0)
-
-
-def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
-    """Ground in two or more strips; narrow overlaps of consecutive pieces of one path are dropped later."""
-    tree = shapely.STRtree(strips)
-    first, second = tree.query(strips, predicate="intersects")
-    pairs = first < second
-    shapes = np.array(strips, dtype=np.object_)
-    shared = [
-        extract_polygons(overlap) for overlap in shapely.intersection(shapes[first[pairs]], shapes[second[pairs]])
-    ]
-    return unite_areas(np.array(shared, dtype=np.object_)) if shared else shapely.MultiPolygon()
-
-
-def _drop_slivers(shape: shapely.Geometry) -> list[shapely.Polygon]:
-    """Pieces without parts narrower than MIN_DRAWN_WIDTH_M, the largest first."""
-    core = (
-        extract_polygons(shape)
-        .buffer(-0.5 * MIN_DRAWN_WIDTH_M, join_style="mitre")
-        .buffer(0.5 * MIN_DRAWN_WIDTH_M, join_style="mitre")
-    )
-    parts = [part for part in list_polygons(core) if part.area > MIN_DRAWN_WIDTH_M**2]
-    return sorted(parts, key=lambda part: (-part.area, part.bounds))[:MAX_PIECES]
-
-
-def _extract_rings(pieces: Sequence[shapely.Polygon]) -> tuple[Points, ...]:
-    """The outer ring of every piece, followed by its inner rings in the opposite direction."""
-    rings = []
-    for piece in pieces:
-        oriented = shapely.orient_polygons(piece) if hasattr(shapely, "orient_polygons") else shapely.normalize(piece)
-        rings += [np.array(ring.coords)[:, :2] for ring in (oriented.exterior, *oriented.interiors)]
-    return tuple(rings)

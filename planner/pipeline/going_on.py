@@ -1,0 +1,342 @@
+"""Work that goes on: what is done by files and saved plans at a time, cut out of what is planned, and who stands where.
+
+A source is a file of worked ground (any format of field files, its polygons), task logs, the runs of `headland logs
+import`, or `plan.json@13:20`, a saved plan driven up to then (`@0:45` of a plan without a start: that long).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from fields.documents.reader import read_polygons
+from fields.geometry.field import Field
+from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
+from fields.text_files import quote_path, read_text
+from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.context import GoingOn, PlanningContext, Stand
+from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.work_order import DoneWork, WorkOrder, match_plan_time
+from planner.pipeline.fingerprint import hash_file
+from planner.pipeline.outputs.saved_plans import read_done_ground, read_machines, read_request, rerun_plan
+from planner.request.option_texts import DAY_S, format_clock
+from planner.request.plan_request import PlanRequest
+from planner.task_logs.formats import point_shapefiles
+from planner.task_logs.log_import import detect_log_format, read_task_logs
+from planner.task_logs.runs.run_files import load_imported_runs
+from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproject_run
+from planner.task_logs.runs.worked_ground import iter_worked_strips
+from strategies.lines.done_lines import build_round_corners, list_places_ahead
+from strategies.lines.work_line import cut_line
+from strategies.path_planning.paths import Pose
+from strategies.program.supply import Supply
+from strategies.registry import get_strategy
+from vehicle.errors import MissionError
+from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission
+from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
+from vehicle.missions.run import SimulationRun
+from vehicle.model.tractor import Implement, Tractor
+
+PLAN_ERROR_M = 0.5 * MIN_PIECE_WIDTH_M  # a plan of ours: what is narrower than a piece to go back for is its error
+OTHERS_ERROR_M = 0.3  # of guidance by satellites alone from pass to pass, which is what unknown work may be driven with
+LEAST_DUE_WIDTHS = 1.0  # less ground than a square of the width is nothing to plan
+MOST_SHIFT_M = 0.1  # of a boundary that is still the same: what other programs round coordinates to
+
+
+def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
+    """The context with what is done cut out of its field, and with the tractors that stand on it.
+
+    Raises HeadlandError for work of another field, machine or time, and where nothing is left.
+    """
+    if not order.done:
+        return context
+    field = context.layout.field
+    works = [one if isinstance(one, DoneWork) else _read_source(one, context, order.without) for one in order.done]
+    ground = extract_polygons(unite_areas(np.array([one.ground for one in works], dtype=np.object_)))
+    closing_m = max(one.error_m for one in works)
+    ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
+    done = clip_area(ground, field.region_without_obstacles)
+    _check_something_done(done, field)
+    stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
+    left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
+    if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
+        raise RequestError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
+    remark = (
+        f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} left."
+    )
+    left = replace(left, remarks=(*left.remarks, remark))
+    going_on = GoingOn(closing_m, stands)
+    return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
+
+
+def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
+    """What sources of done work hold: for each file its hash, with the time at which a plan is left."""
+    found = list[tuple[str, str | None]]()
+    for source in sources:
+        match = match_plan_time(source)
+        path, time = (Path(source.partition("#")[0]), "") if match is None else (Path(match["file"]), source[-8:])
+        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+        found += [(time, hash_file(one)) for one in files]
+    return found
+
+
+@dataclass(frozen=True)
+class ContinuedPlan:
+    """What a saved plan asked for, from the time on at which it is left, and its machines."""
+
+    request: PlanRequest
+    tractor: Tractor
+    implement: Implement
+
+
+def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> ContinuedPlan | None:
+    """The last saved plan among some sources, with the machines that are left; None without one.
+
+    Raises HeadlandError.
+    """
+    match = next((match for source in reversed(sources) if (match := match_plan_time(source))), None)
+    if match is None:
+        return None
+    saved = _read_plan(match["file"])
+    request = read_request(saved)
+    left = len(_list_machines_left(saved, without))
+    start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
+    machines = read_machines(saved, request)
+    return ContinuedPlan(replace(request, tractors=(left,), start_s=start_s), *machines)
+
+
+def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that can go on with the tractors that stand on the field: all of them, and in no formation.
+
+    Strategies that deal lines differ no more: whoever is near takes what is left.
+    """
+    stands = 0 if context.going_on is None else len(context.going_on.stands)
+    if not stands:
+        return list(candidates)
+    dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
+    kept = list({one.tractors: one for one in reversed(dealt) if one.tractors >= stands}.values())[::-1]
+    if not kept:
+        raise RequestError(
+            f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "
+            f"({mark_parameter('without')} leaves some out), each for itself (split-field, interleaved).",
+            parameter="tractors",
+        )
+    return kept
+
+
+def _read_plan(name: str) -> SavedPlan:
+    return parse_saved_plan(read_text(name, "a plan of headland plan --save", MissionError))
+
+
+def _read_clock(match: re.Match[str]) -> float:
+    return 3600.0 * int(match["hours"]) + 60.0 * int(match["minutes"]) + int(match["seconds"] or 0)
+
+
+def _list_machines_left(saved: SavedPlan, without: Sequence[int]) -> list[int]:
+    """Numbers, from 0, of the machines of a plan that go on; raises RequestError where none do."""
+    unknown = [number for number in without if not 1 <= number <= saved.plan.tractors]
+    if unknown:
+        raise RequestError(
+            f"{mark_parameter('without')} names machine {unknown[0]}, and the plan has {saved.plan.tractors}; give "
+            "numbers from 1.",
+            parameter="without",
+        )
+    left = [number for number in range(saved.plan.tractors) if number + 1 not in without]
+    if not left:
+        raise RequestError(f"{mark_parameter('without')} leaves no machine; leave one in.", parameter="without")
+    return left
+
+
+def _read_source(source: str, context: PlanningContext, without: Sequence[int]) -> DoneWork:
+    """What a source says is done, in metres of the field."""
+    if match := match_plan_time(source):
+        return _read_driven_plan(match, context, without)
+    path = Path(source.partition("#")[0])
+    if not path.exists():
+        raise RequestError(
+            f"There is no file {quote_path(source)}; {mark_parameter('done')} takes a file of worked ground, logs, or "
+            "a saved plan with a time (plan.json@13:20).",
+            parameter="done",
+        )
+    if path.suffix.lower() == ".json" and '"tractors"' in path.read_text(errors="replace")[:4000]:
+        raise RequestError(
+            f"{quote_path(source)} is a plan; say up to when it was driven, such as {path.name}@13:20.",
+            parameter="done",
+        )
+    runs = _read_logs(source)
+    if runs is not None:
+        return _read_runs(source, runs, context)
+    with attach_parameter("done"):
+        polygons = read_polygons(source, context.layout.field)
+    return DoneWork(unite_areas(np.array(polygons, dtype=np.object_)), OTHERS_ERROR_M)
+
+
+def _read_logs(source: str) -> list[ProjectedRun] | None:
+    """The runs of task logs in any format, or of a folder of imported runs; None for a file of ground."""
+    path = Path(source)
+    if path.is_dir() and any(one.with_suffix(".json").exists() for one in path.glob("*.csv")):
+        return load_imported_runs([path])
+    try:
+        log_format = detect_log_format(source)
+    except HeadlandError:
+        return None
+    try:
+        return [project_run(run) for run in read_task_logs(source).runs]
+    except HeadlandError:
+        if log_format is not point_shapefiles.LOG_FORMAT:  # a Shapefile may hold either
+            raise
+        return None
+
+
+def _read_runs(source: str, runs: Sequence[ProjectedRun], context: PlanningContext) -> DoneWork:
+    """What runs worked in the field, by their width, or that of the request where they state none."""
+    field, width_m = context.layout.field, context.request.width_m
+    if field.crs is None:
+        raise RequestError(
+            f"{quote_path(source)} has places on the earth, and field '{field.name}' has none; give the boundary in "
+            "longitude and latitude.",
+            parameter="done",
+        )
+    idle = [run.name for run in runs if not run.has_work_state]
+    if len(idle) == len(runs):
+        raise RequestError(
+            f"{quote_path(source)} does not say where the implement worked; give a file of worked ground instead.",
+            parameter="done",
+        )
+    tool_m = context.tractor.antenna_forward_m + context.implement.hitch_m
+    strips = list[shapely.Geometry]()
+    for run in runs:
+        placed = reproject_run(run, field.crs)
+        strips += iter_worked_strips(placed, run.width_m or width_m, tool_m)
+    ground = shapely.transform(unite_areas(np.array(strips, dtype=np.object_)), lambda xy: xy - field.origin_m)
+    notes = (f"{len(idle)} of {len(runs)} runs do not say where they worked, and are left out.",) if idle else ()
+    return DoneWork(ground, OTHERS_ERROR_M, notes=notes)
+
+
+def _check_something_done(done: shapely.Geometry, field: Field) -> None:
+    if done.is_empty:
+        raise RequestError(
+            f"Nothing of what is given as done lies in field '{field.name}'; give work of this field, or the field of "
+            "this work.",
+            parameter="done",
+        )
+
+
+def _read_driven_plan(match: re.Match[str], context: PlanningContext, without: Sequence[int]) -> DoneWork:
+    """What a saved plan has done at a time, and where the machines that are left stand then."""
+    saved, field = _read_plan(match["file"]), context.layout.field
+    request = read_request(saved)
+    _check_same_job(match["file"], saved, request, context)
+    elapsed_s = _read_clock(match) - (request.start_s or 0)
+    elapsed_s += DAY_S if elapsed_s < 0.0 else 0.0
+    run = rerun_plan(saved, request)
+    if elapsed_s >= run.duration_s:
+        raise RequestError(
+            f"The plan {quote_path(match['file'])} is done {_format_end(request, run)}; give a time before that.",
+            parameter="done",
+        )
+    begun = cut_run(run, elapsed_s)
+    shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
+    swept = unite_areas(compute_swept_area(begun, context).ground)
+    legs = [
+        leg
+        for number, mission in enumerate(saved.plan.missions)
+        for leg in mission.legs[: int(begun.get_leg_numbers(number)[-1])]
+    ]
+    corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
+    ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
+    left = _list_machines_left(saved, without)
+    stands = {number: _find_stand(begun, number, context) for number in left}
+    order = sorted(left, key=lambda number: stands[number] is None)
+    notes = [
+        f"Tractor {place} of this plan is tractor {number + 1} of the plan before."
+        for place, number in enumerate(order, start=1)
+        if place != number + 1
+    ]
+    placed = tuple(_shift_stand(stand, shift) for number in order if (stand := stands[number]) is not None)
+    return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
+
+
+def _format_end(request: PlanRequest, run: SimulationRun) -> str:
+    if request.start_s is None:
+        return f"after {int(run.duration_s) // 3600}:{int(run.duration_s) % 3600 // 60:02d}"
+    return f"at {format_clock(request.start_s + run.duration_s)}"
+
+
+def _check_same_job(name: str, saved: SavedPlan, request: PlanRequest, context: PlanningContext) -> None:
+    """Refuse a plan of another width or boundary."""
+    plan, field, width_m = quote_path(name), context.layout.field, context.request.width_m
+    if not math.isclose(request.width_m, width_m):
+        raise RequestError(
+            f"The plan {plan} is for a working width of {request.width_m:g} m, and {width_m:g} m are asked for; give "
+            f"{mark_parameter('width_m')} {request.width_m:g}, or what was worked as a file of ground or logs.",
+            parameter="done",
+        )
+    rings = saved.ground.get("boundary_m")
+    if not rings or saved.crs != field.crs:
+        raise RequestError(
+            f"The plan {plan} is for another field than '{field.name}'; give the field that it was made for.",
+            parameter="done",
+        )
+    shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
+    planned = shapely.Polygon(np.array(rings[0]) + shift, [np.array(ring) + shift for ring in rings[1:]])
+    farthest_m = float(
+        shapely.hausdorff_distance(planned.boundary, (field.original_boundary or field.boundary).boundary)
+    )
+    if farthest_m > MOST_SHIFT_M:
+        raise RequestError(
+            f"The boundary of field '{field.name}' is not the one that the plan {plan} was made for: they differ by "
+            f"{farthest_m:.1f} m. Give the field as it was then, or what was worked as a file of ground or logs.",
+            parameter="done",
+        )
+
+
+def cut_run(run: SimulationRun, elapsed_s: float) -> SimulationRun:
+    """A run up to a time."""
+    rows = max(2, int(np.searchsorted(run.time_s, elapsed_s, side="right")))
+    return replace(run, time_s=run.time_s[:rows], record=run.record[:rows])
+
+
+def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> Stand | None:
+    """Where a tractor stands at the end of a run; None for one that is not on the field."""
+    legs, at = run.plan.missions[number].legs, int(run.get_leg_numbers(number)[-1])
+    poses = run.get_poses(number)
+    waits = legs[0].task.kind == ENTER and math.dist(poses[0, :2], poses[-1, :2]) < MOST_SHIFT_M
+    leg = legs[min(at, len(legs) - 1)]
+    if waits or leg.task.kind == LEAVE or float(run.finish_s[number]) <= float(run.time_s[-1]):
+        return None
+    x, y = locate_antenna(poses[-1:], context)[0].tolist()
+    pose = (x, y, float(poses[-1, 2]))
+    return Stand(pose, measure_used(run.plan.missions[number], at, pose, context), list_places_ahead(legs[at:]))
+
+
+def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext) -> float:
+    """What a tractor has used of its load on leg `at` of its mission, at a pose, since it was served last."""
+    if context.supply is None:
+        return 0.0
+    leg = mission.legs[at]
+    driven_m = float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
+    begun = [leg] if driven_m >= leg.length_m else [replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
+    legs = [*mission.legs[:at], *(begun if driven_m > 0.0 else [])]
+    return sum_used(legs, context.supply, context.request.width_m)
+
+
+def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
+    """What legs have used of a load since it was filled last."""
+    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
+    return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
+
+
+def _shift_stand(stand: Stand, shift: np.ndarray) -> Stand:
+    def move(pose: Pose) -> Pose:
+        return pose[0] + float(shift[0]), pose[1] + float(shift[1]), pose[2]
+
+    return replace(stand, pose=move(stand.pose), ahead=tuple(map(move, stand.ahead)))

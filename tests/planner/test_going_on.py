@@ -1,0 +1,193 @@
+"""Plans gone on with: what a saved plan, a file of ground or logs say is done is neither charged nor driven again."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from fields.documents.reader import read_field
+from fields.geometry.overlays import unite_areas
+from planner.errors import HeadlandError
+from planner.evaluation.ground.coverage import measure_coverage
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.work_order import DoneWork
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.farm_inputs import GivenOptions
+from planner.pipeline.going_on import cut_run, read_continued_plan, sum_used
+from planner.pipeline.planning import PlanningResult, plan
+from planner.request.plan_request import PlanRequest
+from strategies.lines.done_lines import START_OVERLAP_M
+from strategies.program.supply import Supply
+from vehicle.missions.plan import Leg
+
+WIDTH_M, CUT_S = 4.0, 300.0
+OUTLINE = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
+
+
+def write_field(path: Path, outline: list[list[float]]) -> str:
+    shape = {"type": "Polygon", "coordinates": [outline]}
+    features = [{"type": "Feature", "properties": {}, "geometry": shape}]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("going-on")
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> PlanningResult:
+    """A plan of two tractors, saved as plan.json."""
+    field = write_field(folder / "field.geojson", OUTLINE)
+    request = PlanRequest(field=field, local=True, width_m=WIDTH_M, tractors=(2,), strategies=("split-field",))
+    answer = plan(request, executor=SerialExecutor())
+    answer.save(folder / "plan.json")
+    return answer
+
+
+def go_on(folder: Path, source: str, without: tuple[int, ...] = (), **changes: Any) -> PlanningResult:
+    continued = read_continued_plan([source], without)
+    assert continued is not None
+    request = replace(continued.request, **changes)
+    return plan(request, done=source, without=without, executor=SerialExecutor())
+
+
+@pytest.fixture(scope="module")
+def rests(folder: Path, whole: PlanningResult) -> dict[tuple[int, ...], PlanningResult]:
+    """The rest of the plan after five minutes, by both tractors and without one."""
+    return {without: go_on(folder, f"{folder}/plan.json@0:05", without) for without in ((), (1,))}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("without", [(), (1,)])
+def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
+    whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult], without: tuple[int, ...]
+) -> None:
+    rest = rests[without]
+    assert whole.run is not None and rest.run is not None
+    left_s = whole.run.finish_s - CUT_S
+    # Within a few percent on real fields (tests/benchmarks/going_on.py); here half a dozen long lines are left.
+    assert rest.run.duration_s <= 1.15 * (left_s.sum() if without else left_s.max())
+    begun = compute_swept_area(cut_run(whole.run, CUT_S), whole.context).ground
+    later = compute_swept_area(rest.run, rest.context).ground
+    field = whole.context.layout.field.boundary
+    worked_m2 = shapely.intersection(unite_areas(np.concatenate([begun, later])), field).area
+    assert 100.0 * worked_m2 / field.area >= measure_coverage(whole.run, whole.context).worked_pct - 0.2
+
+
+@pytest.mark.slow
+def test_done_work_is_not_charged_and_driven_again_only_where_lines_join(
+    whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult]
+) -> None:
+    rest = rests[()]
+    assert whole.run is not None and rest.run is not None
+    begun = unite_areas(compute_swept_area(cut_run(whole.run, CUT_S), whole.context).ground)
+    done_m2 = shapely.intersection(begun, whole.context.layout.field.boundary).area
+    assert rest.ranking.area_ha == pytest.approx(whole.ranking.area_ha - 1e-4 * done_m2, rel=0.01)
+    again = shapely.intersection(compute_swept_area(rest.run, rest.context).ground, begun.buffer(-0.3))
+    # Each of the lines that is left ends at done work twice at most; headland corners are worked twice in any plan.
+    joins = 2 * len(again)
+    assert shapely.area(again).sum() <= joins * WIDTH_M * (START_OVERLAP_M + WIDTH_M)
+    assert rest.ranking.best is not None and whole.ranking.best is not None
+    assert rest.ranking.best.cost < whole.ranking.best.cost
+
+
+@pytest.mark.slow
+def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult]) -> None:
+    assert whole.run is not None
+    begun = cut_run(whole.run, CUT_S)
+    for without, tractors in (((), (0, 1)), ((1,), (1,))):
+        run = rests[without].run
+        assert run is not None and run.plan.tractors == len(tractors)
+        for number, before in enumerate(tractors):
+            x, y, heading = run.get_poses(number)[0]
+            x0, y0, heading0 = begun.get_poses(before)[-1]
+            assert math.hypot(x - x0, y - y0) < 0.2
+            assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 0.1
+
+
+@pytest.mark.slow
+def test_a_plan_of_the_rest_goes_on_in_turn(
+    folder: Path, whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult]
+) -> None:
+    rests[()].save(folder / "rest.json")
+    last = go_on(folder, f"{folder}/rest.json@0:02")
+    assert last.ranking.area_ha < rests[()].ranking.area_ha < whole.ranking.area_ha
+    assert last.run is not None and rests[()].run is not None
+    assert last.run.duration_s == pytest.approx(rests[()].run.duration_s - 120.0, rel=0.05, abs=15.0)
+
+
+@pytest.mark.slow
+def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, whole: PlanningResult) -> None:
+    source, request = f"{folder}/plan.json@0:05", whole.context.request
+    wider = write_field(folder / "wider.geojson", [[0, 0], [95, 0], [95, 60], [0, 60], [0, 0]])
+    away = DoneWork(shapely.box(500.0, 0.0, 600.0, 60.0), 0.1)
+    cases: list[tuple[PlanRequest, Any, str]] = [
+        (replace(request, width_m=3.0), source, "is for a working width of 4 m, and 3 m are asked for; give width_m 4"),
+        (replace(request, field=wider), source, r"was made for: they differ by 5\.0 m\. Give the field as it was then"),
+        (replace(request, field="denmark", local=False), source, "is for another field than 'denmark'"),
+        (request, f"{folder}/plan.json@9:00", r"is done after 0:\d\d; give a time before that"),
+        (request, f"{folder}/plan.json", r"say up to when it was driven, such as plan.json@13:20"),
+        (request, f"{folder}/nothing.gpkg", "There is no file"),
+        (request, away, "Nothing of what is given as done lies in field"),
+        (request, DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0), 0.1), "is done; there is nothing left to plan"),
+        (replace(request, tractors=(1,)), source, "2 tractors stand on the field .* plan with 2 tractors or more"),
+        (replace(request, strategies=("row-by-row",)), source, "each for itself"),
+    ]
+    for asked, done, words in cases:
+        with pytest.raises(HeadlandError, match=words):
+            plan(asked, done=done, executor=SerialExecutor())
+    with pytest.raises(HeadlandError, match="names machine 3, and the plan has 2"):
+        read_continued_plan([source], (3,))
+    with pytest.raises(HeadlandError, match="leaves no machine"):
+        read_continued_plan([source], (1, 2))
+
+
+@pytest.mark.slow
+def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningResult) -> None:
+    values = {"field": "iwamizawa", "width": 3.0, "turn": "u"}
+    given = GivenOptions(values, ["turn"], (f"{folder}/plan.json@0:05",), (2,))
+    request = given.build_request()
+    assert request == replace(whole.context.request, tractors=(1,), turn="u")
+    order = given.build_order(request)
+    assert order.done == given.done and order.without == (2,)
+
+
+@pytest.mark.slow
+def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: PlanningResult) -> None:
+    half = write_field(folder / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
+    answer = plan(whole.context.request, done=half, executor=SerialExecutor())
+    assert answer.ranking.area_ha == pytest.approx(0.27) and answer.run is not None
+    swept = unite_areas(compute_swept_area(answer.run, answer.context).ground)
+    assert shapely.intersection(swept, shapely.box(45.0, 0.0, 90.0, 60.0)).area >= 0.96 * 2700.0
+    west_m = min(float(leg.points[:, 0].min()) for m in answer.run.plan.missions for leg in m.legs if leg.implement)
+    assert west_m > 45.0 - WIDTH_M - START_OVERLAP_M - 3.0  # the guided point is up to a tool's length ahead of the bar
+
+
+def test_a_load_is_counted_from_the_last_stop() -> None:
+    supply = Supply(100.0, 0.1, 60.0)
+    legs = [
+        Leg(np.array([[0.0, 0.0], [50.0, 0.0]]), 1.0, implement=True),
+        Leg(np.array([[50.0, 0.0], [60.0, 0.0]]), 1.0, stand_s=60.0),
+        Leg(np.array([[60.0, 0.0], [90.0, 0.0]]), 1.0, implement=True),
+    ]
+    assert sum_used(legs, supply, 4.0) == pytest.approx(0.1 * 30.0 * 4.0)
+    assert sum_used(legs[:1], supply, 4.0) == pytest.approx(0.1 * 50.0 * 4.0)
+    assert sum_used([], supply, 4.0) == 0.0
+
+
+def test_polygons_are_read_in_metres_of_a_field(folder: Path) -> None:
+    from fields.documents.reader import read_polygons
+
+    field = read_field("denmark")
+    degrees = field.to_wgs84([(0.0, 0.0), (50.0, 0.0), (50.0, 20.0), (0.0, 20.0)]).tolist()
+    (polygon,) = read_polygons(write_field(folder / "degrees.geojson", [*degrees, degrees[0]]), field)
+    assert polygon.symmetric_difference(shapely.box(0.0, 0.0, 50.0, 20.0)).area < 1e-3

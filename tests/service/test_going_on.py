@@ -1,0 +1,254 @@
+"""A fleet goes on from where it is: what its new plan keeps and does, and all of it with a real service and robots."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.replanning.going_on import continue_remaining_work
+from planner.fleet.replanning.replan import ReplanProposal
+from planner.fleet.session.frame_content import build_report, describe_mission
+from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
+from planner.fleet.simulated_robot import RobotDriver
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.pipeline.planning import plan as make_plan
+from planner.request.plan_request import PlanRequest
+from planner.service.errors import ServiceError
+from planner.service.fleets.robot_client import request_json
+from strategies.lines.work_line import build_tool_strip
+from tests.service.fleets import restart_manager
+from tests.service.running import COMMAND, Running, run_service
+from tests.service.test_replanning import WIDTH_M, at, plan_three
+
+TIMES = 6.0
+LONGEST_S = 900.0
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    return plan_three(tmp_path_factory, (0.0, 0.0))
+
+
+def stop_and_go_on(plan: FleetPlan, share: float, without: list[int]) -> tuple[RemainingWork, ReplanProposal, Any]:
+    manager = at(plan, share)
+    manager.operators.stop_all("anna", 1.0)
+    remaining = extract_remaining_work(manager, without, 100.0, goes_on=True)
+    return remaining, continue_remaining_work(remaining), manager
+
+
+def unite_strips(plan: FleetPlan, legs_of: Callable[[int], slice]) -> shapely.Geometry:
+    tool_m = plan.tractor.antenna_forward_m + plan.implement.hitch_m
+    return shapely.union_all(
+        [
+            build_tool_strip(leg.points, tool_m, WIDTH_M)
+            for number, mission in enumerate(plan.timed_missions)
+            for leg in mission.legs[legs_of(number)]
+            if leg.implement
+        ]
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("without", [[], [1]])
+def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: FleetPlan, without: list[int]) -> None:
+    remaining, proposal, manager = stop_and_go_on(plan, 0.4, without)
+    for number, (state, kept) in enumerate(zip(manager.states, proposal.unchanged_legs, strict=True)):
+        old, new = plan.timed_missions[number].legs[:kept], proposal.plan.timed_missions[number].legs[:kept]
+        assert kept >= state.base_end and all(np.array_equal(a.points, b.points) for a, b in zip(old, new, strict=True))
+        assert number not in without or len(proposal.plan.timed_missions[number].legs) == kept
+    done = unite_strips(proposal.plan, lambda number: slice(0, proposal.unchanged_legs[number]))
+    again = unite_strips(proposal.plan, lambda number: slice(proposal.unchanged_legs[number], None))
+    due = unite_strips(plan, lambda _: slice(None))
+    standing = shapely.union_all(
+        [shapely.Point(remaining.get_pose(number)[:2]).buffer(9.0) for number in without] or [shapely.Point()]
+    )
+    left_m2 = shapely.difference(due, shapely.union_all([done, again, standing])).area
+    assert left_m2 < 0.02 * due.area
+    left_s = [max(plan.finish_s) * 0.6] if not without else [sum(plan.finish_s) * 0.6 / 2]
+    assert proposal.eta_s < 1.15 * left_s[0]
+    check_proposal_still_fits(remaining, manager, proposal.plan)
+    manager.operators.adopt_plan("anna", proposal.plan, 101.0, remaining.excluded)
+    assert [state.leg for state in manager.states] == [state.leg for state in remaining.states]
+
+
+def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
+    _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
+    assert proposal.sentence is not None
+    assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
+    assert proposal.sentence.endswith("of 0.42 ha are left.")
+
+
+def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:
+    with pytest.raises(FleetManagerError, match="keep at least one"):
+        extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0, goes_on=True)
+
+
+@dataclass
+class LiveFleet:
+    """All but the network: steering, speed control and noise of every robot, releases and orders."""
+
+    manager: FleetManager
+    drivers: dict[int, RobotDriver]
+    now: float = 0.0
+    legs: dict[int, list[int]] = field(default_factory=dict)
+
+    def drive(self, until: Callable[[], bool], longest_s: float) -> None:
+        end = self.now + longest_s
+        while not until() and self.now < end:
+            self.now += 0.1
+            plan = self.manager.plan
+            orders, events = self.manager.take_outputs()
+            assert not [event for event in events if event.what == "too near another"]
+            for order in orders:
+                frame = {"kind": order.kind, "reason": ""} | order.data
+                if order.kind == "plan":
+                    frame["plan"] = describe_mission(plan, order.tractor)
+                if order.tractor in self.drivers:
+                    self.drivers[order.tractor].handle_frame(frame, self.now)
+            for number, driver in self.drivers.items():
+                driver.handle_frame({"kind": "heartbeat"}, self.now)
+                state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
+                self.manager.take_report(number, build_report(state, plan), self.now)
+                self.legs.setdefault(number, []).append(state.leg)
+            self.manager.update_fleet(self.now)
+        assert until(), self.manager.state
+
+
+@pytest.mark.slow
+def test_robots_take_up_the_new_mission_where_they_stand_and_drive_it_to_its_end(plan: FleetPlan) -> None:
+    drivers = {
+        number: RobotDriver(
+            mission, plan.tractor, plan.implement, plan.saved.origin_m, name="robot", noise_m=0.02, seed=number
+        )
+        for number, mission in enumerate(plan.plan.missions)
+    }
+    fleet = LiveFleet(FleetManager(plan, FleetRules()), drivers)
+    for number in drivers:
+        fleet.manager.connect_tractor(number, 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
+    begin_s = 0.4 * max(plan.finish_s)
+    fleet.drive(lambda: fleet.now >= begin_s, begin_s + 1.0)
+    fleet.manager.operators.stop_all("anna", fleet.now)
+    stopped_s = fleet.now
+    fleet.drive(lambda: fleet.now >= stopped_s + 10.0, 11.0)
+    del fleet.drivers[1]
+    remaining = extract_remaining_work(fleet.manager, [1], fleet.now, goes_on=True)
+    proposal = continue_remaining_work(remaining)
+    check_proposal_still_fits(remaining, fleet.manager, proposal.plan)
+    fleet.manager.operators.adopt_plan("anna", proposal.plan, fleet.now, remaining.excluded)
+    fleet.drive(lambda: fleet.now >= stopped_s + 12.0, 3.0)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
+    resumed_s = fleet.now
+    fleet.drive(lambda: fleet.now >= resumed_s + 0.3 * proposal.eta_s, proposal.eta_s)
+    fleet.manager = restart_manager(fleet.manager, fleet.now, fleet.now)  # the service is killed and begins anew
+    for number, driver in fleet.drivers.items():
+        driver.handle_frame({"kind": "stop", "reason": "restart"}, fleet.now)
+        fleet.manager.connect_tractor(number, fleet.now)
+    fleet.drive(lambda: fleet.now >= resumed_s + 0.3 * proposal.eta_s + 5.0, 6.0)
+    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
+    fleet.drive(lambda: fleet.manager.state == "done", 1.3 * proposal.eta_s)
+    assert fleet.now - resumed_s < 1.1 * proposal.eta_s + 20.0
+    assert all(legs == sorted(legs) for legs in fleet.legs.values()), "no leg is driven twice"
+
+
+@contextmanager
+def drive_robot(number: int, plan: Path, url: str, fleet: str, token: str) -> Iterator[subprocess.Popen[str]]:
+    words = ("robot", "--plan", str(plan), "--tractor", str(number), "--url", url, "--fleet", fleet)
+    process = subprocess.Popen([*COMMAND, *words], text=True, env=os.environ | {"HEADLAND_TOKEN": token})
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def await_answer(ask: Callable[[], Any], is_it: Callable[[Any], bool]) -> Any:
+    """The first answer that is it; the service may be away in between."""
+    until, answer = time.monotonic() + LONGEST_S, None
+    while time.monotonic() < until:
+        try:
+            answer = ask()
+            if is_it(answer):
+                return answer
+        except ServiceError as refusal:
+            answer = refusal
+        time.sleep(0.5)
+    pytest.fail(f"in vain for {LONGEST_S:.0f} s, at last: {answer}")
+
+
+@pytest.mark.matrix
+def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp_path: Path) -> None:
+    """The demonstration fleet: no leg is driven twice, and the new plan is driven to its end."""
+    made = plan_demonstration()
+    file = tmp_path / "plan.json"
+    file.write_text(made, encoding="utf-8")
+    with ExitStack() as stack:
+        with run_service(tmp_path / "data") as service:
+            token = take_token(service, "operator")
+            url = f"http://127.0.0.1:{service.port}"
+            uploaded = {"name": "f", "plan": made, "times": TIMES}
+            fleet = request_json(url, "fleets", token, uploaded)["id"]
+            robots = [
+                stack.enter_context(
+                    drive_robot(n, file, url, fleet, take_token(service, "robot", fleet=fleet, tractor=n))
+                )
+                for n in (1, 2, 3)
+            ]
+            legs = [[0], [0], [0]]
+
+            def look() -> Any:
+                answer = request_json(url, f"fleets/{fleet}", token)
+                for before, tractor in zip(legs, answer["tractors"], strict=True):
+                    before.append(tractor.get("leg") or 0)
+                return answer
+
+            order = lambda what, body=None: request_json(url, f"fleets/{fleet}/{what}", token, body or {})  # noqa: E731
+            await_answer(lambda: order("start"), bool)
+            await_answer(look, lambda _: all(max(each) > 4 for each in legs))
+            order("stop")
+            robots[1].kill()
+            number = order("replan", {"goes_on": True, "without": [2]})["proposal"]
+            await_answer(lambda: order("accept", {"proposal": number}), bool)
+            time.sleep(2.0)
+            order("resume")
+            gone_on = [each[-1] for each in legs]
+            await_answer(look, lambda _: any(each[-1] > 3 + first for each, first in zip(legs, gone_on, strict=True)))
+            service.process.send_signal(signal.SIGKILL)
+            service.process.wait()
+        with run_service(tmp_path / "data", "--port", str(service.port)):
+            await_answer(lambda: order("resume"), bool)
+            await_answer(look, lambda answer: answer["fleet"]["state"] == "done")
+    assert all(each == sorted(each) for each in legs)
+
+
+def plan_demonstration() -> str:
+    """The plan of `headland demo fleet`."""
+    request = PlanRequest(
+        field=DEMO_FIELD, width_m=DEMO_WIDTH_M, tractors=(DEMO_TRACTORS,), strategies=("split-field",)
+    )
+    answer = make_plan(request, executor=SerialExecutor())
+    assert answer.run is not None
+    return write_saved_plan(answer.context, answer.run.plan)
+
+
+def take_token(service: Running, scope: str, **restrictions: Any) -> str:
+    return service.make_token(scope, **restrictions)["authorization"].removeprefix("Bearer ")
