@@ -126,7 +126,8 @@ def hash_field_time_order(order: WorkOrder) -> str:
     nameless = replace(order.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
     if elevation_name is None and not order.done:
         nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
-    files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(order.done)
+    sources = [one for one in order.done if isinstance(one, str)]
+    files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(sources)
     return hash_content(nameless, request, order.tractor, order.implement, order.supply, files, worker=__name__)
 
 

@@ -54,6 +54,7 @@ from planner.risk.plan_choice import format_hours
 from reports.day.answer import list_day_sentences
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.shortfall_wording import question_pull
+from vehicle.model.tractor import resolve_tractor
 
 
 @dataclass(frozen=True)
@@ -432,7 +433,8 @@ def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
         order = next((orders[number] for number in route if orders[number] is not None), None)
         if order is not None:
             farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
-            pull = compute_pull_figures(order.request, order.tractor, farm_tractor)
+            machine = resolve_tractor(order.tractor or order.request.tractor)
+            pull = compute_pull_figures(order.request, machine, farm_tractor)
             question = question_pull(pull, suggests_options=False)
             is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible
             questions += [f"{fleet.name}: {question}"] if is_shown else []

@@ -49,11 +49,13 @@ class Stand:
 class GoingOn:
     """Work that goes on: how well it is known where work was done (m), and where the tractors of the plan stand.
 
-    Tractors beyond those that stand on the field come in through the entrance.
+    Tractors beyond those that stand on the field come in through the entrance. Where they `may_rest`, one for whom no
+    work is worth the drive has none.
     """
 
     error_m: float
     stands: tuple[Stand, ...] = ()
+    may_rest: bool = False
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,6 +19,7 @@ from fields.documents.reader import read_polygons
 from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from fields.text_files import quote_path, read_text
+from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
@@ -27,7 +28,7 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.work_order import DoneWork, WorkOrder, match_plan_time
 from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_machines, read_request, rerun_plan
-from planner.request.option_texts import DAY_S, format_clock
+from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.task_logs.formats import point_shapefiles
 from planner.task_logs.log_import import detect_log_format, read_task_logs

@@ -1,6 +1,5 @@
 """Candidates that are simulated first, and those that cannot win."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -30,7 +29,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
-from reports.common.plan_results import PlanResult, get_finished_field_s
+from reports.common.plan_results import PlanResult, choose_by_count
 from strategies.registry import STRATEGIES
 
 
@@ -71,16 +70,19 @@ def test_the_quickest_feasible_plan_is_the_rival() -> None:
     assert find_incumbent(some[2:]) is None
 
 
-def test_the_quickest_sketch_is_driven_first_and_is_the_rival_of_others(round_site: PlanningContext) -> None:
+def test_who_works_beside_one_another_is_not_driven_where_others_keep_the_clearance(
+    round_site: PlanningContext,
+) -> None:
     names = ["row-by-row", "col-by-col", "interleaved", "split-field"]
     found = list(simulate_candidates(round_site, [Candidate(name, 2) for name in names], prunes=True))
-    sketched_s = {name: max(sketch_plans(round_site, STRATEGIES[name], 2)[0].tractor_s) for name in names}
-    order = [names[number] for number, _ in found]
-    assert order == sorted(names, key=lambda name: sketched_s[name])
+    assert [names[number] for number, _ in found] == ["split-field", *names[:3]], "one keeps the clearance"
     results = [one.result for _, one in found]
-    assert results[0].feasible and results[-1].bound_s is not None
-    rival = find_incumbent(results)
-    assert rival is not None and all((one.bound_s or math.inf) > rival.finish_s for one in results)
+    assert results[0].feasible and results[0].keeps_clearance
+    for one in results[1:]:
+        assert (
+            not one.is_simulated
+            and "0.30 m apart, less than the clearance of 0.5 m, which split-field keeps" in one.reason
+        )
 
 
 @pytest.mark.parametrize("strategy", ["interleaved", "row-by-row"])
@@ -136,11 +138,9 @@ def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPa
         found.append(plan(scenario, field=Field("drawn", shape), executor=SerialExecutor()).ranking)
     some, whole = ({(one.strategy, one.tractors): one for one in each.plans} for each in found)
     assert found[0].best == found[1].best
-    told = [key for key, one in some.items() if one.bound_s is not None]
-    assert told and not any(one.bound_s is not None for one in whole.values())
+    told = [key for key, one in some.items() if not one.is_simulated]
+    assert told and all(one.is_simulated for one in whole.values())
     for count in scenario.tractors:
         feasible = ([one for one in each.plans if one.feasible and one.tractors == count] for each in found)
-        first, second = (min(some, key=get_finished_field_s) for some in feasible)
+        first, second = (choose_by_count(some)[count] for some in feasible)
         assert replace(first, rank=None) == replace(second, rank=None)
-    for key in told:
-        assert not whole[key].feasible or (some[key].bound_s or 0.0) < 1.1 * (whole[key].time_s or 0.0)

@@ -147,7 +147,7 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     # Nobody comes nearer than the scenario allows: a world that stops there is not stopped.
     kept = World(saved.plan, site.tractor, site.implement).run(
         stop_clearance_m=site.request.clearance_m,
-        beside_clearance_m=compute_parallel_clearance_m(site, STRATEGIES[strategy].formation is not None),
+        beside_clearance_m=compute_parallel_clearance_m(site, STRATEGIES[strategy].beside),
     )
     assert kept.outcome == DONE
 

@@ -138,10 +138,11 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
 def _compose_sketch(
     context: PlanningContext, compose: Callable[[], ComposedPlan], notes: dict[str, Any]
 ) -> ComposedPlan:
-    """A composed plan with its notes, in which every tractor has work."""
+    """A composed plan with its notes, in which every tractor has work, or where some may rest any."""
     context.time_share.check()
     one = compose()
-    if not one.programme.tours or not all(one.programme.tours):
+    may_rest = context.going_on is not None and context.going_on.may_rest
+    if not any(one.programme.tours) or not (may_rest or all(one.programme.tours)):
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."

@@ -42,7 +42,6 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.split_field import STRATEGY
 from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate
 
-MOST_LINES_KEPT = 2  # beyond what is released, where no plan works before: each is a plan made in vain
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
 
 
@@ -56,27 +55,16 @@ class _Helper:
 
 
 def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
-    """Plan all work that is left anew for the tractors that are left. Raises FleetManagerError if no plan works.
+    """Plan all work that is left once tractors have driven what they keep anew, for the tractors that are left.
 
-    Where no way leads on from where a tractor would stand, all keep one more line, and so on.
+    One for whom no work is worth the drive has none. Raises FleetManagerError if no plan works.
     """
-    refusals = list[FleetManagerError]()
-    for more in range(MOST_LINES_KEPT + 1):
-        try:
-            return _continue_after(remaining, more)
-        except FleetManagerError as refusal:
-            refusals.append(refusal)
-    raise refusals[0]
-
-
-def _continue_after(remaining: RemainingWork, more: int) -> ReplanProposal:
-    """All work that is left once tractors have driven what they keep, with so many lines more, planned anew."""
     plan = remaining.plan
     scenario = replace(plan.scenario, rain=None, samples=None, deadline_s=None, gnss=False, gnss_table=None)
     supply = infer_carried_supply(plan)
     order = WorkOrder(scenario, plan.field, plan.tractor, plan.implement, supply=supply)
     whole = prepare_context(order, physics=plan.physics)
-    ends = [_count_kept_legs(remaining, number, more) for number in range(plan.tractor_count)]
+    ends = [_count_kept_legs(remaining, number) for number in range(plan.tractor_count)]
     helpers = [_build_helper(remaining, n, ends[n], whole) for n in range(plan.tractor_count) if can_help(remaining, n)]
     helpers.sort(key=lambda helper: (helper.stand is None, helper.number))
     if not helpers:
@@ -97,10 +85,10 @@ def _continue_after(remaining: RemainingWork, more: int) -> ReplanProposal:
     return ReplanProposal(new_plan, tuple(ends), eta_s, work_m - left_m, left_m, 0.0, sentence)
 
 
-def _count_kept_legs(remaining: RemainingWork, number: int, more: int) -> int:
+def _count_kept_legs(remaining: RemainingWork, number: int) -> int:
     """How many legs of a tractor stay: what it has driven and what is released to it, up to the end of a line or turn.
 
-    One that drives keeps what it drives until the new plan can be sent; all keep so many lines more.
+    One that drives keeps what it drives until the new plan can be sent.
     """
     state, legs = remaining.states[number], remaining.states[number].mission.legs
     if number in remaining.excluded:
@@ -117,9 +105,6 @@ def _count_kept_legs(remaining: RemainingWork, number: int, more: int) -> int:
     is_on_way = not legs[end - 1].implement
     while is_on_way and end < len(legs) and not legs[end].implement and legs[end].task.kind != LEAVE:
         end += 1
-    for _ in range(more):
-        end = next((k for k in range(end, len(legs)) if legs[k].implement), end)
-        end = next((k for k in range(end, len(legs)) if not legs[k].implement), len(legs))
     first_out = next((k for k, leg in enumerate(legs) if leg.task.kind == LEAVE), len(legs))
     return max(min(end, first_out), state.base_end, state.leg + 1)
 
@@ -149,7 +134,7 @@ def _leave_done_work(
     done = clip_area(ground, field.region_without_obstacles)
     stands = tuple(helper.stand for helper in helpers if helper.stand is not None)
     layout = replace(context.layout, field=replace(field, done=done))
-    return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands))
+    return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
 
 
 def _cut_driven(leg: Leg, driven_m: float) -> Leg:
@@ -178,8 +163,9 @@ def _join_missions(
         [drop_open_gates(leg, remaining) for leg in state.mission.legs[:end]]
         for state, end in zip(remaining.states, ends, strict=True)
     ]
-    for helper, mission in zip(helpers, composed.plan.missions, strict=True):
-        legs[helper.number] += [_renumber_gates(leg, helpers) for leg in mission.legs]
+    working = [helper for helper, tour in zip(helpers, composed.programme.tours, strict=True) if tour]
+    for helper, mission in zip(working, composed.plan.missions, strict=True):
+        legs[helper.number] += [_renumber_gates(leg, working) for leg in mission.legs]
     return drop_stale_gates([tuple(each) for each in legs], [len(each) for each in legs])
 
 
