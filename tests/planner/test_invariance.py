@@ -38,7 +38,8 @@ def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     for strategy in strategies:
         for count in counts:
             result = simulate_candidate(site, Candidate(strategy, count)).result
-            taken[strategy, count] = result.time_s if result.feasible else None
+            driven_s = (result.tractor_time_s or 0.0) - (result.waiting_s or 0.0)  # who meets whom is chance
+            taken[strategy, count] = driven_s if result.feasible else None
     return taken
 
 

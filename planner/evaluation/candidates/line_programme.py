@@ -28,7 +28,7 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_O
 from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
-from strategies.lines.headland_stretches import deal_stretches
+from strategies.lines.deal_apart import deal_apart
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal
@@ -89,8 +89,7 @@ class SketchedPlan:
     Attributes:
         tractor_s: about the seconds of every tractor.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_apart: sketches the same where tractors work apart from each other on the headland; None where they do,
-            or where it cannot be dealt so.
+        sketch_apart: sketches the same where tractors work apart from each other; None where they do.
         beside: whether tractors keep beside each other, as near as neighbouring swaths are.
     """
 
@@ -212,7 +211,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
-    apart = deal_stretches(moves.lines, deal.allowed) if tractors > 1 else None
+    apart = None if tractors == 1 or strategy.beside or moves.starts else deal_apart(moves.lines, deal.allowed)
 
     def sketch(order: str, deal: LineDeal = deal, apart: Flags | None = apart) -> SketchedPlan:
         table = MoveTable(moves)

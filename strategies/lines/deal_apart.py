@@ -1,4 +1,4 @@
-"""The headland dealt in stretches: what lies side by side there is one tractor's, so that none meet on it."""
+"""A deal by which tractors meet as little as can be: a block of swaths and a stretch of the headland for each."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 
-def deal_stretches(lines: Sequence[WorkLine], allowed: Bools) -> Bools | None:
-    """A deal (tractors, lines) with the swaths of another, in which every side of the headland is one tractor's in all
-    passes.
+def deal_apart(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
+    """A deal (tractors, lines) in which no line is for two tractors, of one in which some are.
 
-    The ring along the edge is cut into a stretch for each tractor, equal by length; rings round obstacles are whole.
-    Each is the tractor's whose swaths are near. None where the ring has fewer sides than there are tractors.
+    Swaths that several may work are cut into a run for each. Of the headland every side is one tractor's in all passes:
+    the ring along the edge is cut into stretches, equal by length, and rings round obstacles are whole; each is the
+    tractor's whose swaths are near. Where the ring has fewer sides than there are tractors, its sides are for all.
     """
+    dealt = _part_swaths(lines, allowed)
     rings = _list_rings(lines)
     if not rings or len(rings[0]) < len(allowed):
-        return None
-    homes = np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in allowed])
-    dealt = allowed.copy()
+        return dealt
+    homes = np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in dealt])
     dealt[:, [number for ring in rings for side in ring for number in side]] = False
     for tractor, numbers in enumerate(_cut_ring(lines, rings[0], homes)):
         dealt[tractor, numbers] = True
@@ -37,6 +37,26 @@ def deal_stretches(lines: Sequence[WorkLine], allowed: Bools) -> Bools | None:
         numbers = [number for side in ring for number in side]
         gaps_m = np.hypot(*(homes - _find_middle([lines[number] for number in numbers])).T)
         dealt[int(np.argmin(gaps_m)), numbers] = True
+    return dealt
+
+
+def _part_swaths(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
+    """The deal with what several tractors may work of the swaths in runs of neighbours, one for each of them."""
+    shared: dict[tuple[int, ...], dict[int, list[int]]] = {}
+    for number, line in enumerate(lines):
+        if line.task.kind == SWATH:
+            owners = tuple(np.flatnonzero(allowed[:, number]).tolist())
+            shared.setdefault(owners, {}).setdefault(line.task.number or 0, []).append(number)
+    dealt = allowed.copy()
+    for owners, swaths in shared.items():
+        runs = [swaths[swath] for swath in sorted(swaths)]
+        if not 1 < len(owners) <= len(runs):
+            continue
+        weights = [sum(lines[number].length_m for number in run) for run in runs]
+        for owner, (low, high) in zip(owners, pairwise(cut_balanced_blocks(weights, len(owners))), strict=True):
+            numbers = [number for run in runs[low:high] for number in run]
+            dealt[:, numbers] = False
+            dealt[owner, numbers] = True
     return dealt
 
 
