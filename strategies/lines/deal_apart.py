@@ -1,7 +1,9 @@
-"""A deal by which tractors meet as little as can be: a block of swaths and a stretch of the headland for each."""
+"""Deals by which tractors meet as little as can be: a block of swaths and a stretch of the headland for each."""
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -18,18 +20,24 @@ Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 
-def deal_apart(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
-    """A deal (tractors, lines) in which no line is for two tractors, of one in which some are.
+def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools) -> list[Bools]:
+    """Deals (tractors, lines) after one in which several may work the same, where they meet less and less.
 
-    Swaths that several may work are cut into a run for each. Of the headland every side is one tractor's in all passes:
-    the ring along the edge is cut into stretches, equal by length, and rings round obstacles are whole; each is the
-    tractor's whose swaths are near. Where the ring has fewer sides than there are tractors, its sides are for all.
+    First every side of the headland is one tractor's in all passes: the ring along the edge is cut into stretches,
+    equal by length, and rings round obstacles are whole; each is the tractor's whose swaths are near. Where the ring
+    has fewer sides than there are tractors, its sides are for all. Then the swaths that several may work are dealt too.
     """
-    dealt = _part_swaths(lines, allowed)
-    rings = _list_rings(lines)
-    if not rings or len(rings[0]) < len(allowed):
-        return dealt
-    homes = np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in dealt])
+    deals, rings = [allowed], _list_rings(lines)
+    if rings and len(rings[0]) >= len(allowed):
+        deals.append(_deal_rings(lines, allowed, rings))
+    deals.append(_part_swaths(lines, deals[-1]))
+    return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
+
+
+def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list[int]]]) -> Bools:
+    """The deal with rings of the headland in stretches or whole."""
+    homes = np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in allowed])
+    dealt = allowed.copy()
     dealt[:, [number for ring in rings for side in ring for number in side]] = False
     for tractor, numbers in enumerate(_cut_ring(lines, rings[0], homes)):
         dealt[tractor, numbers] = True
@@ -41,22 +49,35 @@ def deal_apart(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
 
 
 def _part_swaths(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
-    """The deal with what several tractors may work of the swaths in runs of neighbours, one for each of them."""
-    shared: dict[tuple[int, ...], dict[int, list[int]]] = {}
-    for number, line in enumerate(lines):
-        if line.task.kind == SWATH:
-            owners = tuple(np.flatnonzero(allowed[:, number]).tolist())
-            shared.setdefault(owners, {}).setdefault(line.task.number or 0, []).append(number)
+    """The deal with swaths in runs of neighbours, one for each tractor, so that the longest share of all is short.
+
+    They stay as dealt where no tractors in order may have such runs.
+    """
     dealt = allowed.copy()
-    for owners, swaths in shared.items():
-        runs = [swaths[swath] for swath in sorted(swaths)]
-        if not 1 < len(owners) <= len(runs):
-            continue
-        weights = [sum(lines[number].length_m for number in run) for run in runs]
-        for owner, (low, high) in zip(owners, pairwise(cut_balanced_blocks(weights, len(owners))), strict=True):
-            numbers = [number for run in runs[low:high] for number in run]
-            dealt[:, numbers] = False
-            dealt[owner, numbers] = True
+    swaths: dict[int, list[int]] = {}
+    for number in (number for number, line in enumerate(lines) if line.task.kind == SWATH):
+        swaths.setdefault(lines[number].task.number or 0, []).append(number)
+    runs = [swaths[swath] for swath in sorted(swaths)]
+    lengths_m = [sum(lines[number].length_m for number in run) for run in runs]
+    headland = [number for number, own in enumerate(dealt.T) if lines[number].task.kind != SWATH and own.sum() == 1]
+    loads_m = [sum(lines[number].length_m for number in headland if own[number]) for own in dealt]
+
+    def fill(most_m: int) -> list[int] | None:
+        """The tractor of each run if none may have more than so many metres; None if that is too little."""
+        tractor, found, taken_m = 0, list[int](), list(loads_m)
+        for run, length_m in zip(runs, lengths_m, strict=True):
+            while not dealt[tractor, run].all() or taken_m[tractor] + length_m > most_m:
+                tractor += 1
+                if tractor == len(dealt):
+                    return None
+            taken_m[tractor] += length_m
+            found.append(tractor)
+        return found
+
+    limits_m = range(math.ceil(max(loads_m)), math.ceil(sum(loads_m) + sum(lengths_m)) + 1)
+    best = bisect_left(limits_m, True, key=lambda most_m: fill(most_m) is not None)
+    for run, tractor in zip(runs, (fill(limits_m[best]) or []) if best < len(limits_m) else [], strict=False):
+        dealt[:, run], dealt[tractor, run] = False, True
     return dealt
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from strategies.interleaved import deal_in_turn
-from strategies.lines.deal_apart import deal_apart
+from strategies.lines.deal_apart import list_deals_apart
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.program.driving_rules import DrivingRules
@@ -77,14 +77,14 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     allowed = np.ones((2, len(lines)), bool)
     allowed[0, 16:] = np.arange(32) < 16
     allowed[1, 16:] = ~allowed[0, 16:]
-    dealt = deal_apart(lines, allowed)
+    (dealt,) = list_deals_apart(lines, allowed)
     assert (dealt[:, 16:] == allowed[:, 16:]).all()
     assert (dealt[:, :16].sum(axis=0) == 1).all(), "a side is one tractor's"
     assert (dealt[:, :4] == dealt[:, 4:8]).all() and (dealt[:, :4] == dealt[:, 8:12]).all(), "in all passes"
     assert dealt[0, 3] and dealt[1, 1], "the west side is the western tractor's, the east side the eastern's"
     assert (dealt[:, :4].sum(axis=1) == 2).all(), "as long for both"
     assert dealt[1, 12:16].all(), "the ring round the pond is whole"
-    many = deal_apart(lines, np.ones((5, len(lines)), bool))
+    (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool))
     assert many[:, :16].all(), "four sides are no stretches for five"
     assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) >= 0).all(), "runs of swaths"
 

@@ -28,7 +28,7 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_O
 from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
-from strategies.lines.deal_apart import deal_apart
+from strategies.lines.deal_apart import list_deals_apart
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal
@@ -89,7 +89,7 @@ class SketchedPlan:
     Attributes:
         tractor_s: about the seconds of every tractor.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_apart: sketches the same where tractors work apart from each other; None where they do.
+        sketch_apart: sketches the same where tractors work more apart from each other; None where they cannot.
         beside: whether tractors keep beside each other, as near as neighbouring swaths are.
     """
 
@@ -211,21 +211,23 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
-    apart = None if tractors == 1 or strategy.beside or moves.starts else deal_apart(moves.lines, deal.allowed)
+    shares = [deal.allowed]
+    if tractors > 1 and not strategy.beside and not moves.starts:
+        shares += list_deals_apart(moves.lines, deal.allowed)
 
-    def sketch(order: str, deal: LineDeal = deal, apart: Flags | None = apart) -> SketchedPlan:
-        table = MoveTable(moves)
+    def sketch(order: str, number: int = 0) -> SketchedPlan:
+        allowed, table = shares[number], MoveTable(moves)
         stages = list_stages(table.lines, order)
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        sketched = sketch_programme(table, tractors, stages, deal.allowed, served_s)
+        sketched = sketch_programme(table, tractors, stages, allowed, served_s)
 
         def compose() -> ComposedPlan:
             programme = make_programme(
                 table,
                 tractors,
                 stages,
-                deal.allowed,
+                allowed,
                 stands_in_way=stands_in_way,
                 served_s=served_s,
                 start=sketched.tours,
@@ -238,7 +240,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
-        sketch_apart = None if apart is None else partial(sketch, order, replace(deal, allowed=apart), None)
+        sketch_apart = partial(sketch, order, number + 1) if number + 1 < len(shares) else None
         return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart)
 
     return sketch
