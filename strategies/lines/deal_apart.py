@@ -118,11 +118,11 @@ def _cut_ring(lines: Sequence[WorkLine], ring: list[list[int]], homes: Floats) -
         turned = ring[begin:] + ring[:begin]
         lengths_m = _measure_sides_m(lines, turned)
         spans = list(pairwise(cut_balanced_blocks(lengths_m, len(homes))))
-        stretches = [[number for side in turned[low:high] for number in side] for low, high in spans]
-        middles = np.array([_find_middle([lines[number] for number in numbers]) for numbers in stretches])
+        side_groups = [[number for side in turned[low:high] for number in side] for low, high in spans]
+        middles = np.array([_find_middle([lines[number] for number in numbers]) for numbers in side_groups])
         gaps_m = np.hypot(*(homes[:, None] - middles[None]).transpose(2, 0, 1))
         tractors, numbers = linear_sum_assignment(gaps_m)
         cost_m = float(gaps_m[tractors, numbers].sum()) + max(sum(lengths_m[low:high]) for low, high in spans)
         if cost_m < best_m:
-            best, best_m = [stretches[number] for number in numbers], cost_m
+            best, best_m = [side_groups[number] for number in numbers], cost_m
     return best
