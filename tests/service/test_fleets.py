@@ -154,7 +154,7 @@ def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -
 
 def driven(sequence: int, leg_m: float) -> inbound_frames.StateFrame:
     """What a tractor says of its first leg."""
-    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC).isoformat()
+    at = datetime.fromtimestamp(time.time() - 15.0 + 1.5 * sequence, UTC).isoformat()
     speeds = {"speed_mps": 1.0, "speed_command_mps": 1.0}
     place = {"northing_m": 2000.0 + leg_m, "leg_m": leg_m, "start": 1, "mode": "automatic", "implement": 1}
     return inbound_frames.StateFrame.model_validate_json(json.dumps(state(sequence, time=at, **speeds, **place)))

@@ -266,7 +266,7 @@ class BrokenStore:
     """A store whose database is gone while `is_gone`, and what it was given when it was not."""
 
     def __init__(self) -> None:
-        self.is_gone, self.events, self.rows = True, [], 0
+        self.is_gone, self.events, self.rows, self.settings = True, [], 0, ServiceSettings()
 
     def _reach(self) -> None:
         if self.is_gone:

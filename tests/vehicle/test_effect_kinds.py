@@ -14,6 +14,8 @@ from vehicle.model.tractor import load_tractor
 STEERING = load_tractor("eg105").steering
 NUMBERS = st.floats(-20.0, 20.0)
 
+Z95 = 1.959963984540054  # of a normal distribution 95 % lie within as many standard deviations of the mean
+
 
 @st.composite
 def possible(draw: st.DrawFn) -> tuple[Effect, dict[str, float]]:
@@ -73,7 +75,11 @@ def test_a_limit_is_its_inverse_and_none_is_zero() -> None:
 
 @pytest.mark.parametrize(
     "inverse, sigma, low, high",
-    [(4.0, 0.1, 1 / 4.96, 1 / 3.04), (4.0, 1.0, 1 / 5.96, 1 / 2.04), (1.0, 1.0, 1 / 2.96, math.inf)],
+    [
+        (4.0, 0.1, 1 / 4.96, 1 / 3.04),
+        (4.0, 1.0, 1 / (4.0 + Z95), 1 / (4.0 - Z95)),
+        (1.0, 1.0, 1 / (1.0 + Z95), math.inf),
+    ],
 )
 def test_interval_of_a_limit_is_that_of_its_inverse_turned_over(
     inverse: float, sigma: float, low: float, high: float
@@ -87,7 +93,7 @@ def test_interval_of_a_limit_is_that_of_its_inverse_turned_over(
 def test_interval_of_a_size_is_its_spread_and_its_tolerance_inside_the_box() -> None:
     entry = get_effect("steering_offset")
     spread = SIZE.compute_interval(entry.params, box(entry), np.array([1.0]), np.array([[0.25]]), 0.4)
-    wide = math.hypot(1.96 * 0.5, 0.4)
+    wide = math.hypot(Z95 * 0.5, 0.4)
     assert spread == {"angle_deg": pytest.approx((1.0 - wide, 1.0 + wide))}
     at_the_end = SIZE.compute_interval(entry.params, box(entry), np.array([7.9]), np.array([[0.25]]), 0.0)
     assert at_the_end["angle_deg"][1] == entry.size.high
@@ -104,8 +110,8 @@ def test_a_slope_towards_the_east_has_its_spread_along_and_across() -> None:
     assert SLOPE.compute_values(entry.params, at) == pytest.approx({"ratio": 0.05, "bearing_deg": 90.0})
     covariance = np.diag([0.01**2, 0.02**2])
     spread = SLOPE.compute_interval(entry.params, box(entry), at, covariance, 0.0)
-    turn = math.degrees(math.atan2(1.96 * 0.02, 0.05))
-    assert spread["ratio"] == pytest.approx((0.05 - 0.0196, 0.05 + 0.0196))
+    turn = math.degrees(math.atan2(Z95 * 0.02, 0.05))
+    assert spread["ratio"] == pytest.approx((0.05 - 0.01 * Z95, 0.05 + 0.01 * Z95))
     assert spread["bearing_deg"] == pytest.approx((90.0 - turn, 90.0 + turn))
     any_way = SLOPE.compute_interval(entry.params, box(entry), at, 100.0 * covariance, 0.0)
     assert any_way["bearing_deg"] == (-90.0, 270.0) and any_way["ratio"][0] == 0.0

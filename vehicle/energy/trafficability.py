@@ -18,7 +18,7 @@ sqrt(1 - u^2) of it across, u the share that its thrust takes. The simulation do
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from vehicle.energy.load import compute_axle_loads_n, compute_driven_share, compute_mobility, compute_weight_n
@@ -201,7 +201,7 @@ def _find_limit(rows: tuple[Soil, ...], is_possible: Callable[[Soil], bool]) -> 
     return MoistureLimit(
         _find_end(rows, is_possible),
         _find_end(rows, lambda soil: is_possible(soil.model_copy(update={"cone_index_kpa": soil.low_kpa}))),
-        _find_end(rows, lambda soil: is_possible(replace(soil, cone_index_kpa=soil.high_kpa))),
+        _find_end(rows, lambda soil: is_possible(soil.model_copy(update={"cone_index_kpa": soil.high_kpa}))),
     )
 
 
@@ -255,7 +255,7 @@ def compute_grip_at_work(tractor: Tractor, load: WorkLoad, soil: Soil, speed_mps
     share = compute_friction_circle_share(draft_n + rolling * weight_n, driven_n * limit)
     limits = [OTHER_LIMIT]
     for index_kpa in (soil.low_kpa, soil.high_kpa):
-        end = soil if index_kpa is None else replace(soil, cone_index_kpa=index_kpa)
+        end = soil if index_kpa is None else soil.model_copy(update={"cone_index_kpa": index_kpa})
         end_mobility = compute_mobility(tractor, end, load.implement_mass_kg)
         assert end_mobility is not None  # the soil has a cone index
         limits.append(float(compute_traction_envelope(end_mobility)))

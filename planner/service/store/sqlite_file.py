@@ -6,7 +6,9 @@ breaks the log of changes that lies beside it.
 
 from __future__ import annotations
 
+import os
 import sqlite3
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import sqlalchemy as sa
 GONE = "its file {path} is gone; bring it back"
 LOG_LEFT = "its file is gone, but its log {log} is there; bring the file back, or delete the log to begin anew"
 REPLACED = "its file {path} was replaced by another database; bring the first one back, or start the service again"
-SELECT_MARK, MARK_PLACE = "PRAGMA application_id", slice(68, 72)
+SELECT_MARK, MARK_PLACE, MARK_BYTES = "PRAGMA application_id", 68, 4
 """A number in the head of the file, drawn by a migration, by which copies of one database know one another. It is read
 from the file itself: SQLite would take the log beside it for that of a stranger, and write it there."""
 
@@ -26,9 +28,12 @@ class SqliteFile:
     def __init__(self, engine: sa.Engine, path: Path) -> None:
         self._engine, self._path = engine, path
         self._mark: int | None = None
+        self._open_file: tuple[tuple[int, int], int] | None = None
+        self._lock = threading.Lock()
         sa.event.listen(engine, "do_connect", self._check_there)
         sa.event.listen(engine, "connect", self._note_file)
         sa.event.listen(engine, "checkout", self._check_unmoved)
+        sa.event.listen(engine, "engine_disposed", self._close)
 
     def keep(self) -> None:
         """Use only this database from now on."""
@@ -47,12 +52,30 @@ class SqliteFile:
             raise sqlite3.OperationalError(REPLACED.format(path=self._path))
 
     def _read_mark(self) -> int | None:
-        """The mark in the file, None where there is no file to read."""
-        try:
-            with open(self._path, "rb") as stream:
-                return int.from_bytes(stream.read(MARK_PLACE.stop)[MARK_PLACE], "big")
-        except OSError:
-            return None
+        """The mark in the file, None where there is no file to read.
+
+        The file stays open: a process that closes one of its descriptors gives up all its locks on the file, and the
+        next to close the database would take the log of changes away.
+        """
+        with self._lock:
+            found = self._find_file()
+            if found is None:
+                return None
+            try:
+                if self._open_file is None or self._open_file[0] != found:
+                    self._open_file = found, os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+                descriptor = self._open_file[1]
+                os.lseek(descriptor, MARK_PLACE, os.SEEK_SET)
+                return int.from_bytes(os.read(descriptor, MARK_BYTES), "big")
+            except OSError:
+                return None
+
+    def _close(self, _engine: sa.Engine) -> None:
+        """Close the file once its connections are closed."""
+        with self._lock:
+            if self._open_file is not None:
+                os.close(self._open_file[1])
+                self._open_file = None
 
     def _note_file(self, _connection: sqlite3.Connection, record: Any) -> None:
         record.info["file"] = self._find_file()
