@@ -25,10 +25,12 @@ def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools) -> list[Bools]:
 
     First every side of the headland is one tractor's in all passes: the ring along the edge is cut into stretches,
     equal by length, and rings round obstacles are whole; each is the tractor's whose swaths are near. Where the ring
-    has fewer sides than there are tractors, its sides are for all. Then the swaths that several may work are dealt too.
+    has fewer sides than there are tractors, or one of them no swaths, its sides are for all. Then the swaths that
+    several may work are dealt too.
     """
     deals, rings = [allowed], _list_rings(lines)
-    if rings and len(rings[0]) >= len(allowed):
+    have_swaths = all(_list_swaths(lines, own) for own in allowed)
+    if have_swaths and rings and len(rings[0]) >= len(allowed):
         deals.append(_deal_rings(lines, allowed, rings))
     deals.append(_part_swaths(lines, deals[-1]))
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]

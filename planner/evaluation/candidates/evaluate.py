@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -182,7 +183,8 @@ def _run_unless_pruned(
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
-            sketches.append(sketch.sketch_apart())
+            with suppress(StrategyError):
+                sketches.append(sketch.sketch_apart())
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
     if losers and (best is None or best.reason is not None):

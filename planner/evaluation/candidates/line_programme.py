@@ -215,6 +215,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     if tractors > 1 and not strategy.beside and not moves.starts:
         shares += list_deals_apart(moves.lines, deal.allowed)
 
+    left = dict[tuple[str, int], set[int]]()
+
     def sketch(order: str, number: int = 0) -> SketchedPlan:
         allowed, table = shares[number], MoveTable(moves)
         stages = list_stages(table.lines, order)
@@ -232,6 +234,9 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 served_s=served_s,
                 start=sketched.tours,
             )
+            left[order, number] = set(programme.left)
+            if number and not left[order, number] <= left[order, number - 1]:
+                raise StrategyError("Tractors that work apart leave lines which they work together.")
             stops = supply and all(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
