@@ -215,7 +215,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     if tractors > 1 and not strategy.beside and not moves.starts:
         shares += list_deals_apart(moves.lines, deal.allowed)
 
-    left = dict[tuple[str, int], set[int]]()
+    left_m2 = dict[tuple[str, int], float]()
 
     def sketch(order: str, number: int = 0) -> SketchedPlan:
         allowed, table = shares[number], MoveTable(moves)
@@ -234,8 +234,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 served_s=served_s,
                 start=sketched.tours,
             )
-            left[order, number] = set(programme.left)
-            if number and not left[order, number] <= left[order, number - 1]:
+            left_m2[order, number] = math.fsum(moves.lines[line].own_m2 for line in programme.left)
+            if number and left_m2[order, number] > left_m2[order, 0] + MENTIONED_M2:
                 raise StrategyError("Tractors that work apart leave lines which they work together.")
             stops = supply and all(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
