@@ -20,7 +20,19 @@ from planner.fleet.safety.possible_area import PossibleArea
 from tests.benchmarks import lies
 from tests.benchmarks.clean_fleets import drive
 from tests.service.fleets import fleet_plan, restart_manager, start_fleet
-from tests.service.liars import FIELDS, LIES_S, LONG, SPEED_MPS, STATED, Scene, freeze, lose_operator, meet, stop
+from tests.service.liars import (
+    FIELDS,
+    HIDDEN,
+    LIES_S,
+    LONG,
+    SPEED_MPS,
+    STATED,
+    Scene,
+    freeze,
+    lose_operator,
+    meet,
+    stop,
+)
 from tests.service.test_neighbours import NORTH, SOUTH, Ground, alarms, lane
 
 FROZEN = [freeze("easting_m"), freeze("northing_m")]
@@ -37,6 +49,26 @@ def test_who_says_it_stands_while_its_positions_go_on_drives_on_and_its_area_gro
     scene.run(3.0)
     assert doubt.radius_m == pytest.approx(13.0 * SPEED_MPS, abs=0.5)
     assert math.dist(scene.robots[0].place[:2], doubt.pose[:2]) <= doubt.radius_m + 0.3, "it is where it may be"
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_clock_that_leaps_and_rare_reports_hide_nothing(name: str) -> None:
+    scene = stop(HIDDEN[name], seconds=12.0)
+    assert scene.seen["contradiction (warning)"] < 8.0 and scene.seen["drives on"] < 10.0
+    still = stop(HIDDEN[name][1:], obeys=True)
+    assert "contradiction (warning)" not in still.seen and still.state.doubt is None
+
+
+def test_the_time_of_states_that_waited_counts_and_that_of_a_clock_that_was_set_does_not() -> None:
+    """2 m/s for a minute: 5 s without a link and all states after it, and a clock set forward and back."""
+    motion = CredibleMotion(1.1, 3.0)
+    for number in range(600):
+        now = 0.1 * number
+        arrived_s = 25.0 if 20.0 <= now < 25.0 else now
+        told_s = now + (3600.0 if 30.0 <= now < 40.0 else 0.0)
+        report = TractorReport(0.0, 2.0 * now, math.pi / 2, 2.0, mode=AUTOMATIC)
+        motion.add_report(report, np.array([0.0, 2.0 * now, math.pi / 2]), told_s, arrived_s)
+    assert motion.doubt is None
 
 
 def test_one_that_obeys_and_tells_the_truth_is_neither_doubted_nor_told_of() -> None:
@@ -135,7 +167,7 @@ def test_the_time_to_a_doubt_is_that_in_which_the_difference_exceeds_the_noise(s
         now = 0.1 * number
         shown_m = speed_mps * min(now, froze_s)
         report = TractorReport(0.0, shown_m, math.pi / 2, speed_mps, mode=AUTOMATIC)
-        motion.add_report(report, np.array([0.0, speed_mps * now, math.pi / 2]), now)
+        motion.add_report(report, np.array([0.0, speed_mps * now, math.pi / 2]), now, now)
         if motion.doubt is not None:
             break
     waited_s = now - froze_s
@@ -154,7 +186,7 @@ def test_the_suspect_is_whom_the_others_contradict() -> None:
             now += 0.1
             position_m, speed_mps, leg_m = moved[0] * now, moved[1], moved[2] * now
             report = TractorReport(0.0, position_m, math.pi / 2, speed_mps, mode=AUTOMATIC)
-            motion.add_report(report, np.array([0.0, leg_m, math.pi / 2]), now)
+            motion.add_report(report, np.array([0.0, leg_m, math.pi / 2]), now, now)
         assert motion.doubt is not None and motion.doubt.suspect == suspect
 
 
@@ -164,7 +196,7 @@ def test_the_credible_speed_of_one_that_leaps_and_boasts_is_one_that_tractors_ha
         speed_mps = 1.0 if number < 50 else 49.0
         moved_m += 0.1 * speed_mps * (1.0 if number < 50 else 4.0)
         report = TractorReport(0.0, moved_m, math.pi / 2, speed_mps, mode=AUTOMATIC)
-        motion.add_report(report, np.array([0.0, moved_m, math.pi / 2]), 0.1 * number)
+        motion.add_report(report, np.array([0.0, moved_m, math.pi / 2]), 0.1 * number, 0.1 * number)
     assert motion.doubt is not None and 1.0 <= motion.doubt.speed_mps <= 50.0 / 3.6
 
 
@@ -174,7 +206,7 @@ def test_an_error_that_leaps_as_corrections_are_lost_is_no_doubt_and_one_that_no
         for number in range(200):
             now = 0.1 * number
             report = TractorReport(leap_m if now > 5.0 else 0.0, now, math.pi / 2, 1.0, mode=AUTOMATIC)
-            motion.add_report(report, np.array([0.0, now, math.pi / 2]), now)
+            motion.add_report(report, np.array([0.0, now, math.pi / 2]), now, now)
         assert (motion.doubt is not None) == is_doubted
 
 
@@ -227,7 +259,7 @@ def test_a_fleet_in_local_metres_beside_one_with_coordinates_stands_until_an_ope
 @pytest.mark.slow
 def test_the_table_of_the_threat_model_is_what_is_noticed() -> None:
     guide = (Path(planner.guide.__file__).parent / "threat-model.md").read_text("utf-8")
-    assert lies.format_table([(), *((name,) for name in FIELDS)]) in guide
+    assert lies.format_table(lies.ROWS) in guide
 
 
 @pytest.mark.matrix

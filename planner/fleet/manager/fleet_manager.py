@@ -51,7 +51,9 @@ class FleetManager(FleetState):
         super().__init__(plan, rules, twins)
         self.obstacle_reports, self.dangers = ObstacleReports(self), DangerWatch(self)
         self.operators = OperatorOrders(self, self.obstacle_reports)
-        self.motions = [CredibleMotion(plan.tractor.antenna_forward_m, rules.rejoin_m) for _ in self.states]
+        self.motions = [
+            CredibleMotion(plan.tractor.antenna_forward_m, rules.rejoin_m, rules.times) for _ in self.states
+        ]
         self._doubted_since_s: dict[int, float] = {}
         self._watched_at_s = -math.inf
 
@@ -168,8 +170,10 @@ class FleetManager(FleetState):
         leg_pose = None
         if is_place_possible and report.mode not in BY_HAND:
             leg_pose = state.mission.sample_poses(report.leg, report.leg_m, [0.0], state.base_end)[0]
-        motion.add_report(report, leg_pose, report.time_s * self.rules.times)
+        motion.add_report(report, leg_pose, self.rules.times * report.time_s, self.rules.times * now)
         state.is_moving_unreported = motion.is_moving_unreported
+        if state.doubt is not None:
+            state.doubt.speed_mps = max(state.doubt.speed_mps, motion.measure_speed_mps())
         if state.doubt is None and motion.doubt is not None:
             self.raise_alarm("contradiction", number, WARNING, describe_doubt(number, motion.doubt), now)
             self._start_doubt(number, motion.doubt, now)
