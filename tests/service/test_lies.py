@@ -119,7 +119,55 @@ def test_a_doubt_outlives_a_restart_of_the_service() -> None:
     again.update_fleet(0.0)
     doubt = again.states[0].doubt
     assert Hold.DOUBTED in again.states[0].holds and doubt is not None
-    assert doubt.radius_m == pytest.approx(60.0 * SPEED_MPS, abs=0.5)
+    assert doubt.radius_m == pytest.approx(65.0 * SPEED_MPS, abs=0.5)
+    assert doubt.pose == scene.state.doubt.pose and doubt.speed_mps == scene.state.doubt.speed_mps
+
+
+@pytest.mark.parametrize("order", ["fail", "leave out"])
+def test_one_in_doubt_that_fails_or_is_left_out_stays_in_doubt_until_an_operator_looked(order: str) -> None:
+    fleet = start_fleet(fleet_plan(2, 10))
+    fleet.run(5.0)
+    manager, pose = fleet.manager, (0.0, fleet.at_m[0], math.pi / 2)
+    manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, pose, 1.0), fleet.now)
+    fleet.run(30.0)
+    if order == "fail":
+        manager.operators.mark_failed("anna", 0, fleet.now)
+    else:
+        manager.operators.adopt_plan("anna", manager.plan, fleet.now, [0])
+    fleet.run(1.0)
+    doubt = manager.states[0].doubt
+    assert doubt is not None and doubt.radius_m == pytest.approx(31.0)
+    assert Hold.TOO_NEAR in manager.states[1].holds and "looked" not in fleet.events
+    (alarm,) = [alarm for alarm in manager.alarms.list_alarms() if alarm.code == "contradiction"]
+    manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, fleet.now)
+    fleet.run(10.0)
+    assert manager.states[0].doubt is None and fleet.standing == [True, False]
+
+
+def test_who_says_it_looked_by_the_alarm_does_not_let_the_tractor_drive() -> None:
+    fleet = start_fleet(fleet_plan(2, 10))
+    fleet.run(5.0)
+    fleet.manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, (0.0, fleet.at_m[0], math.pi / 2), 1.0), fleet.now)
+    fleet.run(1.0)
+    (alarm,) = fleet.manager.alarms.list_alarms()
+    fleet.manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, fleet.now)
+    fleet.run(2.0)
+    assert fleet.manager.states[0].doubt is None and fleet.standing == [True, False]
+    fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
+    fleet.run(2.0)
+    assert fleet.standing == [False, False]
+
+
+def test_the_area_grows_with_the_greatest_credible_speed_since_the_doubt_began() -> None:
+    motion, moved_m = CredibleMotion(1.1, 3.0), 0.0
+    for number in range(400):
+        now, speed_mps = 0.1 * number, 0.3 if number < 200 else 3.0
+        moved_m += 0.1 * speed_mps
+        report = TractorReport(0.0, moved_m, math.pi / 2, 0.0, mode=AUTOMATIC)  # it says that it stands
+        motion.add_report(report, None, now, now)
+        if number == 199:
+            assert motion.doubt is not None and motion.measure_speed_mps() == pytest.approx(0.3)
+    assert motion.measure_speed_mps() == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("name", ["speed_mps", "positions", "leg", "all it says of standing"])

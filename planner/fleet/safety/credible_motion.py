@@ -198,9 +198,12 @@ class CredibleMotion:
     def measure_speed_mps(self) -> float:
         """The greatest speed that a witness shows now, over the last reports, of those that tractors have."""
         moved = self._sums - self._kept[max(int(self._counts[0]) - 1 - STRIDE, 0) % KEPT_COUNT]
-        lengths_m = [float(np.hypot(*moved[column : column + 2])) for column in (POSITION, DRIVEN, LEG)]
-        speeds_mps = [abs(float(self._report[4])), *(length_m / max(moved[TIME], KEPT_S) for length_m in lengths_m)]
-        return float(max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0))
+        speeds_mps = [abs(float(self._report[4]))]
+        if moved[TIME] >= KEPT_S:
+            speeds_mps += [
+                float(np.hypot(*moved[column : column + 2]) / moved[TIME]) for column in (POSITION, DRIVEN, LEG)
+            ]
+        return max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0)
 
     def _judge(self) -> None:
         """Whether it moves more than it says, and whether it is in doubt from now on."""
