@@ -123,6 +123,15 @@ def test_a_doubt_outlives_a_restart_of_the_service() -> None:
     assert doubt.pose == scene.state.doubt.pose and doubt.speed_mps == scene.state.doubt.speed_mps
 
 
+def test_who_drives_fast_is_belied_by_its_progress_alone() -> None:
+    """At 4 m/s each step of progress is more than the noise of one."""
+    motion = CredibleMotion(1.1, 3.0)
+    for number in range(50):
+        leg_pose = np.array([0.0, 0.4 * number, math.pi / 2])
+        motion.add_report(TractorReport(0.0, 0.0, math.pi / 2, 0.0), leg_pose, 0.1 * number, 0.1 * number)
+    assert motion.doubt is not None and motion.doubt.suspect == PROGRESS
+
+
 @pytest.mark.parametrize("order", ["fail", "leave out"])
 def test_one_in_doubt_that_fails_or_is_left_out_stays_in_doubt_until_an_operator_looked(order: str) -> None:
     fleet = start_fleet(fleet_plan(2, 10))

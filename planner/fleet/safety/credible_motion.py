@@ -66,11 +66,9 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
     limit_m = compute_limit_m(step[TIME], step[DISTANCE]) + step[SLACK]
     for column in (TIME, DISTANCE, SLACK):
         sums[column] += step[column]
-    for column in (POSITION, LEG):
-        is_leap = math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
-        is_leap = is_leap and (
-            column == POSITION or step[SLACK] == 0.0
-        )  # over a gap progress may be far, and is no error
+    is_leap = True
+    for column in (POSITION, LEG):  # progress leaps with positions, or not
+        is_leap = is_leap and math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
         for axis in range(2):
             sums[column + axis] += step[DRIVEN + axis] if is_leap else step[column + axis]
     for axis in range(2):
@@ -201,7 +199,7 @@ class CredibleMotion:
         speeds_mps = [abs(float(self._report[4]))]
         if moved[TIME] >= KEPT_S:
             speeds_mps += [
-                float(np.hypot(*moved[column : column + 2]) / moved[TIME]) for column in (POSITION, DRIVEN, LEG)
+                float(np.hypot(*moved[column : column + 2]) / moved[TIME]) for column in (RAW_POSITION, DRIVEN, LEG)
             ]
         return max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0)
 
