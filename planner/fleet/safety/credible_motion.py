@@ -195,12 +195,16 @@ class CredibleMotion:
 
     def measure_speed_mps(self) -> float:
         """The greatest speed that a witness shows now, over the last reports, of those that tractors have."""
-        moved = self._sums - self._kept[max(int(self._counts[0]) - 1 - STRIDE, 0) % KEPT_COUNT]
-        speeds_mps = [abs(float(self._report[4]))]
+        place = max(int(self._counts[0]) - 1 - STRIDE, 0) % KEPT_COUNT
+        moved, then, now = self._sums - self._kept[place], self._kept_reports[place], self._report
+        speeds_mps = [abs(float(now[4]))]
         if moved[TIME] >= KEPT_S:
-            speeds_mps += [
-                float(np.hypot(*moved[column : column + 2]) / moved[TIME]) for column in (RAW_POSITION, DRIVEN, LEG)
-            ]
+            lengths_m = (
+                np.hypot(*moved[DRIVEN : DRIVEN + 2]),
+                math.dist(now[1:3], then[1:3]),
+                math.dist(now[5:7], then[5:7]),
+            )
+            speeds_mps += [float(length_m / moved[TIME]) for length_m in lengths_m]
         return max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0)
 
     def _judge(self) -> None:
