@@ -23,7 +23,6 @@ import numpy as np
 from planner.fleet.safety.credible_motion import (
     COLUMN_COUNT,
     KEPT_COUNT,
-    LONGEST_STEP_S,
     PAIR_COUNT,
     REPORT_SIZE,
     add_motion_step,
@@ -111,9 +110,8 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
         report[5], report[6], report[7] = pose[0], pose[1], pose[2]
         if away_s > 0.0 and number % 2 == 0:
             continue  # of the states that waited for the link only every second is kept
-        if not report[0] - before[0] <= LONGEST_STEP_S:
-            sums[:], counts[0], counts[1] = 0.0, 1, 0
-            kept[0] = sums
+        if counts[0] == 0:
+            counts[0] = 1
         else:
             measure_motion_step(before, report, ANTENNA_M, step)
             add_motion_step(step, biases_m, True, sums, kept, counts, found)

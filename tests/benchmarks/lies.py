@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 
-from tests.service.liars import FIELDS, Scene, lose_operator, meet, stop
+from tests.service.liars import FIELDS, HIDDEN, Scene, lose_operator, meet, stop
 
 SCENES: dict[str, Callable[..., tuple[Scene, float]]] = {
     "stop_all": lambda lies: (stop(lies), 0.0),
@@ -23,8 +23,11 @@ SCENES: dict[str, Callable[..., tuple[Scene, float]]] = {
 @cache
 def watch(scene: str, names: tuple[str, ...]) -> tuple[dict[str, float], float]:
     """The seconds from the lie to each alarm, and the metres between the antennas as the other fleet stands."""
-    seen, apart_m = SCENES[scene]([FIELDS[name] for name in names])
+    seen, apart_m = SCENES[scene]([lie for name in names for lie in HIDDEN.get(name) or [FIELDS[name]]])
     return seen.seen, apart_m
+
+
+ROWS: list[tuple[str, ...]] = [(), *((name,) for name in (*FIELDS, *HIDDEN))]
 
 
 def format_cell(scene: str, names: tuple[str, ...]) -> str:
@@ -45,13 +48,13 @@ def format_table(rows: Sequence[tuple[str, ...]]) -> str:
     """The table of the guide, a row for each lie."""
     lines = ["| lies in | " + " | ".join(SCENES) + " |", "|---" * (1 + len(SCENES)) + "|"]
     for names in rows:
-        title = " and ".join(f"`{name}`" for name in names) or "nothing"
+        title = " and ".join(name if name in HIDDEN else f"`{name}`" for name in names) or "nothing"
         lines.append("| " + " | ".join([title, *(format_cell(scene, names) for scene in SCENES)]) + " |")
     return "\n".join(lines)
 
 
 def main() -> None:
-    rows: list[tuple[str, ...]] = [(), *((name,) for name in FIELDS)]
+    rows = ROWS
     if "--pairs" in sys.argv:
         rows = list(itertools.combinations(FIELDS, 2))
     for row in rows:

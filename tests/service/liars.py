@@ -60,6 +60,18 @@ def run_ahead(frame: Frame, first: Frame) -> None:
     frame["leg_m"] += frame["leg_m"] - first["leg_m"]
 
 
+def leap_in_time(frame: Frame, first: Frame) -> None:
+    """Its clock leaps to and fro by more than reports are apart that are compared by their speed."""
+    if frame["sequence"] % 2:
+        frame["time"] = format_time(datetime.fromisoformat(frame["time"]).timestamp() + 1.2)
+
+
+def report_rarely(frame: Frame, first: Frame) -> None:
+    """It reports every 1.1 s."""
+    if (frame["sequence"] - first["sequence"]) % 11:
+        frame.clear()
+
+
 FIELDS: dict[str, Lie] = {
     "id": say("id", "another"),
     "sequence": freeze("sequence"),
@@ -84,6 +96,11 @@ FIELDS: dict[str, Lie] = {
 }
 STATED = {"speed_mps": FIELDS["speed_mps"], "mode": FIELDS["mode"], "speed_command_mps": FIELDS["speed_command_mps"]}
 """What a robot says that claims to stand."""
+HIDDEN: dict[str, list[Lie]] = {
+    "`speed_mps`, and `time` leaps to and fro": [FIELDS["speed_mps"], leap_in_time],
+    "`speed_mps`, and a report every 1.1 s": [FIELDS["speed_mps"], report_rarely],
+}
+"""Lies that hide behind gaps of time."""
 
 
 def format_time(clock_s: float) -> str:
@@ -235,6 +252,8 @@ class Scene:
 
     def _send(self, fleet: FleetSession, robot: LyingRobot) -> None:
         frame = robot.report(self.now)
+        if not frame:
+            return
         try:
             fleet.take_state(robot.client, StateFrame.model_validate_json(json.dumps(frame)), self.now)
         except ValueError:

@@ -15,6 +15,7 @@ import pytest
 
 import planner.fleet
 from planner.fleet.manager.danger_watch import NEAR_FLEET, UNKNOWN_GROUND
+from planner.fleet.manager.fleet_state import DOUBT_CODE
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
 from planner.fleet.manager.operator_orders import NEIGHBOUR_STOPPED, RESTARTED
 from planner.fleet.model.alarms import CRITICAL, WARNING, AlarmRegister
@@ -371,6 +372,6 @@ def test_every_kind_of_alarm_is_in_the_document_of_frames() -> None:
     source = "\n".join(path.read_text("utf-8") for path in root.rglob("*.py"))
     raised = set(re.findall(r'\braise_alarm\(\s*f?"([a-z ]+?) ?[{"]', source))
     by_name = {"near", UNREADABLE_CODE, FINDING, "fence", RESTARTED, NEIGHBOUR_STOPPED, NEAR_FLEET, UNKNOWN_GROUND}
-    by_name.add(UNRECORDED)
+    by_name |= {UNRECORDED, DOUBT_CODE}
     assert raised | by_name == set(get_args(AlarmCode)) and len(raised) > 8
     assert "unread obstacle" in json.dumps(build_asyncapi_document()["components"]["schemas"]["AlarmItem"])

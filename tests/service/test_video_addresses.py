@@ -59,6 +59,7 @@ def test_http_and_paths_are_addresses(address: str) -> None:
     [
         ("rtsp://camera/1", "which know no RTSP"), ("javascript:alert(1)", "neither http nor https"),
         ("data:image/png;base64,AA", "letters, digits"), ("//camera/1", "begin it with http"), ("", "letters, digits"),
+        ("///camera/1", "begin it with http"),
         ("http://a b/", "letters, digits"), ("http://camera; script-src *", "letters, digits"),
         ("http://camera,http://other/", "letters, digits"), ("http://anna:secret@camera/1", "user or password"),
         ("http:///1", "names no host"), ("http://*/1", "names no host"), ("http://camera:99999/", "host and port"),

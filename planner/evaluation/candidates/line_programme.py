@@ -141,7 +141,9 @@ def _compose_sketch(
     context.time_share.check()
     one = compose()
     may_rest = context.going_on is not None and context.going_on.may_rest
-    if not any(one.programme.tours) or not (may_rest or all(one.programme.tours)):
+    if may_rest and not any(one.programme.tours):
+        raise StrategyError("What is left is not worth a drive.")
+    if not may_rest and not all(one.programme.tours):
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."

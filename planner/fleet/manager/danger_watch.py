@@ -118,6 +118,8 @@ class DangerWatch:
                 f"s {first + 1} and {second + 1}" if isinstance(second, int) else f" {first + 1} and {names[second]}"
             )
             sentence = f"Tractor{pair_text} will come within {danger.distance_m:.2f} m in {danger.in_s:.1f} s."
+            if danger.distance_m < 0.0:  # from where one in doubt may be
+                sentence = f"Tractor{pair_text} may be too near in {danger.in_s:.1f} s: the place of one is in doubt."
             hold, code = Hold.TOO_NEAR, build_proximity_alarm_code(second)
         self.fleet.raise_alarm(code, first, CRITICAL if danger.is_urgent else WARNING, sentence, now)
         if danger.is_urgent:

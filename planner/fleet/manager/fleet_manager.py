@@ -9,7 +9,7 @@ import math
 
 from planner.fleet.manager.danger_watch import DangerWatch
 from planner.fleet.manager.finish_forecast import forecast_finish_s
-from planner.fleet.manager.fleet_state import DONE, FLEET_MANAGER, RUNNING, FleetState
+from planner.fleet.manager.fleet_state import DONE, DOUBT_CODE, FLEET_MANAGER, RUNNING, FleetState
 from planner.fleet.manager.obstacle_reports import ObstacleReports
 from planner.fleet.manager.operator_orders import OperatorOrders
 from planner.fleet.model.alarms import CRITICAL, WARNING
@@ -21,7 +21,6 @@ from planner.fleet.model.tractor_state import (
     BROKEN,
     BY_HAND,
     MANUAL,
-    POSITIONS,
     REMOTE,
     Hold,
     MotionDoubt,
@@ -31,6 +30,7 @@ from planner.fleet.model.tractor_state import (
 from planner.fleet.safety.base_release import compute_base_end
 from planner.fleet.safety.compliance import (
     REPEAT_STOP_S,
+    build_area_doubt,
     describe_doubt,
     find_impossible_place_reason,
     is_disobeying,
@@ -51,8 +51,9 @@ class FleetManager(FleetState):
         super().__init__(plan, rules, twins)
         self.obstacle_reports, self.dangers = ObstacleReports(self), DangerWatch(self)
         self.operators = OperatorOrders(self, self.obstacle_reports)
-        self.motions = [CredibleMotion(plan.tractor.antenna_forward_m, rules.rejoin_m) for _ in self.states]
-        self._doubted_since_s: dict[int, float] = {}
+        self.motions = [
+            CredibleMotion(plan.tractor.antenna_forward_m, rules.rejoin_m, rules.times) for _ in self.states
+        ]
         self._watched_at_s = -math.inf
 
     def connect_tractor(self, number: int, now: float) -> None:
@@ -168,33 +169,31 @@ class FleetManager(FleetState):
         leg_pose = None
         if is_place_possible and report.mode not in BY_HAND:
             leg_pose = state.mission.sample_poses(report.leg, report.leg_m, [0.0], state.base_end)[0]
-        motion.add_report(report, leg_pose, report.time_s * self.rules.times)
+        motion.add_report(report, leg_pose, self.rules.times * report.time_s, self.rules.times * now)
         state.is_moving_unreported = motion.is_moving_unreported
+        if state.doubt is not None:
+            state.doubt.speed_mps = max(state.doubt.speed_mps, motion.measure_speed_mps())
         if state.doubt is None and motion.doubt is not None:
-            self.raise_alarm("contradiction", number, WARNING, describe_doubt(number, motion.doubt), now)
             self._start_doubt(number, motion.doubt, now)
 
     def _start_doubt(self, number: int, doubt: MotionDoubt, now: float) -> None:
         """Hold a tractor in doubt until an operator has looked; others keep away from where it may be."""
         self.states[number].doubt = doubt
-        self._doubted_since_s[number] = now - doubt.over_s / self.rules.times
+        doubt.since_s = now - doubt.over_s / self.rules.times
+        self.raise_alarm(DOUBT_CODE, number, WARNING, describe_doubt(number, doubt), now)
         self.hold_tractor(number, Hold.DOUBTED, is_logged=True)
 
     def _update_doubt(self, number: int, now: float) -> None:
         """Let the area of a doubted tractor grow; the doubt ends with its hold, which an operator ends."""
         state = self.states[number]
         if Hold.DOUBTED not in state.holds:
-            self.alarms.end_alarm("contradiction", number)
+            self.alarms.end_alarm(DOUBT_CODE, number)
             if state.doubt is not None:
                 state.doubt, state.is_moving_unreported = None, False
                 self.motions[number].restart()
             return
-        if state.doubt is None and state.report is not None:  # after a restart of the service
-            state.doubt = _build_area_doubt(state.report, state.mission.fastest_mps)
-            self._doubted_since_s[number] = state.last_fix_s
         if state.doubt is not None:
-            seconds = self.rules.times * (now - self._doubted_since_s[number])
-            state.doubt.radius_m = state.doubt.speed_mps * seconds
+            state.doubt.radius_m = state.doubt.speed_mps * self.rules.times * (now - state.doubt.since_s)
 
     def _compute_driving_s(self, previous: TractorReport | None, report: TractorReport, silent_s: float) -> float:
         """Seconds (simulated clock) that a tractor drove by its own guidance since its last report.
@@ -268,7 +267,7 @@ class FleetManager(FleetState):
         self.raise_alarm("drives on", number, CRITICAL, sentence, now)
         if state.doubt is None and state.report is not None and state.mode != MANUAL:  # else a driver looks
             state.stop_repeated_s = now
-            self._start_doubt(number, _build_area_doubt(state.report, state.report.speed_mps), now)
+            self._start_doubt(number, build_area_doubt(state.report, state.report.speed_mps), now)
         if now - state.stop_repeated_s >= REPEAT_STOP_S:
             state.stop_repeated_s = now
             self.stop_tractor(number, next(iter(sorted(state.holds)), "not started"))
@@ -344,11 +343,6 @@ class FleetManager(FleetState):
         if twin_place is None or state.mode != AUTOMATIC or state.done:
             return None
         return state.mission.locate_ahead(state.leg, state.leg_m, state.base_end, twin_place)
-
-
-def _build_area_doubt(report: TractorReport, speed_mps: float) -> MotionDoubt:
-    """The doubt of a tractor that is at the place of its report, and may go anywhere from there."""
-    return MotionDoubt(POSITIONS, 0.0, {}, (report.x_m, report.y_m, report.heading_rad), speed_mps)
 
 
 def _advance_progress(state: TractorState, report: TractorReport, driving_s: float) -> None:

@@ -175,6 +175,7 @@ class CoverageMap:
 
 
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
+DOUBT_CODE = "contradiction"  # of the alarm of a tractor in doubt
 FLEET_MANAGER = "centre"
 
 
@@ -247,6 +248,12 @@ class FleetState:
             if is_logged:
                 self.log_event(FLEET_MANAGER, hold, tractor=number + 1)
             self.stop_tractor(number, hold)
+
+    def end_doubt(self, who: str, number: int) -> None:
+        """An operator answers for the place of a tractor whose reports contradicted each other."""
+        if Hold.DOUBTED in self.states[number].holds:
+            self.states[number].holds.discard(Hold.DOUBTED)
+            self.log_event(who, "looked", tractor=number + 1)
 
     def hold_tractors_at_gates(self) -> None:
         """Hold tractors that a replanned plan makes wait where they stand, until their gates open."""

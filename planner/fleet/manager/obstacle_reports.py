@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from planner.fleet.manager.fleet_state import FleetObstacle, FleetState, Ring
+from planner.fleet.manager.fleet_state import DOUBT_CODE, FleetObstacle, FleetState, Ring
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.tractor_state import Hold
@@ -26,6 +26,8 @@ LOOK_DELAY_S = 1.0  # after a report, in which nobody can have looked
 CLEARED_RADIUS_M = 15.0  # around the place that an operator has looked at
 SETTLED_S = 2.0  # without an unreadable frame, after which a readable one replaces it
 UNREADABLE_CODE = "unread obstacle"
+LOOKED_AT = {UNREADABLE_CODE: Hold.UNREADABLE, DOUBT_CODE: Hold.DOUBTED}
+"""Alarms that operators acknowledge once they have looked, and the holds that this ends."""
 
 
 class ObstacleReports:
@@ -114,10 +116,11 @@ class ObstacleReports:
             )
 
     def find_tractor_held_by_alarm(self, alarm: int) -> int | None:
-        """The tractor that resumes once this alarm is acknowledged; None for all other alarms."""
+        """The tractor that is looked at by acknowledging this alarm; None for all other alarms."""
         for item in self.fleet.alarms.list_alarms():
-            if item.id == alarm and item.code == UNREADABLE_CODE and item.tractor is not None:
-                return item.tractor if Hold.UNREADABLE in self.fleet.states[item.tractor].holds else None
+            hold = LOOKED_AT.get(item.code)
+            if item.id == alarm and hold is not None and item.tractor is not None and not item.over:
+                return item.tractor if hold in self.fleet.states[item.tractor].holds else None
         return None
 
     def _end_hold(self, number: int) -> None:
@@ -133,12 +136,18 @@ class ObstacleReports:
         self.fleet.update_blocked_legs()
 
     def acknowledge_alarm(self, who: str, alarm: int, now: float) -> None:
-        """Acknowledge an alarm; for an unreadable obstacle that resumes the tractor.
+        """Acknowledge an alarm; for an unreadable obstacle that resumes the tractor. For one whose place is in doubt it
+        ends the doubt, and the tractor stands until it is resumed.
 
         Raises FleetManagerError as check_inspection_possible, or if there is no such alarm.
         """
         number = self.find_tractor_held_by_alarm(alarm)
-        if number is not None:
+        doubt = self.fleet.alarms.find_alarm_on(DOUBT_CODE, number)
+        if number is not None and doubt is not None and doubt.id == alarm:
+            if Hold.REMOTE_CONTROL not in self.fleet.states[number].holds:  # which holds it as well
+                self.fleet.hold_tractor(number, Hold.PAUSED)
+            self.fleet.end_doubt(who, number)
+        elif number is not None:
             self.confirm_inspection(who, number, now)
         self.fleet.alarms.acknowledge(alarm, who)
         self.fleet.log_event(who, "acknowledge", alarm=alarm)

@@ -64,7 +64,7 @@ class OperatorOrders:
         self._end_fleet_alarms()
         if number is not None:
             self.obstacle_reports.confirm_inspection(who, number, now)
-            self._end_doubt(who, number)
+            self.fleet.end_doubt(who, number)
         if self.fleet.state in (READY, STOPPED) and number is None:
             self.fleet.started_s = now if self.fleet.started_s is None else self.fleet.started_s
             self.fleet.state = RUNNING
@@ -121,12 +121,6 @@ class OperatorOrders:
             "of them, or one after the other."
         )
         self.fleet.raise_alarm(RESTARTED, None, WARNING, sentence, now)
-
-    def _end_doubt(self, who: str, number: int) -> None:
-        """An operator answers for the place of a tractor whose reports contradicted each other."""
-        if Hold.DOUBTED in self.fleet.states[number].holds:
-            self.fleet.states[number].holds.discard(Hold.DOUBTED)
-            self.fleet.log_event(who, "looked", tractor=number + 1)
 
     def _end_fleet_alarms(self) -> None:
         """End the alarms of a standing fleet once it does not stand any more."""
@@ -236,7 +230,6 @@ class OperatorOrders:
         self.fleet.states[number].failed = True
         self.fleet.states[number].holds.add(Hold.FAILED)
         self.fleet.stop_tractor(number, Hold.FAILED)
-        self._end_doubt(who, number)
         holder = self.fleet.control_leases.get_holder(number)
         if holder is not None:
             self.fleet.control_leases.end_lease_of(number, holder)

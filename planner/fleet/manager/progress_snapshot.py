@@ -9,7 +9,8 @@ from typing import Any
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED
 from planner.fleet.model.alarms import FleetAlarm
-from planner.fleet.model.tractor_state import Hold, TractorReport, TractorState
+from planner.fleet.model.tractor_state import Hold, MotionDoubt, TractorReport, TractorState
+from planner.fleet.safety.compliance import build_area_doubt
 
 LASTING_FIELDS = {
     "leg": "leg",
@@ -36,6 +37,7 @@ def capture_progress(manager: FleetManager, now: float, clock_s: float) -> dict[
         "tractors": [
             {key: getattr(state, name) for key, name in LASTING_FIELDS.items()}
             | {"holds": sorted(state.holds - TRANSIENT_HOLDS), "last": _capture_last_report(state, now, clock_s)}
+            | {"doubt": _capture_doubt(state, now, clock_s)}
             for state in manager.states
         ],
         "obstacles": [
@@ -54,6 +56,11 @@ def _capture_last_report(state: TractorState, now: float, clock_s: float) -> dic
         return None
     contact = {"clock_s": clock_s - (now - state.last_fix_s), "said_goodbye": state.has_disconnected}
     return {"report": asdict(state.report)} | contact
+
+
+def _capture_doubt(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | None:
+    """The doubt of a tractor, since seconds since 1970; None without one."""
+    return None if state.doubt is None else asdict(state.doubt) | {"since_s": clock_s - (now - state.doubt.since_s)}
 
 
 def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, clock_s: float) -> None:
@@ -97,3 +104,10 @@ def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: floa
         state.report = TractorReport(**report | {"errors": tuple(report["errors"])})
         state.last_contact_s = state.last_fix_s = last["clock_s"] + offset_s
         state.has_disconnected = last["said_goodbye"]
+    doubt = values.get("doubt")
+    if doubt is not None:
+        place = {"pose": tuple(doubt["pose"]), "since_s": doubt["since_s"] + offset_s}
+        state.doubt = MotionDoubt(**doubt | place)
+    elif Hold.DOUBTED in state.holds and state.report is not None:  # saved by an earlier version
+        state.doubt = build_area_doubt(state.report, state.mission.fastest_mps)
+        state.doubt.since_s = state.last_fix_s

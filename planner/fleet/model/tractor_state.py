@@ -105,7 +105,7 @@ class MotionDoubt:
     showed `moved_m` over `over_s` (simulated clock).
 
     Until an operator has looked the tractor may be anywhere within `radius_m` of `pose`, where it was before:
-    `speed_mps`, the last credible speed, times the seconds since then.
+    `speed_mps`, the greatest credible speed since then, times the seconds since `since_s` (fleet manager's clock).
     """
 
     suspect: str
@@ -114,6 +114,7 @@ class MotionDoubt:
     pose: tuple[float, float, float]
     speed_mps: float
     radius_m: float = 0.0
+    since_s: float = 0.0
 
 
 @dataclass

@@ -159,14 +159,15 @@ def _join_missions(
     remaining: RemainingWork, ends: Sequence[int], helpers: Sequence[_Helper], composed: ComposedPlan
 ) -> list[tuple[Leg, ...]]:
     """All legs of every tractor: those it keeps, and the new ones with gates by tractors and legs of the fleet."""
-    legs = [
-        [drop_open_gates(leg, remaining) for leg in state.mission.legs[:end]]
+    kept = [
+        tuple(drop_open_gates(leg, remaining) for leg in state.mission.legs[:end])
         for state, end in zip(remaining.states, ends, strict=True)
     ]
+    legs = [list(each) for each in drop_stale_gates(kept, ends)]  # what comes after `ends` are other legs
     working = [helper for helper, tour in zip(helpers, composed.programme.tours, strict=True) if tour]
     for helper, mission in zip(working, composed.plan.missions, strict=True):
         legs[helper.number] += [_renumber_gates(leg, working) for leg in mission.legs]
-    return drop_stale_gates([tuple(each) for each in legs], [len(each) for each in legs])
+    return [tuple(each) for each in legs]
 
 
 def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:
@@ -186,6 +187,8 @@ def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: 
         if where is None:
             where = "on the way in" if leg.task.kind == ENTER else _name_line(leg)
         places.append(f"Tractor {number + 1} {'is left out' if number in remaining.excluded else f'is {where}'}.")
+        if state.doubt is not None:
+            places.append(f"Its place is in doubt: it may be up to {state.doubt.radius_m:.0f} m from where it was.")
     left_ha, whole_ha = context.layout.field.area_ha, whole.layout.field.area_ha
     return " ".join([*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left."])
 

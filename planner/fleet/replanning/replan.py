@@ -181,14 +181,18 @@ def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
 
 
 def build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
-    """What no machine may touch: tractors that have failed with the clearance round them, and obstacles.
+    """What no machine may touch: tractors left out, with the clearance round them or where they may be, and obstacles.
 
     `half_m` is half the width of a machine.
     """
     shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
     long_m = context.tractor.length_m
     for number in remaining.excluded:
-        if not remaining.is_on_road(number):
+        doubt = remaining.states[number].doubt
+        if doubt is not None:
+            reach_m = doubt.radius_m + long_m + context.implement.hitch_m + half_m + context.request.clearance_m
+            shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
+        elif not remaining.is_on_road(number):
             x, y, heading = remaining.get_pose(number)
             ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
             tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead

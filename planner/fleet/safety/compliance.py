@@ -84,17 +84,28 @@ def find_impossible_place_reason(report: TractorReport, state: TractorState) -> 
     return None
 
 
+def build_area_doubt(report: TractorReport, speed_mps: float) -> MotionDoubt:
+    """The doubt of a tractor that is at the place of its report, and may go anywhere from there."""
+    return MotionDoubt(POSITIONS, 0.0, {}, (report.x_m, report.y_m, report.heading_rad), speed_mps)
+
+
 def describe_doubt(number: int, doubt: MotionDoubt) -> str:
     """The sentence of the alarm of a tractor in doubt."""
     moved_m = doubt.moved_m
+    if not moved_m:
+        return (
+            f"Tractor {number + 1} moves though it must stand. It is held, and others keep away from where it may be: "
+            "look where it is, then resume it, or acknowledge this if it is not to drive."
+        )
     if PROGRESS in moved_m:
         return (
             f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by "
             f"its positions, {moved_m[SPEED]:.1f} m by its speed and {moved_m[PROGRESS]:.1f} m by its progress. It is "
-            "held, and others keep away from where it may be: look where it is before you resume it."
+            "held, and others keep away from where it may be: look where it is, then resume it, or acknowledge this if "
+            "it is not to drive."
         )
     return (
         f"Tractor {number + 1} contradicts itself: in {doubt.over_s:.1f} s it moved {moved_m[POSITIONS]:.1f} m by its "
         f"positions and {moved_m[SPEED]:.1f} m by its speed. It is held, and others keep away from where it may be: "
-        "look where it is before you resume it."
+        "look where it is, then resume it, or acknowledge this if it is not to drive."
     )

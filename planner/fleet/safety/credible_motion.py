@@ -12,7 +12,11 @@ that of honest tractors, the worst of it always assumed, as a report does not sa
 
 The limit of each difference follows from that noise and from FALSE_DOUBT_H, see `compute_limit_m`. What exceeds it is a
 doubt: it says what each witness shows, from when and where the tractor may be anywhere that its last credible speed
-leads to. Time without reports counts for nothing: it is the link that is judged by it.
+leads to.
+
+How much time is between two reports is what the tractor's clock says, as reports that waited for a link come all at
+once, but no more than the service's clock allows: a clock that goes back, or leaps ahead of the arrivals, does not
+count. Over a longer gap the speed in between is unknown by as much as a tractor can change it.
 """
 
 from __future__ import annotations
@@ -35,10 +39,11 @@ REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.
 NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
 KEPT_S, KEPT_COUNT, STRIDE = 0.25, 256, 4
-LONGEST_STEP_S = 1.0  # between two reports that can be compared, as a link that is silent for longer is broken
+LONGEST_STEP_S = 1.0  # between two reports over which speed is steady; a link that is silent for longer is broken
+SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake, over longer gaps
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
-TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10
+TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
 
@@ -52,17 +57,18 @@ def compute_limit_m(age_s: float, distance_m: float) -> float:
 
 @compile_function
 def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
-    """Add a step to `sums` (10,), keep them in the ring `kept` (n, 10), and find for each pair of witnesses the
+    """Add a step to `sums` (11,), keep them in the ring `kept` (n, 11), and find for each pair of witnesses the
     shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
 
-    `step` (10,) is a time, the displacements by positions, speed and progress, and the distance. `counts` (2,) is how
-    many entries the ring ever got, and since which of them progress has been known.
+    `step` (11,) is a time, the displacements by positions, speed and progress, the distance, and the slack of a gap.
+    `counts` (2,) is how many entries the ring ever got, and since which of them progress has been known.
     """
-    limit_m = compute_limit_m(step[TIME], step[DISTANCE])
-    sums[TIME] += step[TIME]
-    sums[DISTANCE] += step[DISTANCE]
-    for column in (POSITION, LEG):
-        is_leap = math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
+    limit_m = compute_limit_m(step[TIME], step[DISTANCE]) + step[SLACK]
+    for column in (TIME, DISTANCE, SLACK):
+        sums[column] += step[column]
+    is_leap = True
+    for column in (POSITION, LEG):  # progress leaps with positions, or not
+        is_leap = is_leap and math.hypot(step[column] - step[DRIVEN], step[column + 1] - step[DRIVEN + 1]) > limit_m
         for axis in range(2):
             sums[column + axis] += step[DRIVEN + axis] if is_leap else step[column + axis]
     for axis in range(2):
@@ -79,7 +85,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             break
         place = (counts[0] - back) % len(kept)
         then = kept[place]
-        spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE])
+        spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE]) + sums[SLACK] - then[SLACK]
         limit_m = compute_limit_m(sums[TIME] - then[TIME], 0.0) + spread_m
         for pair in range(PAIR_COUNT):
             if found[pair] >= 0 or (pair > 0 and counts[0] - back < counts[1]):
@@ -103,7 +109,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
 
 @compile_function
 def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type: ignore[no-untyped-def]
-    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (10,).
+    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (11,).
 
     `before` and `after` (8,) are a time, the pose of the guided point, velocity, and the pose of the progress, NaN for
     none.
@@ -114,6 +120,8 @@ def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type
     heading_rad = before[3] + 0.5 * turned_rad
     step[DRIVEN], step[DRIVEN + 1] = step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
     step[DISTANCE] = abs(step_m)
+    # between the mean of two speeds and what a tractor that sped up and braked, or the reverse, drove in between
+    step[SLACK] = 0.25 * SPEED_CHANGE_MPS2 * step[TIME] ** 2 if step[TIME] > LONGEST_STEP_S + 1e-6 else 0.0
     step[LEG], step[LEG + 1] = step[DRIVEN], step[DRIVEN + 1]
     for column, pose in ((POSITION, 1), (LEG, 5)):
         if not math.isnan(before[pose] + after[pose]):
@@ -126,10 +134,10 @@ def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type
 
 class CredibleMotion:
     """The motion of one tractor by its reports; `antenna_forward_m` is that of its tractor, `off_leg_m` how far it may
-    be beside its leg. Times are of the simulated clock."""
+    be beside its leg. Times are of the simulated clock, which is `times` as fast as that of the service."""
 
-    def __init__(self, antenna_forward_m: float, off_leg_m: float) -> None:
-        self._antenna_forward_m = antenna_forward_m
+    def __init__(self, antenna_forward_m: float, off_leg_m: float, times: float = 1.0) -> None:
+        self._antenna_forward_m, self._longest_leap_s = antenna_forward_m, LONGEST_STEP_S * times
         self._biases_m = np.array([0.0, off_leg_m, off_leg_m])
         self._step, self._found = np.zeros(COLUMN_COUNT), np.full(PAIR_COUNT, -1)
         self.restart()
@@ -140,19 +148,25 @@ class CredibleMotion:
         self._kept_reports = np.full((KEPT_COUNT, REPORT_SIZE), np.nan)
         self._counts = np.zeros(2, dtype=np.int64)
         self._report, self._previous = np.full(REPORT_SIZE, np.nan), np.full(REPORT_SIZE, np.nan)
-        self._hidden_s = 0.0
+        self._hidden_s, self._late_s = 0.0, 0.0
+        self._dated_s = (math.nan, math.nan)  # the last report, by its own clock and by its arrival
         self.doubt: MotionDoubt | None = None
         self.is_moving_unreported = False
 
-    def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float) -> None:
-        """Add a report of a time, with the pose (3,) of its progress on its leg; None where it follows none."""
+    def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float, arrived_s: float) -> None:
+        """Add a report of a time by the tractor's clock that arrived at one of the service, with the pose (3,) of its
+        progress on its leg; None where it follows none."""
         self._previous, self._report = self._report, self._previous
-        self._report[:5] = time_s, report.x_m, report.y_m, report.heading_rad, report.velocity_mps
+        self._report[:5] = (
+            self._date_report(time_s, arrived_s),
+            report.x_m,
+            report.y_m,
+            report.heading_rad,
+            report.velocity_mps,
+        )
         self._report[5:] = math.nan if leg_pose is None else leg_pose
-        if not time_s - self._previous[0] <= LONGEST_STEP_S:
-            self._sums[:], self._counts[:], self._hidden_s = 0.0, 0, 0.0
-            self.is_moving_unreported = False
-            self._kept[0], self._kept_reports[0], self._counts[0] = self._sums, self._report, 1
+        if math.isnan(self._previous[0]):
+            self._kept_reports[0], self._counts[0] = self._report, 1
             return
         measure_motion_step(self._previous, self._report, self._antenna_forward_m, self._step)
         is_on_leg, kept_before = not math.isnan(self._previous[5] + self._report[5]), int(self._counts[0])
@@ -164,6 +178,34 @@ class CredibleMotion:
             if off_leg_m > self._biases_m[1] + compute_limit_m(math.inf, 0.0):
                 self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
         self._judge()
+
+    def _date_report(self, time_s: float, arrived_s: float) -> float:
+        """When a report was made: after the one before by the time of its own clock, where arrivals allow that.
+
+        It may be made up for what earlier reports were late by; what exceeds that is a clock that was set, or lies.
+        """
+        (last_time_s, last_arrived_s), self._dated_s = self._dated_s, (time_s, arrived_s)
+        if math.isnan(last_time_s):
+            return 0.0
+        seconds, between_s = time_s - last_time_s, arrived_s - last_arrived_s
+        if not 0.0 <= seconds <= max(between_s + self._late_s, self._longest_leap_s):
+            seconds = between_s
+        self._late_s = max(self._late_s + between_s - seconds, 0.0)
+        return float(self._previous[0]) + seconds
+
+    def measure_speed_mps(self) -> float:
+        """The greatest speed that a witness shows now, over the last reports, of those that tractors have."""
+        place = max(int(self._counts[0]) - 1 - STRIDE, 0) % KEPT_COUNT
+        moved, then, now = self._sums - self._kept[place], self._kept_reports[place], self._report
+        speeds_mps = [abs(float(now[4]))]
+        if moved[TIME] >= KEPT_S:
+            lengths_m = (
+                np.hypot(*moved[DRIVEN : DRIVEN + 2]),
+                math.dist(now[1:3], then[1:3]),
+                math.dist(now[5:7], then[5:7]),
+            )
+            speeds_mps += [float(length_m / moved[TIME]) for length_m in lengths_m]
+        return max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0)
 
     def _judge(self) -> None:
         """Whether it moves more than it says, and whether it is in doubt from now on."""
@@ -203,7 +245,9 @@ class CredibleMotion:
             *(lengths_m[name] for name in lengths_m if name != POSITIONS), math.dist((x, y), self._report[1:3])
         )  # fmt: skip
         speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
-        speed_mps = max([abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS)])  # else no motion
+        speed_mps = float(
+            max([abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS)])
+        )  # else none
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
     def _measure_displacements_m(self, place: int) -> dict[str, Array]:

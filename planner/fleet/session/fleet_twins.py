@@ -198,7 +198,7 @@ def warm_up() -> None:
         twin.find_mismatch()
     motion = CredibleMotion(tractor.antenna_forward_m, 1.0)
     for time_s in (0.0, 0.1):
-        motion.add_report(TractorReport(0.0, 0.0, 0.0, 0.0), np.zeros(3), time_s)
+        motion.add_report(TractorReport(0.0, 0.0, 0.0, 0.0), np.zeros(3), time_s, time_s)
     poses = np.zeros((2, 2, 3))
     model = np.array([build_model_record(tractor, implement)])
     find_close_approaches(poses, np.array([True, True]), model, 0.5, 0.5)

@@ -122,7 +122,7 @@ def check_video_address(address: str) -> str:
         )
     if parts.scheme:
         _check_host(address, parts, port)
-    elif parts.netloc or not parts.path or ":" in parts.path.partition("/")[0]:
+    elif address.startswith("//") or not parts.path or ":" in parts.path.partition("/")[0]:
         raise _refuse(address, "is no address of a video; begin it with http://, https:// or the path on this host")
     return address
 
