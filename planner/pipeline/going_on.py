@@ -115,15 +115,20 @@ def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> 
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates that can go on with the tractors that stand on the field: all of them, and in no formation.
+    """The candidates that can go on: with all the tractors that stand on the field, and these in no formation.
 
     Strategies that deal lines differ no more: whoever is near takes what is left.
     """
-    stands = 0 if context.going_on is None else len(context.going_on.stands)
-    if not stands:
+    if context.going_on is None:
         return list(candidates)
+    stands = len(context.going_on.stands)
     dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
-    kept = list({one.tractors: one for one in reversed(dealt) if one.tractors >= stands}.values())[::-1]
+    first = list({one.tractors: one for one in reversed(dealt)}.values())
+    kept = [
+        one
+        for one in candidates
+        if one.tractors >= stands and (one in first or (one not in dealt and not stands))
+    ]
     if not kept:
         raise RequestError(
             f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "

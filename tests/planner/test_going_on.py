@@ -191,3 +191,19 @@ def test_polygons_are_read_in_metres_of_a_field(folder: Path) -> None:
     degrees = field.to_wgs84([(0.0, 0.0), (50.0, 0.0), (50.0, 20.0), (0.0, 20.0)]).tolist()
     (polygon,) = read_polygons(write_field(folder / "degrees.geojson", [*degrees, degrees[0]]), field)
     assert polygon.symmetric_difference(shapely.box(0.0, 0.0, 50.0, 20.0)).area < 1e-3
+
+
+@pytest.mark.slow
+def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_nothing(
+    folder: Path, whole: PlanningResult
+) -> None:
+    request, inner = whole.context.request, DoneWork(shapely.box(8.0, 8.0, 82.0, 52.0), 0.1)
+    for tractors in (1, 2):
+        answer = plan(replace(request, tractors=(tractors,)), done=inner, executor=SerialExecutor())
+        assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
+    formation = replace(request, strategies=("row-by-row",))
+    (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
+    assert "need 2 tracks, and none are left; use split-field" in refused.reason
+    rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
+    (refused,) = plan(replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()).ranking.plans
+    assert "no piece that is worth a drive" in refused.reason
