@@ -124,11 +124,7 @@ def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -
     stands = len(context.going_on.stands)
     dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
     first = list({one.tractors: one for one in reversed(dealt)}.values())
-    kept = [
-        one
-        for one in candidates
-        if one.tractors >= stands and (one in first or (one not in dealt and not stands))
-    ]
+    kept = [one for one in candidates if one.tractors >= stands and (one in first or (one not in dealt and not stands))]
     if not kept:
         raise RequestError(
             f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "

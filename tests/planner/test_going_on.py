@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import shapely
 
-from fields.documents.reader import read_field
+from fields.documents.reader import read_field, read_polygons
+from fields.errors import FieldError
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.ground.coverage import measure_coverage
@@ -185,8 +186,6 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
 
 
 def test_polygons_are_read_in_metres_of_a_field(folder: Path) -> None:
-    from fields.documents.reader import read_polygons
-
     field = read_field("denmark")
     degrees = field.to_wgs84([(0.0, 0.0), (50.0, 0.0), (50.0, 20.0), (0.0, 20.0)]).tolist()
     (polygon,) = read_polygons(write_field(folder / "degrees.geojson", [*degrees, degrees[0]]), field)
@@ -205,5 +204,27 @@ def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_no
     (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
     assert "need 2 tracks, and none are left; use split-field" in refused.reason
     rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
-    (refused,) = plan(replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()).ranking.plans
+    (refused,) = plan(
+        replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()
+    ).ranking.plans
     assert "no piece that is worth a drive" in refused.reason
+
+
+def test_polygons_for_a_field_in_metres_are_no_degrees_and_a_key_chooses_one(folder: Path) -> None:
+    field = read_field(write_field(folder / "metres.geojson", OUTLINE), local=True)
+    degrees = write_field(folder / "lonlat.geojson", [[9.0, 56.0], [9.01, 56.0], [9.01, 56.01], [9.0, 56.0]])
+    with pytest.raises(FieldError, match=r"is in longitude and latitude, and field .* is not; give it in"):
+        read_polygons(degrees, field)
+    boxes = {"west": shapely.box(0.0, 0.0, 30.0, 60.0), "east": shapely.box(60.0, 0.0, 90.0, 60.0)}
+    features = [
+        {"type": "Feature", "properties": {"name": name}, "geometry": shapely.geometry.mapping(one)}
+        for name, one in boxes.items()
+    ]
+    path = folder / "two.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    assert len(read_polygons(path, field)) == 2
+    for name, one in boxes.items():
+        (polygon,) = read_polygons(f"{path}#{name}", field)
+        assert polygon.equals(one)
+    with pytest.raises(FieldError, match="has no field 'north'"):
+        read_polygons(f"{path}#north", field)
