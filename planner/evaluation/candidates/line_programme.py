@@ -142,11 +142,26 @@ def _compose_sketch(
     one = compose()
     may_rest = context.going_on is not None and context.going_on.may_rest
     if not any(one.programme.tours) or not (may_rest or all(one.programme.tours)):
+        _refuse_idle_stands(context, one.programme)
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."
         )
     return replace(one, build=partial(_finish_plan, context, one, notes))
+
+
+def _refuse_idle_stands(context: PlanningContext, programme: Programme) -> None:
+    """Refuse a programme in which machines that stand on the field have no work, with what leaves them out."""
+    stands = () if context.going_on is None else context.going_on.stands
+    idle = [
+        str(stand.number) for stand, tour in zip(stands, programme.tours, strict=False) if stand.number and not tour
+    ]
+    if idle:
+        options = " ".join(f"--without {number}" for number in idle)
+        raise StrategyError(
+            f"No work that is left is worth the drive for {'tractor' if len(idle) == 1 else 'tractors'} "
+            f"{' and '.join(idle)} of the plan before; leave out what need not go on ({options})."
+        )
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
