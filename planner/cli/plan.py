@@ -276,9 +276,7 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | str | None]) -> Non
 def _refuse_done_work(done: Sequence[str], checkpoint: Path | None) -> None:
     """Refuse work that goes on where many fields are planned."""
     if done and checkpoint is not None:
-        raise RequestError(
-            f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out one of the two."
-        )
+        raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
     if done:
         raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
 

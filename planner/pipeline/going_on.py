@@ -53,6 +53,10 @@ LEAST_DUE_WIDTHS = 1.0  # less ground than a square of the width is nothing to p
 MOST_SHIFT_M = 0.1  # of a boundary that is still the same: what other programs round coordinates to
 
 
+class AllDoneError(RequestError):
+    """Nothing is left to plan."""
+
+
 def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     """The context with what is done cut out of its field, and with the tractors that stand on it.
 
@@ -62,7 +66,8 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     if not order.done:
         return context
     field = context.layout.field
-    works = _read_works(order, context)
+    with attach_parameter("done"):
+        works = _read_works(order, context)
     ground = extract_polygons(unite_areas(np.array([one.ground for one in works], dtype=np.object_)))
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
@@ -71,7 +76,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
-        raise RequestError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
+        raise AllDoneError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
     remark = (
         f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} left."
     )
@@ -115,6 +120,18 @@ def continue_request(request: PlanRequest, continued: ContinuedPlan) -> PlanRequ
     given = {one.name: value for one in fields(request) if (value := getattr(request, one.name)) != one.default}
     read_so = {name: getattr(request, name) for name in ("field", "local", "crs", "swap_axes")}
     return replace(continued.request, **{**given, **read_so})
+
+
+def check_source_exists(source: str) -> None:
+    """Refuse a source of done work that is no file."""
+    match = match_plan_time(source)
+    name = source.partition("#")[0] if match is None else match["file"]
+    if not name or not Path(name).exists():
+        raise RequestError(
+            f"There is no file {quote_path(name)}; {mark_parameter('done')} takes a file of worked ground, logs, or a "
+            "saved plan with a time (plan.json@13:20).",
+            parameter="done",
+        )
 
 
 def _check_without(order: WorkOrder) -> None:
@@ -251,15 +268,10 @@ def _list_machines_left(saved: SavedPlan, without: Sequence[int]) -> list[int]:
 
 def _read_source(source: str, context: PlanningContext, order: WorkOrder) -> DoneWork:
     """What a source says is done, in metres of the field."""
+    check_source_exists(source)
     if match := match_plan_time(source):
         return _read_driven_plan(match, context, order)
     path = Path(source.partition("#")[0])
-    if not path.exists():
-        raise RequestError(
-            f"There is no file {quote_path(source)}; {mark_parameter('done')} takes a file of worked ground, logs, or "
-            "a saved plan with a time (plan.json@13:20).",
-            parameter="done",
-        )
     if path.suffix.lower() == ".json" and '"tractors"' in path.read_text(errors="replace")[:4000]:
         raise RequestError(
             f"{quote_path(source)} is a plan; say up to when it was driven, such as {path.name}@13:20.",
