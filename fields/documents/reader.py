@@ -22,6 +22,7 @@ from fields.geometry.coordinates import (
     build_field_frame,
     build_polygon,
     check_area,
+    looks_like_degrees,
     parse_position,
     parse_rings,
 )
@@ -152,7 +153,7 @@ def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) ->
 
 
 def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
-    """All polygons of a file in metres of a field, such as ground that is worked.
+    """All polygons of a file in metres of a field, such as ground that is worked, or what its key names.
 
     Raises:
         FieldError: the file cannot be read, holds no polygon, or is in local metres where the field is not.
@@ -160,14 +161,20 @@ def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
     source = parse_field_reference(where)
     document, label = source.read_document(), f"'{source.name}'"
     raws = (*document.polygons, *document.zones, *(one for one in document.obstacles if one.geometry_type == "Polygon"))
+    if source.key is not None:
+        named = [raw for raw in document.polygons if source.key in raw.keys]  # the parts of one share its name
+        raws = tuple(named) or (_choose_polygon(document, source.key, field.crs is None, label),)
     if not raws:
         raise FieldError(f"{label} holds no polygon; give worked ground as polygons.")
-    is_local = document.frame == LOCAL_METRES or (field.crs is None and document.crs is None)
+    raw_rings = [parse_rings(raw.coordinates, label) for raw in raws]
+    is_local = document.frame == LOCAL_METRES
+    if field.crs is None and document.crs is None and document.frame is None:  # metres where the field was read so
+        is_local = not any(looks_like_degrees(outer) for outer, *_ in raw_rings)
     if is_local != (field.crs is None):
         found, needed = ("longitude and latitude", "local metres") if field.crs is None else ("local metres", "degrees")
         raise FieldError(f"{label} is in {found}, and field '{field.name}' is not; give it in {needed}.")
     frame = FieldFrame(None if is_local else document.crs or WGS84_CODE, field.crs, field.origin_m)
-    rings = [[frame.to_local(ring) for ring in parse_rings(raw.coordinates, label)] for raw in raws]
+    rings = [[frame.to_local(ring) for ring in part] for part in raw_rings]
     return [shapely.make_valid(shapely.Polygon(outer, holes)) for outer, *holes in rings]
 
 

@@ -80,9 +80,13 @@ def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: b
     return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
 
 
+def looks_like_degrees(ring: FloatArray) -> bool:
+    """Whether the numbers of a ring are longitudes and latitudes of a field: in metres it would be tiny."""
+    return bool(np.ptp(ring, axis=0).max() < MAX_FIELD_SPAN_DEG and (np.abs(ring) <= (180.0, 90.0)).all())
+
+
 def _build_local_frame(document: FieldDocument, outer: FloatArray, label: str) -> FieldFrame:
-    spans_degrees = np.ptp(outer, axis=0).max() < MAX_FIELD_SPAN_DEG
-    if spans_degrees and (np.abs(outer) <= (180.0, 90.0)).all():
+    if looks_like_degrees(outer):
         x, y = outer[0]
         raise FieldError(
             f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; leave out {mark_parameter('local')}."

@@ -231,7 +231,8 @@ def plan(
     choice = given.choice
     request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
-        _refuse_single_field_outputs(("--png", png), ("--save", save), ("--done", next(iter(done or []), None)))
+        _refuse_single_field_outputs(("--png", png), ("--save", save))
+        _refuse_done_work(done or (), checkpoint)
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files({**options, "field": request.field})
@@ -270,6 +271,14 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | str | None]) -> Non
             raise RequestError(
                 f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
             )
+
+
+def _refuse_done_work(done: Sequence[str], checkpoint: Path | None) -> None:
+    """Refuse work that goes on where many fields are planned."""
+    if done and checkpoint is not None:
+        raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
+    if done:
+        raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
 
 
 def _simulate_plans(

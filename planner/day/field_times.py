@@ -9,7 +9,7 @@ import json
 import os
 import secrets
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -28,7 +28,7 @@ from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
-from planner.pipeline.going_on import hash_sources
+from planner.pipeline.going_on import AllDoneError, hash_sources
 from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
@@ -88,8 +88,9 @@ GRAPH_ARRAYS = {
     "tractor": np.int64, "group": np.int64, "kind": np.int64, "driven_s": np.float64, "worked_m": np.float64,
     "stand_s": np.float64,
 }  # fmt: skip
-PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall")
+PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall", "left_ha")
 ANONYMOUS = "field"
+ALL_DONE = "all of it is done already"
 HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 
 
@@ -102,7 +103,8 @@ class FieldTime:
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
     ones if it collects. `shortfall` says that the plan works too little of the field. `is_lasting` is False for a
     refusal of heights, whose sentence names files that may change, and where planning ran out of time: `cut_note` says
-    so, and the plan is the best of those found by then.
+    so, and the plan is the best of those found by then. `left_ha` is the area of the field without what is done
+    already; None where nothing is.
     """
 
     strategy: str = ""
@@ -116,6 +118,7 @@ class FieldTime:
     shortfall: str = ""
     is_lasting: bool = True
     cut_note: str = ""
+    left_ha: float | None = None
 
 
 def hash_field_time_order(order: WorkOrder) -> str:
@@ -129,6 +132,12 @@ def hash_field_time_order(order: WorkOrder) -> str:
     sources = [one for one in order.done if isinstance(one, str)]
     files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(sources)
     return hash_content(nameless, request, order.tractor, order.implement, order.supply, files, worker=__name__)
+
+
+def find_left_ha(field: Field, field_times: Iterable[FieldTime | None]) -> float:
+    """The area of a field that is left to work, by the field times of any fleet; all of it where none knows."""
+    known = (one.left_ha for one in field_times if one is not None and one.left_ha is not None)
+    return next(known, field.area_ha)
 
 
 FieldTimeTable = tuple[tuple[FieldTime | None, ...], ...]
@@ -238,7 +247,11 @@ def _search_field_time(order: WorkOrder, share: TimeShare) -> FieldTime:
         try:
             one = replace(order, request=replace(order.request, tractors=(count,)))
             result = plan_order(one, executor=SerialExecutor(), time_share=share)
+        except AllDoneError:
+            return FieldTime(reason=ALL_DONE, left_ha=0.0)
         except HeadlandError as refusal:
+            if refusal.parameter == "done":  # a fault of the day file, and none of the field
+                raise
             return FieldTime(reason=str(refusal), is_lasting=refusal.parameter not in HEIGHT_PARAMETERS)
         best, run = result.ranking.best, result.run
         if best is not None and run is not None:
@@ -248,7 +261,8 @@ def _search_field_time(order: WorkOrder, share: TimeShare) -> FieldTime:
             graph = build_leg_graph(ordered_run, fuel)
             shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == "worked"), "")
             figures = best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2
-            return FieldTime(*figures, graph, best.refills, shortfall=shortfall)
+            left_ha = context.layout.field.area_ha if order.done else None
+            return FieldTime(*figures, graph, best.refills, shortfall=shortfall, left_ha=left_ha)
         if share.is_cut:
             raise TimeSpentError
         reason = reason or result.ranking.refusal
@@ -259,7 +273,7 @@ def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
     """A field time as a JSON object; floats are exact."""
     graph = field_time.graph
     if graph is None:
-        return {"reason": field_time.reason}
+        return {"reason": field_time.reason, "left_ha": field_time.left_ha}
     fuel = graph.fuel
     packed_graph = {
         "tractors": graph.tractors,
@@ -279,7 +293,7 @@ def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
         return None
     try:
         if "graph" not in content:
-            return FieldTime(reason=str(content["reason"]))
+            return FieldTime(reason=str(content["reason"]), left_ha=content["left_ha"])
         graph_values = dict(content["graph"])
         fuel = graph_values["fuel"]
         arrays: dict[str, Any] = {name: np.array(graph_values[name], dtype=kind) for name, kind in GRAPH_ARRAYS.items()}

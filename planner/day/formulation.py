@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from fields.geometry.field import Field
 from fields.units import DAY_S, HOUR_S
-from planner.day.field_times import FieldTime, FieldTimeTable
+from planner.day.field_times import FieldTime, FieldTimeTable, find_left_ha
 from planner.day.input_file import SUN, DayField, DayFile, get_fleet_machines, get_start_s, place_hours_in_day
 from planner.day.optimization.problem import DayProblem, RainOnsets
 from planner.day.places import compute_sun_hours
@@ -182,7 +182,8 @@ def build_problem(
         for fleet, row in enumerate(table)
     ]
     values_at_risk = [
-        get_loss_per_ha(day_field, farm) * field.area_ha for day_field, field in zip(day.fields, fields, strict=True)
+        get_loss_per_ha(day_field, farm) * find_left_ha(field, (row[number] for row in table))
+        for number, (day_field, field) in enumerate(zip(day.fields, fields, strict=True))
     ]
     start_delay_s = 0.0
     if day.certainty_pct is not None:

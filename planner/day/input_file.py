@@ -140,7 +140,7 @@ class DayField(FileSection):
     elevation_crs: str | None = define_value(
         None, "such as 'EPSG:25832', in quotes", "that of the heights", strict=True, min_length=1
     )
-    done: tuple[str, ...] = define_value(
+    done: tuple[Annotated[str, Field(min_length=1)], ...] = define_value(
         (), "files of worked ground, logs, or saved plans at a time ('plan.json@13:20')", "nothing"
     )
     windows: tuple[Window, ...] = define_value((), "such as '08:00-12:00', in quotes", "the whole day")

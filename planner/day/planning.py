@@ -19,12 +19,14 @@ from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.text_files import quote_path
 from planner.day.field_times import (
+    ALL_DONE,
     DEFAULT_FIELD_MINUTES,
     FieldTimeCache,
     FieldTimeTable,
     build_field_time_orders,
     compute_field_times,
     count_uncached_field_times,
+    find_left_ha,
 )
 from planner.day.formulation import (
     DayHours,
@@ -47,6 +49,7 @@ from planner.evaluation.pull_check import compute_pull_figures
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.going_on import check_source_exists
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
@@ -72,6 +75,8 @@ def explain_not_done(
     able_fleets = [fleet for fleet in range(problem.fleet_count) if problem.work_s[fleet][field] is not None]
     if not able_fleets:
         refusal = next(filter(None, refusals), "every plan was refused").rstrip(".")
+        if refusal == ALL_DONE:
+            return NotDoneReason(ALL_DONE, (4, 0.0))
         return NotDoneReason(f"no fleet can work it: {refusal}", (3, 0.0))
     if not problem.windows[field]:
         return NotDoneReason("its windows are outside the working hours or the daylight", (2, 0.0))
@@ -162,6 +167,8 @@ def _read_day_field(day_field: DayField) -> Field:
                 parameter="elevation",
             )
         field = replace(field, elevation=day_field.elevation)
+    for source in day_field.done:
+        check_source_exists(source)
     return add_obstacles(leave_out_obstacles(field, day_field.ignored), day_field.obstacles)
 
 
@@ -320,7 +327,7 @@ def _build_job(solved: _SolvedDay, fleet: int, position: int) -> DayJob:
         machine=prepared.day.fleets[fleet].name,
         strategy=plan.strategy,
         tractors=plan.tractors,
-        area_ha=prepared.fields[number].area_ha,
+        area_ha=find_left_ha(prepared.fields[number], (row[number] for row in solved.table)),
         leaves_s=frame.get_begin_clock_s(_compute_departure_s(problem, fleet, route, position)),
         km=float(prepared.road_km[previous_place, number]),
         start_s=frame.get_begin_clock_s(starts[position]),
@@ -376,7 +383,8 @@ def _list_not_done(solved: _SolvedDay) -> list[tuple[UnworkedField, NotDoneReaso
         if number not in worked_fields:
             refusals = [plan.reason for row in solved.table if (plan := row[number]) is not None]
             reason = explain_not_done(problem, routes, number, refusals, names)
-            skipped.append((UnworkedField(field.name, field.area_ha, problem.skip_cost[number], reason.reason), reason))
+            left_ha = find_left_ha(field, (row[number] for row in solved.table))
+            skipped.append((UnworkedField(field.name, left_ha, problem.skip_cost[number], reason.reason), reason))
     return skipped
 
 

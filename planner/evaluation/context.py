@@ -38,11 +38,13 @@ class Stand:
     """Where a tractor stands: the pose of its guided point in metres of the field, and what it has used of its load.
 
     `ahead` are poses in the middle of the work that was to be its next, in order: a new plan is no worse than that.
+    `number`, from 1, is that of its machine in the plan before; 0 where nobody would name it.
     """
 
     pose: Pose
     used: float = 0.0
     ahead: tuple[Pose, ...] = ()
+    number: int = 0
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,9 @@ class DoneWork:
     notes: tuple[str, ...] = ()
 
 
+DoneSource = str | DoneWork
+
+
 @dataclass(frozen=True)
 class WorkOrder:
     """What is to be planned: a request, what replaces its field and machines, and the values of a farm.
@@ -65,7 +68,7 @@ class WorkOrder:
     supply: Supply | None = None
     times: FarmTimes | None = None
     yard: Yard | None = None
-    done: tuple[str | DoneWork, ...] = ()
+    done: tuple[DoneSource, ...] = ()
     without: tuple[int, ...] = ()
     from_road: bool = False
 
@@ -85,9 +88,9 @@ class WorkOrder:
         return replace(self.request, **names)
 
 
-def match_plan_time(source: str) -> re.Match[str] | None:
-    """The file and the time of a source such as plan.json@13:20; None for the name of a file."""
-    return None if Path(source).exists() else _PLAN_TIME.fullmatch(source)
+def match_plan_time(source: DoneSource) -> re.Match[str] | None:
+    """The file and the time of a source such as plan.json@13:20; None for any other."""
+    return None if isinstance(source, DoneWork) or Path(source).exists() else _PLAN_TIME.fullmatch(source)
 
 
 def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:

@@ -82,6 +82,7 @@ class GivenOptions:
             )
         given = list_given_parameters(PlanRequest, self.given_names)
         if self.continued is not None:
+            self.continued.check_supply(self.farm is not None)
             given |= {"tractors", "start_s"}
         order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
         if self.continued is not None and self.farm is None and "tractor" not in given:

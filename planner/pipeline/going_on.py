@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -20,15 +21,15 @@ from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from fields.text_files import quote_path, read_text
 from fields.units import DAY_S
-from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
+from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter, shorten_value
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.work_order import DoneWork, WorkOrder, match_plan_time
+from planner.evaluation.work_order import DoneSource, DoneWork, WorkOrder, match_plan_time
 from planner.pipeline.fingerprint import hash_file
-from planner.pipeline.outputs.saved_plans import read_done_ground, read_machines, read_request, rerun_plan
-from planner.request.option_texts import format_clock
+from planner.pipeline.outputs.saved_plans import has_tank, read_done_ground, read_machines, read_request, rerun_plan
+from planner.request.option_texts import format_clock, format_later_clock
 from planner.request.plan_request import PlanRequest
 from planner.task_logs.formats import point_shapefiles
 from planner.task_logs.log_import import detect_log_format, read_task_logs
@@ -52,15 +53,21 @@ LEAST_DUE_WIDTHS = 1.0  # less ground than a square of the width is nothing to p
 MOST_SHIFT_M = 0.1  # of a boundary that is still the same: what other programs round coordinates to
 
 
+class AllDoneError(RequestError):
+    """Nothing is left to plan."""
+
+
 def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     """The context with what is done cut out of its field, and with the tractors that stand on it.
 
     Raises HeadlandError for work of another field, machine or time, and where nothing is left.
     """
+    _check_without(order)
     if not order.done:
         return context
     field = context.layout.field
-    works = [one if isinstance(one, DoneWork) else _read_source(one, context, order.without) for one in order.done]
+    with attach_parameter("done"):
+        works = _read_works(order, context)
     ground = extract_polygons(unite_areas(np.array([one.ground for one in works], dtype=np.object_)))
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
@@ -69,7 +76,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
-        raise RequestError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
+        raise AllDoneError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
     remark = (
         f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} left."
     )
@@ -78,27 +85,116 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
 
 
+def list_sources(done: Any) -> tuple[DoneSource, ...]:
+    """What is done, as Python is given it, one or several of; raises RequestError for what it cannot be."""
+    given = done if isinstance(done, list | tuple) else (done,)
+    sources = tuple(str(one) if isinstance(one, Path) else one for one in given)
+    for one in sources:
+        if not isinstance(one, DoneSource) or not one:
+            raise RequestError(
+                f"{mark_parameter('done')} holds {shorten_value(one)}, which is no source of done work; give files of "
+                "ground, logs, or saved plans with a time (plan.json@13:20).",
+                parameter="done",
+            )
+    return sources
+
+
+def list_numbers(without: Any) -> tuple[int, ...]:
+    """The machines that are left out, as Python is given them; raises RequestError for what is no number."""
+    numbers = tuple(without) if isinstance(without, list | tuple | set | frozenset | range) else (without,)
+    wrong = [one for one in numbers if not isinstance(one, int) or isinstance(one, bool)]
+    if wrong:
+        raise RequestError(
+            f"{mark_parameter('without')} holds {shorten_value(wrong[0])}, which is no number of a machine; give whole "
+            "numbers from 1.",
+            parameter="without",
+        )
+    return numbers
+
+
+def continue_request(request: PlanRequest, continued: ContinuedPlan) -> PlanRequest:
+    """The request of the plan that goes on, with the values of another that are no defaults in place of its own.
+
+    The field is that of the other, read as that says.
+    """
+    given = {one.name: value for one in fields(request) if (value := getattr(request, one.name)) != one.default}
+    read_so = {name: getattr(request, name) for name in ("field", "local", "crs", "swap_axes")}
+    return replace(continued.request, **{**given, **read_so})
+
+
+def check_source_exists(source: str) -> None:
+    """Refuse a source of done work that is no file."""
+    match = match_plan_time(source)
+    name = source.partition("#")[0] if match is None else match["file"]
+    if not name or not Path(name).exists():
+        raise RequestError(
+            f"There is no file {quote_path(name)}; {mark_parameter('done')} takes a file of worked ground, logs, or a "
+            "saved plan with a time (plan.json@13:20).",
+            parameter="done",
+        )
+
+
+def _check_without(order: WorkOrder) -> None:
+    """Refuse machines that are left out of no plan."""
+    if order.without and not any(map(match_plan_time, order.done)):
+        raise RequestError(
+            f"{mark_parameter('without')} leaves machines out of a saved plan, and there is none in "
+            f"{mark_parameter('done')}; give one with a time (plan.json@13:20), or ask for fewer "
+            f"{mark_parameter('tractors')}.",
+            parameter="without",
+        )
+
+
+def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
+    """What every source says is done; the machines are those of the last saved plan among them."""
+    plans, works = [one for one in order.done if match_plan_time(one)], list[DoneWork]()
+    for source in order.done:
+        if isinstance(source, DoneWork):
+            works.append(source)
+        elif source in plans[:-1]:
+            ground_only = replace(order, without=(), from_road=True)
+            works.append(replace(_read_source(source, context, ground_only), stands=(), notes=()))
+        else:
+            works.append(_read_source(source, context, order))
+    if len(plans) > 1:
+        note = f"The machines that go on are those of {plans[-1]}, the last of {len(plans)} plans."
+        works[-1] = replace(works[-1], notes=(*works[-1].notes, note))
+    return works
+
+
 def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
-    """What sources of done work hold: for each file its hash, with the time at which a plan is left."""
+    """What sources of done work hold: for each file its hash, with its key or the time at which a plan is left."""
     found = list[tuple[str, str | None]]()
     for source in sources:
         match = match_plan_time(source)
-        path, time = (Path(source.partition("#")[0]), "") if match is None else (Path(match["file"]), source[-8:])
+        file, _, key = source.partition("#")
+        path, part = (Path(file), key) if match is None else (Path(match["file"]), source[-8:])
         files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-        found += [(time, hash_file(one)) for one in files]
+        found += [(part, hash_file(one)) for one in files]
     return found
 
 
 @dataclass(frozen=True)
 class ContinuedPlan:
-    """What a saved plan asked for, from the time on at which it is left, and its machines."""
+    """What a saved plan asked for, from the time on at which it is left, its machines, and whether they have tanks."""
 
+    file: str
     request: PlanRequest
     tractor: Tractor
     implement: Implement
+    has_tank: bool
+
+    def check_supply(self, is_known: bool) -> None:
+        """Refuse to go on without knowing what is carried: the farm's implement says so, and no saved plan."""
+        if self.has_tank and not is_known:
+            raise RequestError(
+                f"The implement of the plan {quote_path(self.file)} has a tank, and the plan does not say how large; "
+                f"add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
+                parameter="farm",
+            )
 
 
-def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> ContinuedPlan | None:
+def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> ContinuedPlan | None:
     """The last saved plan among some sources, with the machines that are left; None without one.
 
     Raises HeadlandError.
@@ -106,24 +202,24 @@ def read_continued_plan(sources: Sequence[str], without: Sequence[int] = ()) -> 
     match = next((match for source in reversed(sources) if (match := match_plan_time(source))), None)
     if match is None:
         return None
-    saved = _read_plan(match["file"])
-    request = read_request(saved)
+    saved, request = _read_plan(match["file"])
     left = len(_list_machines_left(saved, without))
     start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
-    machines = read_machines(saved, request)
-    return ContinuedPlan(replace(request, tractors=(left,), start_s=start_s), *machines)
+    later = replace(request, tractors=(left,), start_s=start_s)
+    return ContinuedPlan(match["file"], later, *read_machines(saved, request), has_tank(saved, request))
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates that can go on with the tractors that stand on the field: all of them, and in no formation.
+    """The candidates that can go on: with all the tractors that stand on the field, and these in no formation.
 
     Strategies that deal lines differ no more: whoever is near takes what is left.
     """
-    stands = 0 if context.going_on is None else len(context.going_on.stands)
-    if not stands:
+    if context.going_on is None:
         return list(candidates)
+    stands = len(context.going_on.stands)
     dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
-    kept = list({one.tractors: one for one in reversed(dealt) if one.tractors >= stands}.values())[::-1]
+    first = list({one.tractors: one for one in reversed(dealt)}.values())
+    kept = [one for one in candidates if one.tractors >= stands and (one in first or (one not in dealt and not stands))]
     if not kept:
         raise RequestError(
             f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "
@@ -133,11 +229,25 @@ def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -
     return kept
 
 
-def _read_plan(name: str) -> SavedPlan:
-    return parse_saved_plan(read_text(name, "a plan of headland plan --save", MissionError))
+def _read_plan(name: str) -> tuple[SavedPlan, PlanRequest]:
+    """A saved plan and its request; raises RequestError with the name of the file."""
+    text = read_text(name, "a plan of headland plan --save", MissionError)
+    try:
+        saved = parse_saved_plan(text)
+        return saved, read_request(saved)
+    except HeadlandError as refusal:
+        raise RequestError(f"{quote_path(name)} cannot be gone on with. {refusal}", parameter="done") from None
 
 
 def _read_clock(match: re.Match[str]) -> float:
+    """Seconds of the time at which a plan is left; raises RequestError for 60 minutes or seconds and more."""
+    if int(match["minutes"]) > 59 or int(match["seconds"] or 0) > 59:
+        time = match[0].rpartition("@")[2]
+        raise RequestError(
+            f"{quote_path(match['file'])} is left at {time}, which is no time, as minutes and seconds go to 59; give "
+            "one such as 13:20 or 0:45.",
+            parameter="done",
+        )
     return 3600.0 * int(match["hours"]) + 60.0 * int(match["minutes"]) + int(match["seconds"] or 0)
 
 
@@ -156,17 +266,12 @@ def _list_machines_left(saved: SavedPlan, without: Sequence[int]) -> list[int]:
     return left
 
 
-def _read_source(source: str, context: PlanningContext, without: Sequence[int]) -> DoneWork:
+def _read_source(source: str, context: PlanningContext, order: WorkOrder) -> DoneWork:
     """What a source says is done, in metres of the field."""
+    check_source_exists(source)
     if match := match_plan_time(source):
-        return _read_driven_plan(match, context, without)
+        return _read_driven_plan(match, context, order)
     path = Path(source.partition("#")[0])
-    if not path.exists():
-        raise RequestError(
-            f"There is no file {quote_path(source)}; {mark_parameter('done')} takes a file of worked ground, logs, or "
-            "a saved plan with a time (plan.json@13:20).",
-            parameter="done",
-        )
     if path.suffix.lower() == ".json" and '"tractors"' in path.read_text(errors="replace")[:4000]:
         raise RequestError(
             f"{quote_path(source)} is a plan; say up to when it was driven, such as {path.name}@13:20.",
@@ -231,19 +336,21 @@ def _check_something_done(done: shapely.Geometry, field: Field) -> None:
         )
 
 
-def _read_driven_plan(match: re.Match[str], context: PlanningContext, without: Sequence[int]) -> DoneWork:
+def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: WorkOrder) -> DoneWork:
     """What a saved plan has done at a time, and where the machines that are left stand then."""
-    saved, field = _read_plan(match["file"]), context.layout.field
-    request = read_request(saved)
+    (saved, request), field = _read_plan(match["file"]), context.layout.field
     _check_same_job(match["file"], saved, request, context)
     elapsed_s = _read_clock(match) - (request.start_s or 0)
     elapsed_s += DAY_S if elapsed_s < 0.0 else 0.0
     run = rerun_plan(saved, request)
     if elapsed_s >= run.duration_s:
         raise RequestError(
-            f"The plan {quote_path(match['file'])} is done {_format_end(request, run)}; give a time before that.",
+            f"The plan {quote_path(match['file'])} {_format_span(request, run)}, and {match[0].rpartition('@')[2]} is "
+            "not within that; give a time within it.",
             parameter="done",
         )
+    if not order.from_road:
+        _check_deadline(match["file"], request, elapsed_s, context.request)
     begun = cut_run(run, elapsed_s)
     shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
     swept = unite_areas(compute_swept_area(begun, context).ground)
@@ -254,22 +361,35 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, without: S
     ]
     corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
     ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
-    left = _list_machines_left(saved, without)
+    left = _list_machines_left(saved, order.without)
     stands = {number: _find_stand(begun, number, context) for number in left}
-    order = sorted(left, key=lambda number: stands[number] is None)
+    ranked = sorted(left, key=lambda number: stands[number] is None)
     notes = [
         f"Tractor {place} of this plan is tractor {number + 1} of the plan before."
-        for place, number in enumerate(order, start=1)
+        for place, number in enumerate(ranked, start=1)
         if place != number + 1
     ]
-    placed = tuple(_shift_stand(stand, shift) for number in order if (stand := stands[number]) is not None)
+    placed = tuple(_shift_stand(stand, shift) for number in ranked if (stand := stands[number]) is not None)
     return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
 
 
-def _format_end(request: PlanRequest, run: SimulationRun) -> str:
+def _format_span(request: PlanRequest, run: SimulationRun) -> str:
     if request.start_s is None:
-        return f"after {int(run.duration_s) // 3600}:{int(run.duration_s) % 3600 // 60:02d}"
-    return f"at {format_clock(request.start_s + run.duration_s)}"
+        return f"takes {int(run.duration_s) // 3600}:{int(run.duration_s) % 3600 // 60:02d} h"
+    return f"goes from {format_clock(request.start_s)} to {format_later_clock(request.start_s, run.duration_s)}"
+
+
+def _check_deadline(name: str, earlier: PlanRequest, elapsed_s: float, request: PlanRequest) -> None:
+    """Refuse to go on after the deadline of the plan, which would be that of the next day."""
+    limit_s, start_s = earlier.time_limit_s, earlier.start_s
+    if limit_s is None or start_s is None or request.deadline_s != earlier.deadline_s or elapsed_s < limit_s:
+        return
+    if request.start_s == int(start_s + elapsed_s) % DAY_S:
+        raise RequestError(
+            f"The deadline of the plan {quote_path(name)}, {format_clock(start_s + limit_s)}, has passed at "
+            f"{format_clock(request.start_s)}; give another {mark_parameter('deadline_s')}.",
+            parameter="deadline_s",
+        )
 
 
 def _check_same_job(name: str, saved: SavedPlan, request: PlanRequest, context: PlanningContext) -> None:
@@ -316,7 +436,9 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
         return None
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
-    return Stand(pose, measure_used(run.plan.missions[number], at, pose, context), list_places_ahead(legs[at:]))
+    return Stand(
+        pose, measure_used(run.plan.missions[number], at, pose, context), list_places_ahead(legs[at:]), number + 1
+    )
 
 
 def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext) -> float:

@@ -19,11 +19,18 @@ from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
-from planner.evaluation.work_order import DoneWork, FieldChoice, WorkOrder
+from planner.evaluation.work_order import DoneSource, FieldChoice, WorkOrder
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
-from planner.pipeline.going_on import go_on, keep_continuing
+from planner.pipeline.going_on import (
+    continue_request,
+    go_on,
+    keep_continuing,
+    list_numbers,
+    list_sources,
+    read_continued_plan,
+)
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
@@ -48,7 +55,6 @@ from vehicle.model.tractor import Implement, Tractor
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-DoneSource = str | DoneWork
 StageReport = Callable[[str, int, int], None]
 LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
 STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
@@ -143,8 +149,8 @@ def plan(
     supply: Supply | None = None,
     times: FarmTimes | None = None,
     yard: Yard | None = None,
-    done: DoneSource | Sequence[DoneSource] = (),
-    without: Sequence[int] = (),
+    done: DoneSource | Path | Sequence[DoneSource | Path] = (),
+    without: int | Sequence[int] = (),
     from_road: bool = False,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -171,7 +177,8 @@ def plan(
     gives hitch and length, its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from
     a farm, `supply` is what its implement carries. `done` is what is worked already, one or several of: a file of
     ground, logs, or a saved plan at a time ("plan.json@13:20"); the plan is for the rest, by the machines of that plan
-    from where they stand, but for those `without` (numbers from 1); with `from_road` they come in from outside.
+    from where they stand, but for those `without` (numbers from 1), and its values are in place of all that the request
+    leaves at their defaults, but for the field; with `from_road` the machines come in from outside.
     `executor` simulates the candidates, by default in fresh processes on all cores; the result does not depend on it.
     `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT, SIMULATING), done and
     total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be planned. A candidate that
@@ -181,7 +188,13 @@ def plan(
     """
     if not isinstance(request, PlanRequest):
         raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
-    sources = tuple(done) if isinstance(done, list | tuple) else (done,)
+    sources, numbers = list_sources(done), list_numbers(without)
+    continued = None if from_road else read_continued_plan(sources, numbers)
+    if continued is not None:
+        continued.check_supply(supply is not None)
+        if tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
+            tractor, implement = continued.tractor, implement or continued.implement
+        request = continue_request(request, continued)
     order = WorkOrder(
         request,
         field,
@@ -193,7 +206,7 @@ def plan(
         times,
         yard,
         sources,
-        tuple(without),
+        numbers,
         from_road,
     )
     return plan_order(

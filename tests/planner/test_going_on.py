@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import numpy as np
 import pytest
 import shapely
 
-from fields.documents.reader import read_field
+from fields.documents.reader import read_field, read_polygons
+from fields.errors import FieldError
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.ground.coverage import measure_coverage
@@ -131,12 +133,14 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
     wider = write_field(folder / "wider.geojson", [[0, 0], [95, 0], [95, 60], [0, 60], [0, 0]])
     away = DoneWork(shapely.box(500.0, 0.0, 600.0, 60.0), 0.1)
     cases: list[tuple[PlanRequest, Any, str]] = [
-        (replace(request, width_m=3.0), source, "is for a working width of 4 m, and 3 m are asked for; give width_m 4"),
+        (replace(request, width_m=5.0), source, "is for a working width of 4 m, and 5 m are asked for; give width_m 4"),
         (replace(request, field=wider), source, r"was made for: they differ by 5\.0 m\. Give the field as it was then"),
         (replace(request, field="denmark", local=False), source, "is for another field than 'denmark'"),
-        (request, f"{folder}/plan.json@9:00", r"is done after 0:\d\d; give a time before that"),
+        (request, f"{folder}/plan.json@9:00", r"takes 0:\d\d h, and 9:00 is not within that; give a time within it"),
         (request, f"{folder}/plan.json", r"say up to when it was driven, such as plan.json@13:20"),
+        (request, f"{folder}/plan.json@0:75", "is left at 0:75, which is no time, as minutes and seconds go to 59"),
         (request, f"{folder}/nothing.gpkg", "There is no file"),
+        (request, 5, "done holds 5, which is no source of done work"),
         (request, away, "Nothing of what is given as done lies in field"),
         (request, DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0), 0.1), "is done; there is nothing left to plan"),
         (replace(request, tractors=(1,)), source, "2 tractors stand on the field .* plan with 2 tractors or more"),
@@ -149,6 +153,60 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
         read_continued_plan([source], (3,))
     with pytest.raises(HeadlandError, match="leaves no machine"):
         read_continued_plan([source], (1, 2))
+    with pytest.raises(HeadlandError, match="without leaves machines out of a saved plan, and there is none in done"):
+        plan(request, without=1, executor=SerialExecutor())
+    (folder / "garbled.json").write_text("{", encoding="utf-8")
+    with pytest.raises(HeadlandError, match=r"garbled.json' cannot be gone on with\. The plan is not JSON"):
+        read_continued_plan([f"{folder}/garbled.json@0:05"])
+
+
+def write_changed_plan(folder: Path, name: str, change: Callable[[dict[str, Any]], None]) -> str:
+    """The path of plan.json with a change, under another name."""
+    saved = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    change(saved)
+    (folder / name).write_text(json.dumps(saved), encoding="utf-8")
+    return f"{folder}/{name}"
+
+
+@pytest.mark.slow
+def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, whole: PlanningResult) -> None:
+    late = write_changed_plan(
+        folder, "late.json", lambda saved: saved["scenario"].update(start_s=46800, deadline_s=46800 + 240)
+    )
+    assert whole.run is not None and whole.run.duration_s > 300.0
+    with pytest.raises(HeadlandError, match=r"late.json', 13:04, has passed at 13:05; give another deadline_s"):
+        go_on(folder, f"{late}@13:05")
+    with pytest.raises(HeadlandError, match=r"goes from 13:00 to 13:\d\d, and 12:59 is not within that"):
+        go_on(folder, f"{late}@12:59")
+    assert go_on(folder, f"{late}@13:05", deadline_s=46800 + 1200).ranking.best is not None
+
+
+@pytest.mark.slow
+def test_a_plan_that_refills_goes_on_with_its_farm_only(folder: Path, whole: PlanningResult) -> None:
+    source = (
+        write_changed_plan(folder, "tank.json", lambda saved: saved["scenario"].update(refill="headland")) + "@0:05"
+    )
+    given = GivenOptions({"field": "iwamizawa", "width": 3.0}, [], (source,))
+    with pytest.raises(HeadlandError, match=r"tank.json' has a tank, .* add farm and implement by which it was made"):
+        given.build_order(given.build_request())
+    with pytest.raises(HeadlandError, match="add farm and implement"):
+        plan(whole.context.request, done=source, executor=SerialExecutor())
+
+
+@pytest.mark.slow
+def test_python_takes_the_values_of_the_plan_for_those_that_are_defaults(folder: Path, whole: PlanningResult) -> None:
+    bare = PlanRequest(field=whole.context.request.field, local=True)
+    answer = plan(bare, done=[Path(f"{folder}/plan.json@0:05")], without=1, executor=SerialExecutor())
+    assert replace(answer.context.request, tractor="eg105") == replace(whole.context.request, tractors=(1,))
+    assert [one.strategy for one in answer.ranking.plans] == ["split-field"]
+
+
+@pytest.mark.slow
+def test_of_several_plans_the_last_has_the_machines(folder: Path, whole: PlanningResult) -> None:
+    sources = [f"{folder}/plan.json@0:01", f"{folder}/plan.json@0:05"]
+    answer = plan(whole.context.request, done=sources, without=(2,), executor=SerialExecutor())
+    assert answer.context.going_on is not None and len(answer.context.going_on.stands) == 1
+    assert any("plan.json@0:05, the last of 2 plans" in one for one in answer.context.layout.field.remarks)
 
 
 @pytest.mark.slow
@@ -185,9 +243,45 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
 
 
 def test_polygons_are_read_in_metres_of_a_field(folder: Path) -> None:
-    from fields.documents.reader import read_polygons
-
     field = read_field("denmark")
     degrees = field.to_wgs84([(0.0, 0.0), (50.0, 0.0), (50.0, 20.0), (0.0, 20.0)]).tolist()
     (polygon,) = read_polygons(write_field(folder / "degrees.geojson", [*degrees, degrees[0]]), field)
     assert polygon.symmetric_difference(shapely.box(0.0, 0.0, 50.0, 20.0)).area < 1e-3
+
+
+@pytest.mark.slow
+def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_nothing(
+    folder: Path, whole: PlanningResult
+) -> None:
+    request, inner = whole.context.request, DoneWork(shapely.box(8.0, 8.0, 82.0, 52.0), 0.1)
+    for tractors in (1, 2):
+        answer = plan(replace(request, tractors=(tractors,)), done=inner, executor=SerialExecutor())
+        assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
+    formation = replace(request, strategies=("row-by-row",))
+    (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
+    assert "need 2 tracks, and none are left; use split-field" in refused.reason
+    rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
+    (refused,) = plan(
+        replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()
+    ).ranking.plans
+    assert "no piece that is worth a drive" in refused.reason
+
+
+def test_polygons_for_a_field_in_metres_are_no_degrees_and_a_key_chooses_one(folder: Path) -> None:
+    field = read_field(write_field(folder / "metres.geojson", OUTLINE), local=True)
+    degrees = write_field(folder / "lonlat.geojson", [[9.0, 56.0], [9.01, 56.0], [9.01, 56.01], [9.0, 56.0]])
+    with pytest.raises(FieldError, match=r"is in longitude and latitude, and field .* is not; give it in"):
+        read_polygons(degrees, field)
+    boxes = {"west": shapely.box(0.0, 0.0, 30.0, 60.0), "east": shapely.box(60.0, 0.0, 90.0, 60.0)}
+    features = [
+        {"type": "Feature", "properties": {"name": name}, "geometry": shapely.geometry.mapping(one)}
+        for name, one in boxes.items()
+    ]
+    path = folder / "two.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    assert len(read_polygons(path, field)) == 2
+    for name, one in boxes.items():
+        (polygon,) = read_polygons(f"{path}#{name}", field)
+        assert polygon.equals(one)
+    with pytest.raises(FieldError, match="has no field 'north'"):
+        read_polygons(f"{path}#north", field)

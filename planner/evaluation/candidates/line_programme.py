@@ -40,7 +40,7 @@ from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import REFILL, Plan
+from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.missions.run import DONE
 
 Flags = npt.NDArray[np.bool_]
@@ -144,11 +144,26 @@ def _compose_sketch(
     if may_rest and not any(one.programme.tours):
         raise StrategyError("What is left is not worth a drive.")
     if not may_rest and not all(one.programme.tours):
+        _refuse_idle_stands(context, one.programme)
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."
         )
     return replace(one, build=partial(_finish_plan, context, one, notes))
+
+
+def _refuse_idle_stands(context: PlanningContext, programme: Programme) -> None:
+    """Refuse a programme in which machines that stand on the field have no work, with what leaves them out."""
+    stands = () if context.going_on is None else context.going_on.stands
+    idle = [
+        str(stand.number) for stand, tour in zip(stands, programme.tours, strict=False) if stand.number and not tour
+    ]
+    if idle:
+        options = " ".join(f"--without {number}" for number in idle)
+        raise StrategyError(
+            f"No work that is left is worth the drive for {'tractor' if len(idle) == 1 else 'tractors'} "
+            f"{' and '.join(idle)} of the plan before; leave out what need not go on ({options})."
+        )
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
@@ -160,6 +175,7 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
 
     def form_up(order: str) -> SketchedPlan:
         site = get_formation_site(context)
+        _check_swaths_are_left(context, tractors)
 
         def compose() -> ComposedPlan:
             formation = compose_formation(site, tractors, order, rule)
@@ -174,12 +190,28 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
 def _require_lines(context: PlanningContext) -> SiteMoves:
     """The moves of a site with work lines."""
     moves = get_site_moves(context)
+    if not moves.lines and context.going_on is not None:
+        raise StrategyError(
+            f"What is left of the field ({context.layout.field.area_ha:.2g} ha) has no piece that is worth a drive for "
+            "this machine; take the field as done."
+        )
     if not moves.lines:
         raise StrategyError(
             "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
             "smaller margin."
         )
     return moves
+
+
+def _check_swaths_are_left(context: PlanningContext, tractors: int) -> None:
+    """Refuse a formation where work goes on and fewer tracks are left than it has tractors."""
+    lines = _require_lines(context).lines
+    tracks = {line.task.number for line in lines if line.task.kind == SWATH}
+    if context.going_on is not None and len(tracks) < tractors:
+        raise StrategyError(
+            f"{tractors} tractors in formation need {tractors} tracks, and {len(tracks) or 'none'} "
+            f"{'is' if len(tracks) == 1 else 'are'} left; use split-field or interleaved."
+        )
 
 
 def get_formation_site(context: PlanningContext) -> FormationSite:
@@ -205,16 +237,17 @@ def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
 def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
     """Sketches the plan of a strategy that only says which lines each tractor may have; all are served in time.
 
-    One tractor of a formation may have all; so may tractors that stand on the field: who is near takes what is left.
+    One tractor of a formation may have all; so may all where work goes on: who is near takes what is left.
     """
     moves, supply = _require_lines(context), context.supply
     stands_in_way = build_standing_check(context, strategy.beside)
-    if strategy.deal is None or moves.starts:
+    if strategy.deal is None or context.going_on is not None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     shares = [deal.allowed]
-    if tractors > 1 and not strategy.beside and not moves.starts:
+    has_swaths = any(line.task.kind == SWATH for line in moves.lines)  # what is left may be headland alone
+    if tractors > 1 and not strategy.beside and not moves.starts and has_swaths:
         shares += list_deals_apart(moves.lines, deal.allowed)
 
     left_m2 = dict[tuple[str, int], float]()

@@ -26,7 +26,7 @@ from planner.request.service_points import add_coordinates
 from reports.common.plan_drives import DriverLeg
 from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s, get_stated_late_end_s
 from vehicle.errors import MissionError, VehicleError
-from vehicle.missions.plan import Plan
+from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.terrain import Terrain
@@ -36,6 +36,7 @@ from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
+LOAD_KEY = "load"  # among these where the implement carries something: how much, in words
 EARLIER_NAMES = {
     "before_s": "deadline_s",
     "draws": "samples",
@@ -127,9 +128,18 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
     """The machines of a farm or of a plan that went on, which no name in the request identifies; empty without."""
     if context.cost_terms is None and context.going_on is None:
         return {}
-    return {
-        MACHINES_KEY: {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
-    }
+    machines = {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
+    load = {} if context.supply is None else {LOAD_KEY: context.supply.load_text}
+    return {MACHINES_KEY: machines | load}
+
+
+def has_tank(saved: SavedPlan, request: PlanRequest) -> bool:
+    """Whether the implement of a saved plan carries something, of which the plan only knows that."""
+    legs = (leg for mission in saved.plan.missions for leg in mission.legs)
+    is_refilled = request.refill is not None or any(leg.task.kind == REFILL for leg in legs)
+    machines = saved.scenario.get(MACHINES_KEY)
+    tractor, _ = read_machines(saved, request)
+    return tractor.battery is None and (is_refilled or (isinstance(machines, dict) and LOAD_KEY in machines))
 
 
 def _describe_old_plan(saved: SavedPlan) -> str:
