@@ -143,7 +143,7 @@ def _compose_sketch(
     may_rest = context.going_on is not None and context.going_on.may_rest
     if may_rest and not any(one.programme.tours):
         raise StrategyError("What is left is not worth a drive.")
-    if not may_rest and not all(one.programme.tours):
+    if not may_rest and not (one.programme.tours and all(one.programme.tours)):
         _refuse_idle_stands(context, one.programme)
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
