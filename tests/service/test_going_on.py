@@ -18,13 +18,16 @@ import pytest
 import shapely
 
 from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.replanning.going_on import continue_remaining_work
-from planner.fleet.replanning.replan import ReplanProposal
+from planner.fleet.replanning.replan import ReplanProposal, build_taken_area
+from planner.fleet.safety.compliance import build_area_doubt
 from planner.fleet.session.frame_content import build_report, describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver
@@ -96,6 +99,39 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     assert proposal.sentence is not None
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
     assert proposal.sentence.endswith("of 0.42 ha are left.")
+
+
+@pytest.mark.slow
+def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
+    """What follows the legs that a tractor keeps are other legs, so that its old gates say nothing of them."""
+    remaining, proposal, _ = stop_and_go_on(plan, 0.6, [])
+    ends = proposal.unchanged_legs
+    known = [{gate for leg in mission.legs for gate in leg.gates} for mission in plan.timed_missions]
+    for number, state in enumerate(remaining.states):
+        for leg in proposal.plan.timed_missions[number].legs[state.leg + 1 : ends[number]]:
+            assert not [gate for gate in leg.gates if gate in known[number] and gate.leg >= ends[gate.tractor]]
+
+
+@pytest.mark.slow
+def test_where_nobody_has_work_that_is_said(plan: FleetPlan) -> None:
+    with pytest.raises(FleetManagerError, match=r"What is left is not worth a drive\."):
+        stop_and_go_on(plan, 0.93, [])
+
+
+@pytest.mark.slow
+def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(plan: FleetPlan) -> None:
+    manager = at(plan, 0.4)
+    manager.operators.stop_all("anna", 1.0)
+    manager._start_doubt(1, build_area_doubt(manager.states[1].report, 0.0), 1.0)
+    manager.states[1].doubt.radius_m = 5.0
+    remaining = extract_remaining_work(manager, [], 100.0, goes_on=True)
+    sentence = continue_remaining_work(remaining).sentence
+    assert sentence is not None and "Its place is in doubt: it may be up to 5 m from where it was." in sentence
+    left_out = extract_remaining_work(manager, [1], 100.0, goes_on=True)
+    context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
+    taken = build_taken_area(left_out, context, 1.0)
+    place = shapely.Point(manager.states[1].doubt.pose[:2])
+    assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
 
 
 def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:

@@ -217,6 +217,16 @@ def test_others_of_its_fleet_stand_before_its_area_reaches_them_and_go_on_after_
     assert fleet.standing == [False, False] and manager.states[0].doubt is None
 
 
+def test_an_area_that_is_reached_already_has_no_distance_in_its_alarm() -> None:
+    fleet = start_fleet(fleet_plan(2, 10))
+    fleet.run(5.0)
+    doubt = MotionDoubt(POSITIONS, 30.0, {}, (0.0, fleet.at_m[0], math.pi / 2), 1.0)
+    fleet.manager._start_doubt(0, doubt, fleet.now)
+    fleet.run(1.0)
+    (alarm,) = [alarm for alarm in fleet.manager.alarms.list_alarms() if alarm.code == "near 2"]
+    assert alarm.sentence.endswith("may be too near in 0.0 s: the place of one is in doubt.")
+
+
 @pytest.mark.parametrize("speed_mps", [0.3, 1.0, 3.0])
 def test_the_time_to_a_doubt_is_that_in_which_the_difference_exceeds_the_noise(speed_mps: float) -> None:
     motion, froze_s = CredibleMotion(1.1, 3.0), 10.0
