@@ -193,7 +193,10 @@ def _place_starts(
 
 
 def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
-    """The longest stretch of a tour all of whose moves were driven well; a search without a way on ends so."""
+    """The longest stretch of a tour all of whose moves were driven well; a search without a way on ends so.
+
+    Nothing for a tractor that stands on the field, has nothing to work there, and no entrance to leave by.
+    """
     parts: list[list[int]] = [[]]
     for node in tour:
         if parts[-1] and not table.is_proven(parts[-1][-1], node):
@@ -204,6 +207,8 @@ def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
         parts = [p for p in parts if p and _is_begun(table, tour, p) and table.is_proven(p[-1], gate)] or [[]]
     elif tour and tour[0] in table.starts:
         parts = parts[:1]
+        if all(table.lines[node // 2].is_place for node in parts[0]):
+            return []
     return max(parts, key=lambda part: sum(table.lines[node // 2].length_m for node in part))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,9 @@ import shapely
 
 from fields import read_field, write_field
 from fields.geometry.field import Field
-from planner.day.field_times import FieldTime, compute_field_time, hash_field_time_order
+from planner.day.field_times import ALL_DONE, FieldTime, compute_field_time, hash_field_time_order
 from planner.day.formulation import PLANNING_SAMPLES, build_day_hours, build_problem, estimate_mean_time_and_cost
-from planner.day.input_file import DayFile, parse_day
+from planner.day.input_file import DayFile, load_day, parse_day
 from planner.day.optimization.solver import solve_day
 from planner.day.planning import prepare_day
 from planner.errors import RequestError
@@ -28,6 +29,7 @@ from strategies.program.supply import Supply
 from tests.day.test_odds import one_leg
 from vehicle.model.tractor import Implement, load_tractor
 
+FIELD = 'file = "iwamizawa"'
 TEXT = """
 start = "08:00"
 strategies = ["split-field"]
@@ -76,6 +78,39 @@ def test_tanks_are_made_good_between_fields_and_not_before_the_first_or_after_th
     assert (tanks - dry > 0.0).tolist() == [[False, True, False], [True, False, False], [False, False, False]]
     first, second = problem.schedule_starts(0, (0, 1)) or (0, 0)
     assert (first, second - first - (problem.work_s[0][0] or 0)) == (8 * 3600 + 480, 1260)
+
+
+def test_loss_counts_what_is_left_of_a_field() -> None:
+    day, farm = parse_day(TEXT.replace(FIELD, f"{FIELD}\nloss_per_ha = 300.0"), "day.toml")
+    fields, graph = (read_field("iwamizawa"),), one_leg(50.0)
+
+    def lose(left_ha: float | None) -> float:
+        table = ((FieldTime("s", 1, 50.0, graph=graph, left_ha=left_ha),),)
+        return build_problem(day, farm, fields, np.zeros((2, 2)), table, build_day_hours(day, farm), 1).value_at_risk[0]
+
+    assert lose(None) == pytest.approx(300.0 * fields[0].area_ha)
+    assert lose(0.5) == pytest.approx(150.0) and lose(0.0) == 0.0
+
+
+def test_faults_of_done_work_are_faults_of_the_day_file(tmp_path: Path) -> None:
+    def order(done: str) -> WorkOrder:
+        text = TEXT.replace(FIELD, f'{FIELD}\ndone = ["{done}"]')
+        (tmp_path / "day.toml").write_text(text, encoding="utf-8")
+        one = prepare_day(*load_day(str(tmp_path / "day.toml"))).orders[0][0]
+        assert one is not None
+        return one
+
+    with pytest.raises(RequestError, match=r"missing\.gpkg'; done takes a file"):
+        order("missing.gpkg")
+    x_m, y_m = shapely.get_coordinates(shapely.box(*read_field("iwamizawa").boundary.buffer(1.0).bounds)).T
+    for shift_m, name in ((0.0, "all.geojson"), (5000.0, "away.geojson")):
+        ring = np.column_stack([x_m + shift_m, y_m]).tolist()
+        content = {"type": "Polygon", "coordinates": [ring]}
+        (tmp_path / name).write_text(json.dumps(content), encoding="utf-8")
+    found = compute_field_time(order("all.geojson"))
+    assert found.reason == ALL_DONE and found.left_ha == 0.0
+    with pytest.raises(RequestError, match="Nothing of what is given as done lies in field"):
+        compute_field_time(order("away.geojson"))
 
 
 class TestCertainty:

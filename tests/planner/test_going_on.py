@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -228,6 +229,19 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
     assert shapely.intersection(swept, shapely.box(45.0, 0.0, 90.0, 60.0)).area >= 0.96 * 2700.0
     west_m = min(float(leg.points[:, 0].min()) for m in answer.run.plan.missions for leg in m.legs if leg.implement)
     assert west_m > 45.0 - WIDTH_M - START_OVERLAP_M - 3.0  # the guided point is up to a tool's length ahead of the bar
+
+
+@pytest.mark.slow
+def test_who_stands_without_work_is_named_with_what_leaves_it_out(folder: Path, whole: PlanningResult) -> None:
+    nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 56.0, 20.0, 60.0), 0.1)
+    sources = (f"{folder}/plan.json@0:05", nearly_all)
+    (refused,) = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.plans
+    words = r"for tractor (\d) of the plan before; leave out what need not go on \(--without (\d)\)"
+    named = re.search(words, refused.reason)
+    assert named is not None and named[1] == named[2]
+    one = replace(whole.context.request, tractors=(1,))
+    alone = plan(one, done=sources, without=int(named[1]), executor=SerialExecutor())
+    assert alone.ranking.best is not None
 
 
 def test_a_load_is_counted_from_the_last_stop() -> None:
