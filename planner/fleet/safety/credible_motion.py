@@ -156,7 +156,7 @@ class CredibleMotion:
     def add_report(
         self, report: TractorReport, leg_pose: Array | None, time_s: float, arrived_s: float, delay_s: float = 0.0
     ) -> None:
-        """Add a report of a time by the tractor's clock that arrived at one of the service, `delay_s` after it was made,
+        """Add a report of a time by the tractor's clock that came at one of the service, `delay_s` after it was made,
         with the pose (3,) of its progress on its leg; None where it follows none."""
         self._previous, self._report = self._report, self._previous
         self._report[:5] = (
