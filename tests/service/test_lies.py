@@ -71,6 +71,14 @@ def test_the_time_of_states_that_waited_counts_and_that_of_a_clock_that_was_set_
     assert motion.doubt is None
 
 
+def test_rare_states_that_waited_for_the_first_link_are_no_leaps() -> None:
+    motion = CredibleMotion(1.1, 3.0)
+    for number in range(8):
+        report = TractorReport(0.0, 3.0 * number, math.pi / 2, 2.0, mode=AUTOMATIC)
+        motion.add_report(report, np.array([0.0, 3.0 * number, math.pi / 2]), 1.5 * number, 15.0, 15.0 - 1.5 * number)
+    assert motion.doubt is None
+
+
 def test_one_that_obeys_and_tells_the_truth_is_neither_doubted_nor_told_of() -> None:
     for watched in (stop([], obeys=True), lose_operator([], obeys=True)):
         assert watched.seen == {} and watched.state.doubt is None

@@ -122,7 +122,7 @@ class FleetManager(FleetState):
         state.last_fix_s = max(state.last_fix_s, now - age_s - unsure_s)
         self._note_contact(number, age_s, now)
         is_possible = self._check_reported_place(number, report, now)
-        self._check_reported_motion(number, report, is_possible, now)
+        self._check_reported_motion(number, report, is_possible, now, delay_s)
         if not is_possible or state.doubt is not None:
             return
         _advance_progress(state, report, driving_s)
@@ -161,7 +161,9 @@ class FleetManager(FleetState):
         self.hold_tractor(number, Hold.ASTRAY)
         return False
 
-    def _check_reported_motion(self, number: int, report: TractorReport, is_place_possible: bool, now: float) -> None:
+    def _check_reported_motion(
+        self, number: int, report: TractorReport, is_place_possible: bool, now: float, delay_s: float
+    ) -> None:
         """Doubt a tractor whose reports contradict each other, by its own clock, as reports may be late."""
         state, motion = self.states[number], self.motions[number]
         if report.time_s is None:
@@ -169,7 +171,8 @@ class FleetManager(FleetState):
         leg_pose = None
         if is_place_possible and report.mode not in BY_HAND:
             leg_pose = state.mission.sample_poses(report.leg, report.leg_m, [0.0], state.base_end)[0]
-        motion.add_report(report, leg_pose, self.rules.times * report.time_s, self.rules.times * now)
+        times = self.rules.times
+        motion.add_report(report, leg_pose, times * report.time_s, times * now, times * delay_s)
         state.is_moving_unreported = motion.is_moving_unreported
         if state.doubt is not None:
             state.doubt.speed_mps = max(state.doubt.speed_mps, motion.measure_speed_mps())

@@ -153,12 +153,14 @@ class CredibleMotion:
         self.doubt: MotionDoubt | None = None
         self.is_moving_unreported = False
 
-    def add_report(self, report: TractorReport, leg_pose: Array | None, time_s: float, arrived_s: float) -> None:
-        """Add a report of a time by the tractor's clock that arrived at one of the service, with the pose (3,) of its
-        progress on its leg; None where it follows none."""
+    def add_report(
+        self, report: TractorReport, leg_pose: Array | None, time_s: float, arrived_s: float, delay_s: float = 0.0
+    ) -> None:
+        """Add a report of a time by the tractor's clock that came at one of the service, `delay_s` after it was made,
+        with the pose (3,) of its progress on its leg; None where it follows none."""
         self._previous, self._report = self._report, self._previous
         self._report[:5] = (
-            self._date_report(time_s, arrived_s),
+            self._date_report(time_s, arrived_s, delay_s),
             report.x_m,
             report.y_m,
             report.heading_rad,
@@ -179,18 +181,20 @@ class CredibleMotion:
                 self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
         self._judge()
 
-    def _date_report(self, time_s: float, arrived_s: float) -> float:
+    def _date_report(self, time_s: float, arrived_s: float, delay_s: float) -> float:
         """When a report was made: after the one before by the time of its own clock, where arrivals allow that.
 
         It may be made up for what earlier reports were late by; what exceeds that is a clock that was set, or lies.
         """
         (last_time_s, last_arrived_s), self._dated_s = self._dated_s, (time_s, arrived_s)
         if math.isnan(last_time_s):
+            self._late_s = delay_s
             return 0.0
         seconds, between_s = time_s - last_time_s, arrived_s - last_arrived_s
-        if not 0.0 <= seconds <= max(between_s + self._late_s, self._longest_leap_s):
-            seconds = between_s
-        self._late_s = max(self._late_s + between_s - seconds, 0.0)
+        if 0.0 <= seconds <= max(between_s + self._late_s, self._longest_leap_s):
+            self._late_s = max(self._late_s + between_s - seconds, 0.0)
+        else:
+            seconds, self._late_s = between_s, 0.0
         return float(self._previous[0]) + seconds
 
     def measure_speed_mps(self) -> float:
