@@ -31,7 +31,7 @@ from strategies.program.supply import Supply
 from vehicle.missions.plan import Leg
 
 WIDTH_M, CUT_S = 4.0, 300.0
-OUTLINE = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
+OUTLINE: list[list[float]] = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
 
 
 def write_field(path: Path, outline: list[list[float]]) -> str:
@@ -237,7 +237,7 @@ def test_who_stands_without_work_is_named_with_what_leaves_it_out(folder: Path, 
     sources = (f"{folder}/plan.json@0:05", nearly_all)
     (refused,) = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.plans
     words = r"for tractor (\d) of the plan before; leave out what need not go on \(--without (\d)\)"
-    named = re.search(words, refused.reason)
+    named = re.search(words, str(refused.reason))
     assert named is not None and named[1] == named[2]
     one = replace(whole.context.request, tractors=(1,))
     alone = plan(one, done=sources, without=int(named[1]), executor=SerialExecutor())
@@ -273,12 +273,12 @@ def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_no
         assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
     formation = replace(request, strategies=("row-by-row",))
     (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
-    assert "need 2 tracks, and none are left; use split-field" in refused.reason
+    assert "need 2 tracks, and none are left; use split-field" in str(refused.reason)
     rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
     (refused,) = plan(
         replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()
     ).ranking.plans
-    assert "no piece that is worth a drive" in refused.reason
+    assert "no piece that is worth a drive" in str(refused.reason)
 
 
 def test_polygons_for_a_field_in_metres_are_no_degrees_and_a_key_chooses_one(folder: Path) -> None:
