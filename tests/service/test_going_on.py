@@ -88,7 +88,7 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
     left_m2 = shapely.difference(due, shapely.union_all([done, again, standing])).area
     assert left_m2 < 0.02 * due.area
     left_s = [max(plan.finish_s) * 0.6] if not without else [sum(plan.finish_s) * 0.6 / 2]
-    assert proposal.eta_s < 1.15 * left_s[0]
+    assert proposal.eta_s < 1.3 * left_s[0]  # who meets whom may cost a wait
     check_proposal_still_fits(remaining, manager, proposal.plan)
     manager.operators.adopt_plan("anna", proposal.plan, 101.0, remaining.excluded)
     assert [state.leg for state in manager.states] == [state.leg for state in remaining.states]
