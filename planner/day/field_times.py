@@ -37,6 +37,15 @@ from planner.risk.planned_order import enforce_planned_order
 from vehicle.model.tractor import Implement, resolve_tractor
 
 CACHE_VARIABLE = "HEADLAND_CACHE"
+DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
+GRAPH_ARRAYS = {
+    "tractor": np.int64, "group": np.int64, "kind": np.int64, "driven_s": np.float64, "worked_m": np.float64,
+    "stand_s": np.float64,
+}  # fmt: skip
+PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall", "left_ha")
+ANONYMOUS = "field"
+ALL_DONE = "all of it is done already"
+HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 
 
 def find_cache_folder() -> Path:
@@ -81,17 +90,6 @@ class FieldTimeCache:
                 draft.unlink(missing_ok=True)
             return False
         return True
-
-
-DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
-GRAPH_ARRAYS = {
-    "tractor": np.int64, "group": np.int64, "kind": np.int64, "driven_s": np.float64, "worked_m": np.float64,
-    "stand_s": np.float64,
-}  # fmt: skip
-PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall", "left_ha")
-ANONYMOUS = "field"
-ALL_DONE = "all of it is done already"
-HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,6 +62,11 @@ LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 6
 COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
 JOB_COUNT_PERIOD_S = 5.0
 JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
+TOKENS_STALE_S = 5.0
+DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
+OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
+LARGEST_EVENT_ID = 2**53
 
 
 class ServiceMetrics:
@@ -178,10 +183,6 @@ class ConnectionMetrics(Collector):
         return opened, closed
 
 
-TOKENS_STALE_S = 5.0
-DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
-NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
-OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
 health_router = APIRouter(tags=["service"])
 
 
@@ -270,7 +271,6 @@ def list_service_faults(request: Request) -> list[str]:
     return faults
 
 
-LARGEST_EVENT_ID = 2**53
 events_router = APIRouter(tags=["events"])
 
 

@@ -76,6 +76,14 @@ DOCS_SCRIPT = (
 )
 
 docs_router = APIRouter(include_in_schema=False)
+API_PREFIX = "/api/v1"
+TOKENS_PATH = f"{API_PREFIX}/tokens"
+SWEEP_PERIOD_S = 3600.0
+API_DESCRIPTION = (
+    "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
+)
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
+OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 @docs_router.get("/docs")
@@ -97,15 +105,6 @@ def show_docs_asset(name: str) -> Response:
         raise HTTPException(404)
     content = (resources.files("fastapi_swagger.resources") / name).read_bytes()
     return Response(content, media_type=DOCS_ASSETS[name], headers={"cache-control": "max-age=86400"})
-
-
-API_PREFIX = "/api/v1"
-TOKENS_PATH = f"{API_PREFIX}/tokens"
-SWEEP_PERIOD_S = 3600.0
-API_DESCRIPTION = (
-    "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
-)
-Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
 
 def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> FastAPI:
@@ -305,9 +304,6 @@ async def _sweep_forever(store: Store) -> None:
         await asyncio.sleep(SWEEP_PERIOD_S)
         with contextlib.suppress(DBAPIError):
             await asyncio.to_thread(sweep_unnamed_bytes, store)
-
-
-OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connection) -> None:

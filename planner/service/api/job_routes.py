@@ -43,6 +43,11 @@ EXPORT_ANSWER = document_file(
 )
 
 exports_router = APIRouter(tags=["plans"])
+JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
+RESULT_ANSWER = document_file(
+    "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
+)
+INLINE_MEDIA_TYPES = ("text/html", "image/png")
 
 
 @exports_router.get(
@@ -70,12 +75,6 @@ def export_plan_result(
         return build_download(next(iter(export.files.values())), form.media_type, f"{stem}{form.extension}")
     return build_download(zip_files(export.files), ZIP_MEDIA_TYPE, f"{stem}-{form.name}.zip")
 
-
-JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
-RESULT_ANSWER = document_file(
-    "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
-)
-INLINE_MEDIA_TYPES = ("text/html", "image/png")
 
 all_jobs_router = APIRouter(tags=["jobs"])
 

@@ -34,6 +34,9 @@ from planner.service.errors import ServiceError
 from planner.service.gateway.responses import READ_ROUTE_ERRORS, ApiModel, document_file
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 
+MOST_METRES = 1e8
+TILE_HEADERS = {"cache-control": "private, max-age=86400"}
+
 
 class MapBackground:
     """The background of maps, with its `kind` and `facts`. Raises ServiceError for settings that cannot be."""
@@ -88,8 +91,6 @@ def _open_source(settings: ServiceSettings) -> TileServer | MbtilesFile | GeoTif
     return TileServer(TileAddress(text), cache)
 
 
-MOST_METRES = 1e8
-TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 background_router = APIRouter(prefix="/background", tags=["background"])
 
 

@@ -45,6 +45,11 @@ ROLES_TEXT = (
     "and changes nothing, except an obstacle of a tractor: that tractor stands until an operator has looked or it "
     "sends a readable one."
 )
+FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
+JSON_TYPE = "application/json"
+REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
+RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
+RECORDING_ANSWERS = ITEM_ERRORS | document_file("One log per tractor", ["application/zip"])
 
 
 @lru_cache(maxsize=1)
@@ -90,11 +95,6 @@ def _describe_operation(action: str, models: tuple[type[Any], ...], summary: str
 
 
 fleet_router = APIRouter(tags=["fleets"])
-FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
-JSON_TYPE = "application/json"
-
-
-REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
 
 
 class ReplanRequest(BaseModel):
@@ -261,8 +261,6 @@ async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
     return build_asyncapi_document()
 
 
-RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
-RECORDING_ANSWERS = ITEM_ERRORS | document_file("One log per tractor", ["application/zip"])
 recording_router = APIRouter(tags=["fleets"])
 
 

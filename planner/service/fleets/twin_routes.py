@@ -33,6 +33,8 @@ from vehicle.model.tractor_writer import format_tractor_toml
 DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor.toml"
 FINDING = "finding"
 DIAGNOSE_AFTER_S = 90.0  # of driving after a doubt is certain: a track and a turn show more than a track alone
+TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
+SHOWN_CORRECTIONS = 600  # ten minutes
 
 
 class TwinDiagnosis:
@@ -170,8 +172,6 @@ def _find_due_doubt_s(session: FleetSession, number: int) -> float | None:
 
 
 twin_router = APIRouter(tags=["twins"])
-TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
-SHOWN_CORRECTIONS = 600  # ten minutes
 
 
 class TwinAnswer(ApiModel):

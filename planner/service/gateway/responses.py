@@ -24,6 +24,15 @@ from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 
 TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
 JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+_STATUS_MEANINGS = {
+    401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
+    409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
+    429: "Too many requests, or too many jobs waiting", 503: "The database cannot be used",
+    507: "No room left on the disk",
+}  # fmt: skip
+COMMON_ERROR_STATUSES = (413, 429, 503, 507)
+INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
+HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 
 
 class ApiModel(BaseModel):
@@ -182,15 +191,6 @@ class EventList(ApiModel):
     items: list[EventInfo]
 
 
-_STATUS_MEANINGS = {
-    401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
-    409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
-    429: "Too many requests, or too many jobs waiting", 503: "The database cannot be used",
-    507: "No room left on the disk",
-}  # fmt: skip
-COMMON_ERROR_STATUSES = (413, 429, 503, 507)
-
-
 def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Documentation of the refusals of a route, with those that every route has."""
     return {
@@ -209,10 +209,6 @@ READ_ROUTE_ERRORS = document_errors(401, 403, 422)
 ITEM_ERRORS = document_errors(401, 403, 404, 422)
 CHANGE_ERRORS = document_errors(401, 403, 404, 409, 422)
 """Refusals of routes that list, read, read one item, and change one."""
-
-
-INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
-HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 
 
 def build_error_response(
