@@ -35,7 +35,6 @@ from planner.service.api.job_routes import (
     all_jobs_router,
     build_jobs_router,
     exports_router,
-    views_router,
 )
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
@@ -49,7 +48,7 @@ from planner.service.gateway.bodies import BODIES_FOLDER, BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
-from planner.service.gateway.responses import add_error_handlers, document_errors
+from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
@@ -176,7 +175,7 @@ def _build_kind_routers() -> tuple[APIRouter, ...]:
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     return [
-        *_build_kind_routers(), exports_router, form_router, all_jobs_router, views_router, background_router,
+        *_build_kind_routers(), exports_router, form_router, all_jobs_router, background_router,
         fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
     ]  # fmt: skip
 
@@ -225,7 +224,7 @@ def _build_routes(*, has_control: bool = True, has_office: bool = True) -> tuple
     shared by all apps of a process."""
     control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else []
     dependencies = [Depends(refuse_unknown_query)]
-    combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies, responses=document_errors(422))
+    combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies)
     for router in (*control, *office):
         combined.include_router(router)
     whole = APIRouter()
