@@ -9,12 +9,7 @@ import shapely
 from fields import Field, lay_swaths
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.layout_choice import (
-    MIN_GAIN,
-    build_effort_rates,
-    estimate_finish_s,
-    list_layouts,
-)
+from planner.evaluation.layout_choice import MIN_GAIN, build_effort_rates, estimate_finish_s, list_layouts
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
