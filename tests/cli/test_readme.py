@@ -23,7 +23,7 @@ SELDOM = (
     "headland plan denmark", "headland plan iwamizawa --tractors", "headland plan iwamizawa netherlands",
     "headland plan myfarm.geojson --soil", "headland diagnose runs", "headland diagnose --demo",
     "headland diagnose sample", "headland day day.toml", "headland compare-headlands", "headland study",
-    "headland plan myfarm.geojson --width 3 --tractors 1-3",
+    "headland plan myfarm.geojson --width 3 --tractors 1-3", "headland plan myfarm.geojson --margin",
 )  # fmt: skip
 """Beginnings of the guide's commands that take long: in the matrix alone, as their kind runs in the README or in files
 of its own, and so do their options."""
