@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -88,6 +88,8 @@ class SketchedPlan:
 
     Attributes:
         tractor_s: about the seconds of every tractor.
+        tours: the nodes of every tractor in order; empty for a formation.
+        served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
         sketch_apart: sketches the same where tractors work more apart from each other; None where they cannot.
         beside: whether tractors keep beside each other, as near as neighbouring swaths are.
@@ -97,6 +99,8 @@ class SketchedPlan:
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
     sketch_apart: Callable[[], SketchedPlan] | None = None
+    tours: Sequence[Sequence[int]] = ()
+    served_s: Sequence[float] = ()
     beside: bool = False
 
 
@@ -281,7 +285,10 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
         sketch_apart = partial(sketch, order, number + 1) if number + 1 < len(shares) else None
-        return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart)
+        stops_s = [
+            0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
+        ]
+        return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
 
