@@ -33,6 +33,13 @@ if TYPE_CHECKING:
 
 
 PLAN = "plan"
+DAY_OPTIONS: dict[str, dict[str, Any]] = {
+    "farm": {"help": "A farm file instead of the one that the day file names."},
+    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
+    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
+    "seed": {},
+}
+"""Options of a plan that a day takes, and what differs."""
 
 
 class FileFirstGroup(TyperGroup):
@@ -53,15 +60,6 @@ day = create_group(
     """,
     cls=FileFirstGroup,
 )
-
-
-DAY_OPTIONS: dict[str, dict[str, Any]] = {
-    "farm": {"help": "A farm file instead of the one that the day file names."},
-    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
-    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
-    "seed": {},
-}
-"""Options of a plan that a day takes, and what differs."""
 
 
 @day.command(PLAN)

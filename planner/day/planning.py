@@ -59,6 +59,9 @@ from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedFi
 from reports.plan.shortfall_wording import question_pull
 from vehicle.model.tractor import resolve_tractor
 
+CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
+Array = npt.NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class NotDoneReason:
@@ -101,10 +104,6 @@ def _compute_lateness_s(problem: DayProblem, fleet: int, field: int) -> int:
         return max(end_s - window[1], end_s + problem.travel_s[fleet][field][depot] - problem.home_by_s, 0)
 
     return min(find_lateness_s(window) for window in problem.windows[field])
-
-
-CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SweptOption:
-    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), on the command line, and its values."""
+    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values."""
 
     key: str
     flag: str
@@ -82,7 +82,7 @@ class SweepResult(ShownResult):
 
     @cached_property
     def front(self) -> tuple[SweptPlan, ...]:
-        """The usable plans that no other beats in time, cost, tractors, ground worked and fuel together, quickest first.
+        """The usable plans that nothing beats in time, cost, tractors, ground worked and fuel together, quickest first.
 
         Of plans alike in all of these the first is taken.
         """

@@ -17,7 +17,7 @@ from planner.pipeline.ranking import list_candidates
 from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
-from planner.service.sandbox.request_checks import build_work_order
+from planner.service.sandbox.readings import build_work_order
 from planner.service.store.file_table import MEDIA_BY_SUFFIX
 from planner.service.store.job_queue import ResultFile
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
