@@ -60,3 +60,6 @@ class ResultCache:
                 draft.unlink(missing_ok=True)
             return False
         return True
+
+
+NO_CACHE = ResultCache(None)

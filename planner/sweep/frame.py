@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from planner.evaluation.work_order import FieldChoice, WorkOrder
-from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
@@ -50,7 +49,7 @@ def sweep(
         return WorkOrder(replace(request, **parameters), field, tractor, implement, None, cost_terms, supply)
 
     found = Sweep(axes, (request.field,), build_order)
-    found.run(executor, ResultCache(None), progress)
+    found.run(executor, progress=progress)
     result = found.build_result()
     frame = build_sweep_frame(result)
     frame.attrs["sweep"] = result

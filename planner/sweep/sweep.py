@@ -18,7 +18,7 @@ from planner.errors import HeadlandError
 from planner.evaluation.work_order import WorkOrder, read_requested_field
 from planner.pipeline.executors import create_executor, iter_completed
 from planner.pipeline.many_fields import hash_question
-from planner.pipeline.result_cache import ResultCache
+from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import format_clock
 from planner.sweep.axes import Axis, list_points
@@ -169,19 +169,19 @@ class Sweep:
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
 
     @property
-    def asked(self) -> int:
+    def total(self) -> int:
         """The number of combinations, with several fields on each."""
         return len(self._points) * len(self.fields)
 
     def run(
         self,
         executor: Executor | None = None,
-        cache: ResultCache = ResultCache(None),
+        cache: ResultCache = NO_CACHE,
         progress: Progress | None = None,
         describe_refusal: Callable[[HeadlandError], str] = str,
         processes: int | None = None,
     ) -> None:
-        """Estimate what is not known yet; `progress` is called with (done, asked). Raises HeadlandError.
+        """Estimate what is not known yet; `progress` is called with (done, total). Raises HeadlandError.
 
         What is found before an exception, such as Ctrl-C, stays: `build_result` shows it.
         """
@@ -199,7 +199,7 @@ class Sweep:
                 found[number] = plan
                 done = sum(map(len, self._found))
                 if progress is not None and (len(found) == len(self._points) or done % PROGRESS_STEP == 0):
-                    progress(done, self.asked)
+                    progress(done, self.total)
 
     def build_result(self) -> SweepResult:
         """The plans known so far; of several fields those that are known of all. Raises HeadlandError for a field."""
@@ -218,7 +218,7 @@ class Sweep:
             area_ha=math.fsum(areas_ha),
             options=tuple(SweptOption(name_column(one), one.option.name, one.written) for one in self.axes),
             plans=tuple(SweptPlan(self._points[number], plan) for number, plan in zip(numbers, plans, strict=True)),
-            asked=len(self._points),
+            total=len(self._points),
             currency=None if first.cost_terms is None else first.cost_terms.prices.currency,
             start=None if request.start_s is None else format_clock(request.start_s),
             allowed_s=request.time_limit_s,

@@ -49,7 +49,7 @@ class SweepResult(ShownResult):
     Attributes:
         field_name, area_ha: of the field, or of all fields together.
         options: what is varied; every plan has a value of each.
-        plans: of the combinations that there was time for, of `asked` in all.
+        plans: of the combinations that there was time for, of `total` in all.
         by_field: with several fields, the plans of each, by its name; then `plans` are those of all together, one after
             another.
         command: the command that plans one combination in full, without the varied options.
@@ -59,7 +59,7 @@ class SweepResult(ShownResult):
     area_ha: float
     options: tuple[SweptOption, ...]
     plans: tuple[SweptPlan, ...]
-    asked: int
+    total: int
     currency: str | None = None
     start: str | None = None
     allowed_s: float | None = None
