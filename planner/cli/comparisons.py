@@ -51,6 +51,12 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
     "strategies": _SPLIT_FIELD,
 }
+LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
+"""Options of a plan that this command compares, or that exclude what it compares."""
+_ONE_TRACTOR = {
+    "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},
+    "strategies": _SPLIT_FIELD,
+}
 
 
 @inject_request_options(without=COMPARED_OPTIONS, changes=_CHANGED_OPTIONS)
@@ -163,14 +169,6 @@ def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
     reasons = {row.refusal for row in comparison.rows}
     if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:
         raise RequestError(str(reasons.pop()))
-
-
-LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
-"""Options of a plan that this command compares, or that exclude what it compares."""
-_ONE_TRACTOR = {
-    "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},
-    "strategies": _SPLIT_FIELD,
-}
 
 
 @inject_request_options(without=LEFT_OUT, changes=_ONE_TRACTOR)

@@ -33,6 +33,13 @@ if TYPE_CHECKING:
 
 
 PLAN = "plan"
+DAY_OPTIONS: dict[str, dict[str, Any]] = {
+    "farm": {"help": "A farm file instead of the one that the day file names."},
+    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
+    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
+    "seed": {},
+}
+"""Options of a plan that a day takes, and what differs."""
 
 
 class FileFirstGroup(TyperGroup):
@@ -53,15 +60,6 @@ day = create_group(
     """,
     cls=FileFirstGroup,
 )
-
-
-DAY_OPTIONS: dict[str, dict[str, Any]] = {
-    "farm": {"help": "A farm file instead of the one that the day file names."},
-    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
-    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
-    "seed": {},
-}
-"""Options of a plan that a day takes, and what differs."""
 
 
 @day.command(PLAN)
@@ -174,10 +172,10 @@ def _compute_day_plan(
     field_minutes: float,
 ) -> DayResult:
     from planner.cli.common.progress import open_stage_bar
-    from planner.day.field_times import FieldTimeCache, find_cache_folder
     from planner.day.planning import plan_day
+    from planner.pipeline.result_cache import ResultCache, find_cache_folder
 
-    store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
+    store = ResultCache(find_cache_folder() / "field-times" if cache is None else cache)
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from vehicle.trials.sheets.sheet import ExperimentSheet
 
 
+ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
+
+
 def design(
     study: Annotated[str, typer.Argument(help="tyres (Fig. 6.2) or mass (Fig. 6.3).")],
     tractor: TractorOption = "eg105",
@@ -93,9 +96,6 @@ def study(json: AsJson = False) -> None:
     with create_progress_callback("Simulating the study") as progress:
         result = simulate(progress=progress)
     AnswerForm(json).print_answer(result, json=format_study_json, screen=build_study_tables)
-
-
-ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
 
 
 def validate(

@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from vehicle.trials.sheets.sheet import ExperimentSheet
 
 
+OptionalNumber = Optional[float]
+FILE_BANNER = (
+    "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
+)
+
+
 def can_prompt() -> bool:
     """Whether somebody can answer questions on a terminal."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr is not None and sys.stderr.isatty()
@@ -102,10 +108,6 @@ def default() -> None:
 
 tractor = create_group(
     "Tractor files: make one from a datasheet, check one.\n\nExample: headland tractor check my.toml"
-)
-OptionalNumber = Optional[float]
-FILE_BANNER = (
-    "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
 )
 
 

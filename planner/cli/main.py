@@ -42,6 +42,14 @@ _NOT_A_NUMBER = re.compile(
     r"Invalid value for '(?P<option>--[\w-]+)': Input should be a valid (?P<kind>integer|number), unable to parse.*"
 )
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
+    "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,
+    "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve, "robot": robot,
+    "backup": backup, "restore": restore, "guide": guide, "setup": setup,
+}  # fmt: skip
+"""Commands in the order of the help; the groups of commands follow."""
+_GROUPS = {"gnss": gnss, "tractor": tractor, "farm": farm, "logs": logs, "day": day, "token": token, "demo": demo}
 
 
 class MisuseError(Exception):
@@ -108,14 +116,6 @@ def describe_headland(
     """
 
 
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
-    "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,
-    "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve, "robot": robot,
-    "backup": backup, "restore": restore, "guide": guide, "setup": setup,
-}  # fmt: skip
-"""Commands in the order of the help; the groups of commands follow."""
-_GROUPS = {"gnss": gnss, "tractor": tractor, "farm": farm, "logs": logs, "day": day, "token": token, "demo": demo}
 for _name, _command in _COMMANDS.items():
     app.command(_name, cls=FieldCommand if _command is field else None)(_command)
 for _name, _group in _GROUPS.items():

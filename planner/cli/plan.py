@@ -45,6 +45,19 @@ if TYPE_CHECKING:
     from reports.plan.many_fields import FieldRow
 
 
+MOST_SHOWN_PLANS = 20
+_CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
+_DONE_HELP = (
+    "Worked already: a file of ground, logs, or a saved plan at a time (plan.json@13:20), which goes on; once for each."
+)
+_WITHOUT_HELP = "Leave out this machine of the plan that goes on, by its number; once for each."
+_WIDTH = {
+    "type": str,
+    "default": "3",
+    "help": "Working width of the implement, metres; 3,6 plans with both in one table.",
+}
+
+
 def plan_batch(
     requests: Sequence[PlanRequest],
     given: GivenOptions,
@@ -168,19 +181,6 @@ def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRow], None
     form.print_answer(
         records, json=format_many_fields_json, screen=build_many_fields_screen, table=build_many_fields_table
     )
-
-
-MOST_SHOWN_PLANS = 20
-_CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
-_DONE_HELP = (
-    "Worked already: a file of ground, logs, or a saved plan at a time (plan.json@13:20), which goes on; once for each."
-)
-_WITHOUT_HELP = "Leave out this machine of the plan that goes on, by its number; once for each."
-_WIDTH = {
-    "type": str,
-    "default": "3",
-    "help": "Working width of the implement, metres; 3,6 plans with both in one table.",
-}
 
 
 @inject_request_options(changes={"width": _WIDTH})

@@ -34,6 +34,8 @@ TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of 
 TERMINATION_S, STARTUP_S = 60.0, 600.0
 
 demo = create_group("Demonstrations.\n\nExample: headland demo fleet")
+TOKEN_HELP = "A token with scope robot for this tractor."
+HIDE_HELP = "An effect of the robot that its twin does not know, such as steering_offset=1.5; may be repeated."
 
 
 @demo.command()
@@ -190,10 +192,6 @@ def _ignore_end_signals() -> Iterator[None]:
     finally:
         for signal_number, handler in previous_handlers.items():
             signal.signal(signal_number, handler)
-
-
-TOKEN_HELP = "A token with scope robot for this tractor."
-HIDE_HELP = "An effect of the robot that its twin does not know, such as steering_offset=1.5; may be repeated."
 
 
 def robot(

@@ -43,6 +43,14 @@ VIDEO_HELP = (
 SHUTDOWN_S = 5
 MAX_FRAME_BYTES = 2**18
 BACKLOG, ACCEPTS_PER_TURN = 1024, 32
+SCOPE_HELP = (
+    "read; planner (files and jobs); operator (fleets); robot (drives one tractor, with --fleet and --tractor); admin "
+    "(everything). May be repeated; robot cannot be combined."
+)
+EXPIRES_HELP = (
+    "When it expires: after 90m, 12h or 30d, after the day 2027-01-31, at 2027-01-31T18:00:00Z, or never. Default: 30d "
+    "for a robot, else never."
+)
 
 
 def serve(
@@ -242,8 +250,8 @@ def restore(
 
     Example: headland restore farm.zip --data farm
     """
+    from planner.service.store.backup import restore_backup
     from planner.service.store.database import hold_service_lock
-    from planner.service.store.restore import restore_backup
     from planner.service.store.service_store import open_store
 
     settings = build_settings(data, database)
@@ -254,15 +262,6 @@ def restore(
         f"headland serve{settings.data_option}."
     )
 
-
-SCOPE_HELP = (
-    "read; planner (files and jobs); operator (fleets); robot (drives one tractor, with --fleet and --tractor); admin "
-    "(everything). May be repeated; robot cannot be combined."
-)
-EXPIRES_HELP = (
-    "When it expires: after 90m, 12h or 30d, after the day 2027-01-31, at 2027-01-31T18:00:00Z, or never. Default: 30d "
-    "for a robot, else never."
-)
 
 token = create_group(
     "Tokens for the service: who may read, plan, operate, drive or administer.\n\n"

@@ -46,6 +46,8 @@ EXAMPLE = "example"
 SUN = "sun"
 MAX_ROAD_KM = 1000.0
 MAX_NIGHT_WINDOW_S = DAY_S // 2
+FROM_TIMES = BeforeValidator(convert_time_to_text)
+"""Times and dates without quotes, as TOML has them."""
 
 
 def _check_by(parse: Callable[[str], object]) -> AfterValidator:
@@ -108,8 +110,6 @@ def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-FROM_TIMES = BeforeValidator(convert_time_to_text)
-"""Times and dates without quotes, as TOML has them."""
 Window = Annotated[str, FROM_TIMES, _check_by(parse_hours)]
 ObstaclePlace = Annotated[str, _check_by(parse_obstacle_place)]
 

@@ -20,6 +20,8 @@ from planner.farm.workday import MAX_ROAD_KM, locate_road_end
 from reports.day.schedule_results import MapPlace
 
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
+Array = npt.NDArray[np.float64]
+LonLat = tuple[float, float]
 
 
 def compute_sun_hours(day: date, lon: float, lat: float, utc_offset_h: float) -> tuple[int, int] | None:
@@ -48,10 +50,6 @@ def compute_sun_hours(day: date, lon: float, lat: float, utc_offset_h: float) ->
     noon_min = 0.5 * DAY_S / MINUTE_S - 4.0 * lon - equation_min + MINUTE_S * utc_offset_h
     rise_s, set_s = (60 * round(noon_min + sign * half_min) % DAY_S for sign in (-1.0, 1.0))
     return rise_s, set_s
-
-
-Array = npt.NDArray[np.float64]
-LonLat = tuple[float, float]
 
 
 @dataclass(frozen=True)

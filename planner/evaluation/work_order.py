@@ -88,7 +88,7 @@ class WorkOrder:
             for parameter, choice in (("field", self.field), ("tractor", self.tractor))
             if choice is not None
         }
-        return replace(self.request, **names)
+        return replace(self.request, **names) if names else self.request
 
 
 def match_plan_time(source: DoneSource) -> re.Match[str] | None:

@@ -19,6 +19,17 @@ _TRACTOR_LIVES = (
     "hours; at a constant rate that is one in 200 / ln 2 hours"
 )
 _Duration = Annotated[float, Field(ge=0.0, le=MAX_DURATION_S, strict=True, allow_inf_nan=False)]
+_OFF_VALUES: dict[str, dict[str, Any]] = {
+    "pass speed": {"speed_cv": 0.0},
+    "conditions of the day": {"job_cv": 0.0},
+    "wheel slip": {"slip_cv": 0.0},
+    "turns": {"turn_cv": 0.0, "turn_more_cv": 0.0},
+    "stops": {"stops_per_hour": 0.0},
+    "breakdowns": {"breakdown_hours": 0.0},
+    "late start": {"start_delay_s": 0.0},
+}
+RANDOM_INPUTS = tuple(_OFF_VALUES)
+"""Names of the random inputs, as reports call them."""
 
 
 def _define_cv(default: float, description: str, source: str, high: float = MAX_CV) -> Any:
@@ -99,19 +110,6 @@ class UncertaintySettings(FileSection):
     def disable_input(self, input_name: str) -> UncertaintySettings:
         """The same with one of `RANDOM_INPUTS` switched off; raises KeyError for another name."""
         return self.model_copy(update=_OFF_VALUES[input_name])
-
-
-_OFF_VALUES: dict[str, dict[str, Any]] = {
-    "pass speed": {"speed_cv": 0.0},
-    "conditions of the day": {"job_cv": 0.0},
-    "wheel slip": {"slip_cv": 0.0},
-    "turns": {"turn_cv": 0.0, "turn_more_cv": 0.0},
-    "stops": {"stops_per_hour": 0.0},
-    "breakdowns": {"breakdown_hours": 0.0},
-    "late start": {"start_delay_s": 0.0},
-}
-RANDOM_INPUTS = tuple(_OFF_VALUES)
-"""Names of the random inputs, as reports call them."""
 
 
 def build_certain_settings() -> UncertaintySettings:

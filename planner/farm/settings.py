@@ -16,6 +16,10 @@ from planner.request.plan_request import MAX_PRICE
 
 SOURCE_KEY = "source"
 NONE_GIVEN = "no default"
+_EQUATIONS = "ASAE machinery cost equations (D497, EP496; standards of 2000)"
+MAX_DURATION_S = 7.0 * DAY_S
+MAX_BREAK_S = DAY_S // 2
+FROM_TIMES = BeforeValidator(convert_time_to_text)
 
 
 class FileSection(BaseModel):
@@ -69,9 +73,6 @@ class LearnedValue(FileSection):
         interval = "" if self.low is None or self.high is None else f" (95 %: {self.low:g} to {self.high:g})"
         value = self.value if isinstance(self.value, str) else f"{self.value:g}"
         return f"{value}{interval}, {self.origin}" if self.origin else f"{value}{interval}"
-
-
-_EQUATIONS = "ASAE machinery cost equations (D497, EP496; standards of 2000)"
 
 
 class FarmPrices(FileSection):
@@ -147,10 +148,6 @@ class FarmPrices(FileSection):
     )
 
 
-MAX_DURATION_S = 7.0 * DAY_S
-MAX_BREAK_S = DAY_S // 2
-
-
 def _validate_clock(text: str | None) -> str | None:
     if text is not None:
         parse_clock(text, "the time")
@@ -176,7 +173,6 @@ def _parse_break(text: str) -> tuple[int, int]:
     return start, start + length_s
 
 
-FROM_TIMES = BeforeValidator(convert_time_to_text)
 Clock = Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)]
 Break = Annotated[str, FROM_TIMES, AfterValidator(_validate_break)]
 

@@ -19,6 +19,9 @@ from planner.errors import RequestError
 from planner.farm.settings import FarmTimes, Yard
 
 MAX_ROAD_KM = 200.0  # straight line; longer roads indicate wrong degrees
+ROAD, UNFOLD, FOLD, BREAK, NIGHT = "road", "unfold", "fold", "break", "night"
+MAX_DAYS = 1000
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,6 @@ def locate_road_end(field: Field) -> tuple[float, float]:
     """The end of the road to a field, in its metres: the entrance, or the middle without one."""
     middle = field.boundary.centroid
     return field.entrance or (middle.x, middle.y)
-
-
-ROAD, UNFOLD, FOLD, BREAK, NIGHT = "road", "unfold", "fold", "break", "night"
-MAX_DAYS = 1000
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,18 @@ from planner.request.options import NumberLimits, OptionHelp, find_annotation_me
 MAX_NUMBER = 10**18
 STRICT = ConfigDict(strict=True, extra="forbid")
 Model = TypeVar("Model")
+TimeText = Annotated[str, BeforeValidator(convert_time_to_text)]
+_TYPE_TEXTS: dict[Any, str] = {
+    str: "a text",
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    tuple[int, ...]: "whole numbers in a tuple",
+    tuple[str, ...]: "names in a tuple",
+    tuple[float, float]: "two numbers in a tuple",
+    tuple[tuple[int, float], ...]: "pairs of a cell's number and degrees in a tuple",
+}
+"""What to give for a parameter of a type."""
 
 
 def _convert_to_number(value: Any, info: ValidationInfo) -> Any:
@@ -62,23 +74,11 @@ Text = Annotated[str, BeforeValidator(_convert_to_text)]
 FieldText = Annotated[str, BeforeValidator(_convert_field_to_text)]
 Count = Annotated[int, BeforeValidator(_convert_to_number)]
 ClockTime = Annotated[int, BeforeValidator(_convert_clock)]
-TimeText = Annotated[str, BeforeValidator(convert_time_to_text)]
 Number = Annotated[float, BeforeValidator(_convert_to_number)]
 Counts = Annotated[tuple[int, ...], BeforeValidator(_convert_to_tuple)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_convert_to_tuple)]
 Place = Annotated[tuple[float, float], BeforeValidator(_convert_to_tuple)]
 CellBearings = Annotated[tuple[tuple[int, float], ...], BeforeValidator(_convert_to_tuple)]
-_TYPE_TEXTS: dict[Any, str] = {
-    str: "a text",
-    bool: "True or False",
-    int: "a whole number",
-    float: "a number",
-    tuple[int, ...]: "whole numbers in a tuple",
-    tuple[str, ...]: "names in a tuple",
-    tuple[float, float]: "two numbers in a tuple",
-    tuple[tuple[int, float], ...]: "pairs of a cell's number and degrees in a tuple",
-}
-"""What to give for a parameter of a type."""
 
 
 def raise_request_errors(model: type[Model]) -> type[Model]:

@@ -33,6 +33,13 @@ SLOWEST_MPS, FASTEST_MPS = 0.3, 5.5
 HALVINGS = 8  # of the speed range: accurate to 0.02 m/s
 HEADLAND_DEPTH_M = 1e3
 SOIL_GROUND = "soil"
+WIDTH_TOLERANCE = 0.1
+"""Largest relative difference between the width of logs and of their implement."""
+MAX_RUN_NAMES = 40
+HABIT_SHARE = 2.0 / 3.0
+"""Share of runs with the same order of the headland from which it is learned."""
+LEARNED_SECTION = "learned"
+TABLES_HINT = "write each section as a table with one key per line"
 
 
 class TurnSpeedFit:
@@ -72,15 +79,6 @@ class TurnSpeedFit:
                 return None
             low, high = (low, middle) if middle_s < seconds else (middle, high)
         return 0.5 * (low + high)
-
-
-WIDTH_TOLERANCE = 0.1
-"""Largest relative difference between the width of logs and of their implement."""
-MAX_RUN_NAMES = 40
-HABIT_SHARE = 2.0 / 3.0
-"""Share of runs with the same order of the headland from which it is learned."""
-LEARNED_SECTION = "learned"
-TABLES_HINT = "write each section as a table with one key per line"
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,11 @@ BOOTSTRAP_SAMPLES, BOOTSTRAP_SEED = 1_000, 1
 MIN_BOOTSTRAP_RUNS = 5
 INTERVAL_QUANTILES = (0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE)
 Statistic = Callable[[Array], float | np.floating[Any]]
+MIN_PASS_S = 20.0
+"""Shorter segments of work are not passes."""
+MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
+EDGE_WIDTHS, INNER_WIDTHS, MIN_SHARE = 1.0, 3.0, 0.05
+"""Widths from the outline up to which work is headland, widths from which it is inside, smallest share of either."""
 
 
 @dataclass(frozen=True)
@@ -87,13 +92,6 @@ def estimate_share(hits: int, runs: tuple[str, ...]) -> IntervalEstimate:
 def compute_variation_coefficient(values: Array) -> float:
     """Coefficient of variation of a sample (n,)."""
     return float(np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else 0.0
-
-
-MIN_PASS_S = 20.0
-"""Shorter segments of work are not passes."""
-MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
-EDGE_WIDTHS, INNER_WIDTHS, MIN_SHARE = 1.0, 3.0, 0.05
-"""Widths from the outline up to which work is headland, widths from which it is inside, smallest share of either."""
 
 
 class RunObservations:

@@ -21,7 +21,7 @@ from planner.day.input_file import parse_day
 from planner.errors import RequestError
 from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.service.sandbox.form_texts import read_day_form
+from planner.service.sandbox.readings import read_day_form
 from reports.plan.ranking_export import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
 from tests.service.conftest import SMALL

@@ -44,7 +44,7 @@ ALARMING_MODULES = (
     "planner/fleet/manager/obstacle_reports.py", "planner/fleet/session/fleet_twins.py",
     "planner/fleet/replanning/proposals.py", "planner/fleet/safety/compliance.py",
     "planner/service/fleets/twin_routes.py",
-    "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/form_texts.py",
+    "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/readings.py",
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
     "planner/request/validation_messages.py", "strategies/path_planning/errors.py",

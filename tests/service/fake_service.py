@@ -17,7 +17,7 @@ from planner.service.api.form_routes import build_plan_form
 from planner.service.errors import ServiceError
 from planner.service.fleets.video_addresses import check_video_address, find_origin
 from planner.service.pages.static_files import mount_pages
-from planner.service.sandbox.form_texts import FORMS
+from planner.service.sandbox.readings import FORMS
 from tests.service import made_field
 
 BEGUN_S, BEAT_S = 200.0, 0.1

@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 
 from planner.errors import HeadlandError, strip_unit
 from planner.service.jobs.workers import run_and_store_job
-from planner.service.sandbox.request_checks import build_work_order, check_diagnosis_request
+from planner.service.sandbox.readings import build_work_order, check_diagnosis_request
 from tests.service.conftest import SMALL, Shared
 
 REFUSED: list[tuple[dict[str, Any], str]] = [

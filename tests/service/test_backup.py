@@ -13,9 +13,8 @@ import sqlalchemy as sa
 
 from planner.service.errors import DatabaseError, ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, MEGABYTE_BYTES, ServiceSettings
-from planner.service.store.backup import MANIFEST_FILE, back_up, parse_manifest
+from planner.service.store.backup import MANIFEST_FILE, back_up, parse_manifest, restore_backup
 from planner.service.store.disk_storage import BlobStore
-from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TableBase
 from tests.service.conftest import store_done_job

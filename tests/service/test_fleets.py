@@ -18,8 +18,8 @@ from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
-from planner.service.fleets import fleet_creation
-from planner.service.fleets.fleet_creation import store_new_fleet
+from planner.service.fleets import fleet_routes
+from planner.service.fleets.fleet_routes import store_new_fleet
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
@@ -104,12 +104,12 @@ def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) ->
     old = store.blobs.put_bytes(b"as it was")
     job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put_bytes(b"")})
     store.add_file("field", "other", b"another", ".kml")
-    wanted = fleet_creation.FleetRequest(name="north", plan=job.id)
-    contents, kept = fleet_creation._read_replacement_files(store, wanted)
+    wanted = fleet_routes.FleetRequest(name="north", plan=job.id)
+    contents, kept = fleet_routes._read_replacement_files(store, wanted)
     assert contents == {"field": (".geojson", b"as it was")} and kept == {"field": (".geojson", old)}
-    given, _ = fleet_creation._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
+    given, _ = fleet_routes._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
     assert given == {"field": (".kml", b"another")}
-    assert fleet_creation._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
+    assert fleet_routes._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
     store.close()
 
 

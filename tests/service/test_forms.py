@@ -19,7 +19,7 @@ from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
 from planner.service.jobs.job_requests import PLAN_OPTIONS
 from planner.service.pages.static_files import STATIC_FOLDER
-from planner.service.sandbox.form_texts import read_day_form, read_farm_form
+from planner.service.sandbox.readings import read_day_form, read_farm_form
 from strategies.names import STRATEGY_NAMES
 from tests.examples import count_examples
 from tests.service.conftest import SMALL, Shared

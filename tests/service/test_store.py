@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 
 from planner.service.errors import BusyError, ConflictError, DatabaseError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
-from planner.service.store.backup import back_up, sweep_unnamed_bytes
+from planner.service.store.backup import back_up, restore_backup, sweep_unnamed_bytes
 from planner.service.store.database import MIGRATIONS_FOLDER, WRITES_OPTION, Database, migrate_database
-from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name
 from planner.service.store.tables import JobRow, ResultRow, TableBase

@@ -13,9 +13,8 @@ from alembic.script import ScriptDirectory
 from planner.service.access.permissions import build_caller
 from planner.service.errors import ScopeError
 from planner.service.settings import ServiceSettings
-from planner.service.store.backup import back_up
+from planner.service.store.backup import back_up, restore_backup
 from planner.service.store.database import MIGRATIONS_FOLDER, Database
-from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.tables import COPIED_TABLES, TableBase
 from tests.service.databases import KINDS
@@ -124,8 +123,8 @@ def test_every_row_means_the_same_after_an_upgrade(both: ServiceSettings, revisi
 
 def renumber(settings: ServiceSettings) -> None:
     """Let PostgreSQL count on from the numbers that were written by hand, as where it gave them itself."""
+    from planner.service.store.backup import _advance_sequence
     from planner.service.store.database import Database
-    from planner.service.store.restore import _advance_sequence
 
     database = Database(settings.url)
     with database.open_write_session() as session:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 COMPILE_NOTICE_S = 3.0
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
 LOADING = mark_text("Loading the simulator")
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @contextmanager
@@ -139,9 +140,6 @@ class AnswerForm:
             if self.explain:
                 print_renderable("")
                 print_renderable(table, *results)
-
-
-_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def limit_linear_algebra_threads() -> None:

@@ -28,6 +28,10 @@ DEFAULT_EFFORT = 1_600_000  # priced routes, most of them cached: a second or tw
 MIN_ITERATIONS, MAX_ITERATIONS = 30, 3000
 MIN_REMOVED, REMOVED_SHARE, MAX_REMOVED = 2, 0.4, 12  # fields removed at a time
 WORSENING_SHARE = 0.01  # of the cost: accepted worsening in the beginning
+EXACT_FIELDS = 8  # up to this number of fields, the constraint model is used
+EXACT_EFFORT_S = 3.0  # deterministic seconds of the constraint model
+ROUNDING_PCT = 1e-3
+EXACT_SEARCH_EFFORT, LARGE_SEARCH_EFFORT = 20_000, DEFAULT_EFFORT  # priced routes
 
 
 def search_routes(
@@ -79,12 +83,6 @@ def _choose_removed_fields(problem: DayProblem, routes: Routes, random: np.rando
         worked_fields, key=lambda field: (problem.travel_s[0][seed_field][field] if field != seed_field else -1, field)
     )
     return set(nearest[:count])
-
-
-EXACT_FIELDS = 8  # up to this number of fields, the constraint model is used
-EXACT_EFFORT_S = 3.0  # deterministic seconds of the constraint model
-ROUNDING_PCT = 1e-3
-EXACT_SEARCH_EFFORT, LARGE_SEARCH_EFFORT = 20_000, DEFAULT_EFFORT  # priced routes
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -87,6 +87,8 @@ class SketchedPlan:
 
     Attributes:
         tractor_s: about the seconds of every tractor.
+        tours: the nodes of every tractor in order; empty for a formation.
+        served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
         sketch_apart: sketches the same where tractors work more apart from each other and leave hardly more ground than
             so much (m2); None where they cannot.
@@ -96,6 +98,8 @@ class SketchedPlan:
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
     sketch_apart: Callable[[float], SketchedPlan] | None = None
+    tours: Sequence[Sequence[int]] = ()
+    served_s: Sequence[float] = ()
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -280,7 +284,11 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         def sketch_apart(left_m2: float) -> SketchedPlan:
             return sketch(order, number + 1, min(left_m2, most_left_m2))
 
-        return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart if number + 1 < len(shares) else None)
+        stops_s = [
+            0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
+        ]
+        apart = sketch_apart if number + 1 < len(shares) else None
+        return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
 

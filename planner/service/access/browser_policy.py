@@ -30,6 +30,8 @@ SECURITY_HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
+STANDARD_PORT = {"http": 80, "https": 443}
+SAME_SITE_FETCHES = ("same-origin", "none")
 
 
 def build_page_policy(video_origins: Sequence[str]) -> str:
@@ -66,10 +68,6 @@ class SecurityHeadersMiddleware:
             await send(message)
 
         await self.app(scope, receive, send_with_headers)
-
-
-STANDARD_PORT = {"http": 80, "https": 443}
-SAME_SITE_FETCHES = ("same-origin", "none")
 
 
 def check_origin(connection: HTTPConnection) -> None:

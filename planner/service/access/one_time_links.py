@@ -22,6 +22,7 @@ LOGIN_COOKIE = "headland_login"
 LOGIN_PATH = "/login"
 MOST_LOGINS = 100
 LOGIN_VALID_S = 30 * 24 * 3600.0
+VIEW_VALID_S, MOST_VIEWS = 60.0, 1000
 
 
 class BrowserLogins:
@@ -84,9 +85,6 @@ class BrowserLogins:
             secure=self.secure,
         )
         return response
-
-
-VIEW_VALID_S, MOST_VIEWS = 60.0, 1000
 
 
 class OneTimeViews:

@@ -14,8 +14,8 @@ from concurrent.futures import Future
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.service.errors import DatabaseError, ServiceError, TokenError
-from planner.service.store.revocations import Revocation
 from planner.service.store.service_store import Store
+from planner.service.store.store_part import Revocation
 from planner.service.store.tables import TokenRow
 from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_token
 

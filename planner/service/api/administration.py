@@ -12,11 +12,11 @@ from contextlib import suppress
 from functools import partial
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse
@@ -37,21 +37,19 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.gateway.bodies import BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import (
-    CHANGE_ERRORS,
-    ITEM_ERRORS,
-    LIST_ERRORS,
-    READ_ROUTE_ERRORS,
+    ApiRequest,
+    ApiRouter,
     CallerInfo,
-    EventList,
+    EventInfo,
     HealthInfo,
+    ItemList,
     NewToken,
     ReadinessInfo,
+    StoreAccess,
     TokenInfo,
-    TokenList,
     TokenScope,
     build_error_response,
     build_refusal_response,
-    document_errors,
 )
 from planner.service.settings import find_version
 from planner.service.store.database_watch import DatabaseWatch
@@ -62,6 +60,11 @@ LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 6
 COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
 JOB_COUNT_PERIOD_S = 5.0
 JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
+TOKENS_STALE_S = 5.0
+DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
+OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
+LARGEST_EVENT_ID = 2**53
 
 
 class ServiceMetrics:
@@ -178,23 +181,17 @@ class ConnectionMetrics(Collector):
         return opened, closed
 
 
-TOKENS_STALE_S = 5.0
-DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
-NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
-OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
-health_router = APIRouter(tags=["service"])
+health_router = ApiRouter(tags=["service"])
 
 
-@health_router.get("/health", responses=document_errors())
+@health_router.get("/health")
 async def show_health(request: Request) -> HealthInfo:
     """Whether the service runs, its version, and what is missing now; this does not query the database."""
     faults = list_service_faults(request)
     return HealthInfo(status="degraded" if faults else "ok", version=find_version(), faults=faults)
 
 
-@health_router.get(
-    "/ready", responses=document_errors() | {503: {"model": ReadinessInfo, "description": "Something is missing"}}
-)
+@health_router.get("/ready", responses={503: {"model": ReadinessInfo, "description": "Something is missing"}})
 async def show_readiness(request: Request, response: Response) -> ReadinessInfo:
     """Whether everything works: 200, or 503 with what is missing."""
     faults = list_service_faults(request)
@@ -202,7 +199,7 @@ async def show_readiness(request: Request, response: Response) -> ReadinessInfo:
     return ReadinessInfo(ready=not faults, faults=faults)
 
 
-@health_router.get("/me", responses=document_errors(401, 403))
+@health_router.get("/me")
 async def show_caller(caller: OwnReadAccess) -> CallerInfo:
     """The caller: name of the token, and its rights."""
     rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
@@ -270,33 +267,30 @@ def list_service_faults(request: Request) -> list[str]:
     return faults
 
 
-LARGEST_EVENT_ID = 2**53
-events_router = APIRouter(tags=["events"])
+events_router = ApiRouter(tags=["events"])
 
 
-@events_router.get("/events", responses=READ_ROUTE_ERRORS)
+@events_router.get("/events")
 def list_events(
-    request: Request,
+    store: StoreAccess,
     _caller: ReadAccess,
     since: Annotated[int, Query(ge=0, le=LARGEST_EVENT_ID, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
-) -> EventList:
+) -> ItemList[EventInfo]:
     """Events after a number, the oldest first, at most 1000; for more, ask again from the last number."""
-    store: Store = request.app.state.store
-    return EventList.model_validate({"items": store.list_events(since, fleet)})
+    return ItemList[EventInfo].model_validate({"items": store.list_events(since, fleet)})
 
 
-tokens_router = APIRouter(prefix="/tokens", tags=["tokens"])
+tokens_router = ApiRouter(prefix="/tokens", tags=["tokens"])
 
 
-class TokenRequest(BaseModel):
+class TokenRequest(ApiRequest):
     """A new token; one of the scope robot is bound to a `tractor`, counted from 1, of a `fleet`, by its id.
 
     `expires` is a period (90m, 12h, 30d), a date, a time or never; by default a robot's token expires after 30 days and
     others never.
     """
 
-    model_config = ConfigDict(extra="forbid")
     name: Annotated[str, Field(max_length=100, description="Name of the token.")]
     scopes: Annotated[list[TokenScope], Field(min_length=1, max_length=5)]
     fleet: Annotated[str, Field(max_length=32)] | None = None
@@ -304,13 +298,13 @@ class TokenRequest(BaseModel):
     expires: Annotated[str, Field(max_length=40)] | None = None
 
 
-@tokens_router.get("", responses=LIST_ERRORS, operation_id="list_tokens")
-def list_tokens(request: Request, _caller: AdminAccess) -> TokenList:
+@tokens_router.get("", operation_id="list_tokens")
+def list_tokens(store: StoreAccess, _caller: AdminAccess) -> ItemList[TokenInfo]:
     """All tokens with name, scopes and expiry; their texts are stored nowhere."""
-    return TokenList.model_validate({"items": request.app.state.store.list_tokens()})
+    return ItemList[TokenInfo].model_validate({"items": store.list_tokens()})
 
 
-@tokens_router.post("", status_code=201, responses=CHANGE_ERRORS, operation_id="make_token")
+@tokens_router.post("", status_code=201, operation_id="make_token")
 def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> NewToken:
     """Make a token; its text is shown only once."""
     store: Store = request.app.state.store
@@ -321,10 +315,10 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     return NewToken(**info.model_dump(), token=text)
 
 
-revocation_router = APIRouter(prefix="/tokens", tags=["tokens"])
+revocation_router = ApiRouter(prefix="/tokens", tags=["tokens"])
 
 
-@revocation_router.delete("/{name}", status_code=204, responses=ITEM_ERRORS, operation_id="revoke_token")
+@revocation_router.delete("/{name}", status_code=204, operation_id="revoke_token")
 async def revoke_token(request: Request, caller: AdminAccess, name: str) -> None:
     """Revoke a token: it is refused and its links end at once, also while the database cannot be written to."""
     try:

@@ -35,7 +35,6 @@ from planner.service.api.job_routes import (
     all_jobs_router,
     build_jobs_router,
     exports_router,
-    views_router,
 )
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
@@ -49,7 +48,7 @@ from planner.service.gateway.bodies import BODIES_FOLDER, BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
-from planner.service.gateway.responses import add_error_handlers, document_errors
+from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
@@ -76,6 +75,14 @@ DOCS_SCRIPT = (
 )
 
 docs_router = APIRouter(include_in_schema=False)
+API_PREFIX = "/api/v1"
+TOKENS_PATH = f"{API_PREFIX}/tokens"
+SWEEP_PERIOD_S = 3600.0
+API_DESCRIPTION = (
+    "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
+)
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
+OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 @docs_router.get("/docs")
@@ -97,15 +104,6 @@ def show_docs_asset(name: str) -> Response:
         raise HTTPException(404)
     content = (resources.files("fastapi_swagger.resources") / name).read_bytes()
     return Response(content, media_type=DOCS_ASSETS[name], headers={"cache-control": "max-age=86400"})
-
-
-API_PREFIX = "/api/v1"
-TOKENS_PATH = f"{API_PREFIX}/tokens"
-SWEEP_PERIOD_S = 3600.0
-API_DESCRIPTION = (
-    "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
-)
-Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
 
 def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> FastAPI:
@@ -177,7 +175,7 @@ def _build_kind_routers() -> tuple[APIRouter, ...]:
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     return [
-        *_build_kind_routers(), exports_router, form_router, all_jobs_router, views_router, background_router,
+        *_build_kind_routers(), exports_router, form_router, all_jobs_router, background_router,
         fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
     ]  # fmt: skip
 
@@ -226,7 +224,7 @@ def _build_routes(*, has_control: bool = True, has_office: bool = True) -> tuple
     shared by all apps of a process."""
     control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else []
     dependencies = [Depends(refuse_unknown_query)]
-    combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies, responses=document_errors(422))
+    combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies)
     for router in (*control, *office):
         combined.include_router(router)
     whole = APIRouter()
@@ -305,9 +303,6 @@ async def _sweep_forever(store: Store) -> None:
         await asyncio.sleep(SWEEP_PERIOD_S)
         with contextlib.suppress(DBAPIError):
             await asyncio.to_thread(sweep_unnamed_bytes, store)
-
-
-OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connection) -> None:

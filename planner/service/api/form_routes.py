@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Request
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import Request
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from fields.nested_text import parse_toml
@@ -17,7 +17,7 @@ from planner.farm.inventory import read_example_farm_text
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from planner.service.access.permissions import Caller, ReadAccess
 from planner.service.errors import ServiceError
-from planner.service.gateway.responses import LIST_ERRORS, READ_ROUTE_ERRORS, ApiModel
+from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import EXAMPLE_FARM, InputCollector
 from planner.service.jobs.job_requests import PLAN_OPTIONS
@@ -37,26 +37,24 @@ KIND_BY_TYPE: dict[Any, Literal["check", "list", "number", "text"]] = {
 }  # fmt: skip
 """What an option without choices takes, by its type."""
 
-form_router = APIRouter(prefix="/forms", tags=["forms"])
+form_router = ApiRouter(prefix="/forms", tags=["forms"])
 
 
-class FormChange(BaseModel):
+class FormChange(ApiRequest):
     """A value to set: `path` is its keys and positions, such as ["fields", 0, "name"]; null removes it.
 
     An object as the value is a new entry; its position is one after the last.
     """
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     path: Annotated[list[KeyName | Position], Field(min_length=1, max_length=5)]
     value: PlainValue | dict[KeyName, PlainValue] | None
 
 
-class FormRequest(BaseModel):
+class FormRequest(ApiRequest):
     """The text of a day or farm file (TOML), and values to change in it."""
 
-    model_config = ConfigDict(extra="forbid")
     text: Annotated[str, Field(max_length=MOST_FORM_CHARS)]
-    changes: Annotated[list[FormChange], Field(max_length=MOST_CHANGES)] = []
+    changes: Annotated[list[FormChange], Field(default_factory=list, max_length=MOST_CHANGES)]
 
 
 class FormFault(ApiModel):
@@ -90,7 +88,7 @@ class PlanFormInfo(ApiModel):
     options: dict[str, PlanOptionInfo]
 
 
-@form_router.get("/plan", responses=LIST_ERRORS, operation_id="read_plan_labels")
+@form_router.get("/plan", operation_id="read_plan_labels")
 async def read_plan_labels(_caller: ReadAccess) -> PlanFormInfo:
     """Labels of the options and strategies of a plan, and what the options take."""
     return build_plan_form()
@@ -108,14 +106,14 @@ def build_plan_form() -> PlanFormInfo:
     return PlanFormInfo(labels=LABELS, strategies=STRATEGY_LABELS, options=options)
 
 
-@form_router.get("/{kind}", responses=READ_ROUTE_ERRORS, operation_id="read_form_example")
+@form_router.get("/{kind}", operation_id="read_form_example")
 async def read_form_example(request: Request, caller: ReadAccess, kind: FormKind) -> FormInfo:
     """The example that comes with Headland, as a form."""
     text = read_example_day_text() if kind == "day" else read_example_farm_text()
     return await _read_form(request, caller, kind, text, [])
 
 
-@form_router.post("/{kind}", responses=READ_ROUTE_ERRORS, operation_id="change_form")
+@form_router.post("/{kind}", operation_id="change_form")
 async def change_form(request: Request, caller: ReadAccess, kind: FormKind, body: FormRequest) -> FormInfo:
     """Change values in the text of a file and read it; nothing is stored. Comments and the order stay."""
     return await _read_form(request, caller, kind, body.text, [each.model_dump() for each in body.changes])

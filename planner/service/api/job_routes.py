@@ -12,15 +12,12 @@ from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParameter, build_download
 from planner.service.gateway.responses import (
-    CHANGE_ERRORS,
-    ITEM_ERRORS,
-    LIST_ERRORS,
-    READ_ROUTE_ERRORS,
+    ApiRouter,
+    ItemList,
     JobInfo,
-    JobList,
     JobProgress,
+    StoreAccess,
     ViewInfo,
-    document_errors,
     document_file,
 )
 from planner.service.jobs.file_reading import build_client_queue_key
@@ -42,17 +39,23 @@ EXPORT_ANSWER = document_file(
     "The file, or a ZIP of several", {ZIP_MEDIA_TYPE, *(form.media_type for form in GUIDANCE_FORMATS)}
 )
 
-exports_router = APIRouter(tags=["plans"])
+exports_router = ApiRouter(tags=["plans"])
+all_jobs_router = ApiRouter(tags=["jobs"])
+JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
+RESULT_ANSWER = document_file(
+    "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
+)
+INLINE_MEDIA_TYPES = ("text/html", "image/png")
 
 
 @exports_router.get(
     "/plans/{id}/results/{name}/export",
     response_class=Response,
-    responses=ITEM_ERRORS | EXPORT_ANSWER,
+    responses=EXPORT_ANSWER,
     operation_id="export_plan_result",
 )
 def export_plan_result(
-    request: Request,
+    store: StoreAccess,
     _caller: ReadAccess,
     id: str,
     name: str,
@@ -61,7 +64,6 @@ def export_plan_result(
     curves: CurvesParameter = None,
 ) -> Response:
     """Boundary, headland and lines of plan.json, or of another plan of the job, by tractor in driving order."""
-    store: Store = request.app.state.store
     row, form = store.get_result(id, name, "plan"), find_format(to)
     mission = parse_saved_plan(store.blobs.read_bytes(row.sha256).decode("utf-8", "replace"))
     export = write_guidance(build_guidance(mission, tractor), form, curves)
@@ -71,30 +73,13 @@ def export_plan_result(
     return build_download(zip_files(export.files), ZIP_MEDIA_TYPE, f"{stem}-{form.name}.zip")
 
 
-JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
-RESULT_ANSWER = document_file(
-    "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
-)
-INLINE_MEDIA_TYPES = ("text/html", "image/png")
-
-all_jobs_router = APIRouter(tags=["jobs"])
-
-
-@all_jobs_router.get("/jobs", responses=LIST_ERRORS, operation_id="list_jobs")
-def list_jobs_of_all_kinds(request: Request, _caller: ReadAccess) -> JobList:
+@all_jobs_router.get("/jobs", operation_id="list_jobs")
+def list_jobs_of_all_kinds(store: StoreAccess, _caller: ReadAccess) -> ItemList[JobInfo]:
     """Jobs of all kinds, the newest first, at most 500."""
-    return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs()])
+    return ItemList[JobInfo](items=[describe_job(row) for row in store.list_jobs()])
 
 
-views_router = APIRouter(tags=["jobs"])
-
-
-@views_router.get(
-    "/views/{view}",
-    response_class=Response,
-    responses=document_errors(404, 422) | RESULT_ANSWER,
-    operation_id="show_view",
-)
+@all_jobs_router.get("/views/{view}", response_class=Response, responses=RESULT_ANSWER, operation_id="show_view")
 def show_view(request: Request, view: str) -> Response:
     """The file of a view, once."""
     return build_result_response(request.app.state.store, request.app.state.views.take_view(view))
@@ -113,10 +98,10 @@ def build_result_response(store: Store, result: ResultRow) -> Response:
 def build_jobs_router(path: str) -> APIRouter:
     """The routes of one kind of job."""
     kind = JOB_KIND_BY_PATH[path]
-    router = APIRouter(prefix=f"/{path}", tags=[path])
+    router = ApiRouter(prefix=f"/{path}", tags=[path])
     model: Any = REQUEST_MODELS[kind]
 
-    @router.post("", status_code=202, responses=READ_ROUTE_ERRORS, operation_id=f"ask_{kind}")
+    @router.post("", status_code=202, operation_id=f"ask_{kind}")
     async def submit(request: Request, caller: PlanAccess, body: model) -> JobInfo:
         """Submit a job; a request that cannot be fulfilled is refused at once, as on the command line."""
         store, client = request.app.state.store, build_client_queue_key(request, caller)
@@ -129,69 +114,61 @@ def build_jobs_router(path: str) -> APIRouter:
 
 
 def _add_read_routes(router: APIRouter, kind: str) -> None:
-    @router.get("", responses=LIST_ERRORS, operation_id=f"list_{kind}_jobs")
-    def list_jobs(request: Request, _who: ReadAccess, search: SearchParameter = "") -> JobList:
+    @router.get("", operation_id=f"list_{kind}_jobs")
+    def list_jobs(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> ItemList[JobInfo]:
         """All of them or those that are searched for, the newest first, at most 500."""
-        return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs(kind, search)])
+        return ItemList[JobInfo](items=[describe_job(row) for row in store.list_jobs(kind, search)])
 
-    @router.get("/{id}", responses=ITEM_ERRORS, operation_id=f"watch_{kind}")
-    def show_job(request: Request, _who: ReadAccess, id: str) -> JobInfo:
+    @router.get("/{id}", operation_id=f"watch_{kind}")
+    def show_job(store: StoreAccess, _who: ReadAccess, id: str) -> JobInfo:
         """Progress and results of a job."""
-        return describe_job(request.app.state.store.get_job(id, kind))
+        return describe_job(store.get_job(id, kind))
 
     @router.get(
-        "/{id}/results/{name}",
-        response_class=Response,
-        responses=ITEM_ERRORS | RESULT_ANSWER,
-        operation_id=f"download_{kind}_result",
+        "/{id}/results/{name}", response_class=Response, responses=RESULT_ANSWER, operation_id=f"download_{kind}_result"
     )
-    def download_result(request: Request, _who: ReadAccess, id: str, name: str) -> Response:
+    def download_result(store: StoreAccess, _who: ReadAccess, id: str, name: str) -> Response:
         """One result of the job: result.json or another that it lists."""
-        store: Store = request.app.state.store
         return build_result_response(store, store.get_result(id, name, kind))
 
-    @router.post("/{id}/results/{name}/view", responses=ITEM_ERRORS, operation_id=f"view_{kind}_result")
-    def create_view(request: Request, _who: ReadAccess, id: str, name: str) -> ViewInfo:
+    @router.post("/{id}/results/{name}/view", operation_id=f"view_{kind}_result")
+    def create_view(request: Request, store: StoreAccess, _who: ReadAccess, id: str, name: str) -> ViewInfo:
         """An address that shows the file once, within a minute and without a token, for the frame of a page."""
-        row = request.app.state.store.get_result(id, name, kind)
-        return ViewInfo(path=f"views/{request.app.state.views.add_view(row)}")
+        return ViewInfo(path=f"views/{request.app.state.views.add_view(store.get_result(id, name, kind))}")
 
 
 def _add_change_routes(router: APIRouter, kind: str) -> None:
-    def find_changeable_job(request: Request, caller: Caller, id: str) -> Store:
-        """The store, where the caller may change a job in it; raises NotFoundError, ScopeError for somebody else's."""
-        store: Store = request.app.state.store
+    def check_may_change(store: Store, caller: Caller, id: str) -> None:
+        """Raise NotFoundError, ScopeError for a job of somebody else."""
         row = store.get_job(id, kind)
         caller.check_may_change(row, f"The job {row.name!r}")
-        return store
 
-    @router.post("/{id}/cancel", responses=CHANGE_ERRORS, operation_id=f"cancel_{kind}")
-    def cancel_job(request: Request, caller: PlanAccess, id: str) -> JobInfo:
+    @router.post("/{id}/cancel", operation_id=f"cancel_{kind}")
+    def cancel_job(store: StoreAccess, caller: PlanAccess, id: str) -> JobInfo:
         """Cancel a queued or running job."""
-        store = find_changeable_job(request, caller, id)
+        check_may_change(store, caller, id)
         row = store.cancel_job(id, kind)
         store.add_event(None, caller.name, f"{kind} cancelled", {"id": id})
         return describe_job(row)
 
-    @router.delete("/{id}", status_code=204, responses=CHANGE_ERRORS, operation_id=f"delete_{kind}")
-    def delete_job(request: Request, caller: PlanAccess, id: str) -> None:
+    @router.delete("/{id}", status_code=204, operation_id=f"delete_{kind}")
+    def delete_job(store: StoreAccess, caller: PlanAccess, id: str) -> None:
         """Delete a job and its results; a running one is cancelled first."""
-        store = find_changeable_job(request, caller, id)
+        check_may_change(store, caller, id)
         store.delete_job(id, kind)
         store.add_event(None, caller.name, f"{kind} deleted", {"id": id})
 
-    @router.patch("/{id}", responses=ITEM_ERRORS, operation_id=f"rename_{kind}_job")
-    def rename_job(request: Request, caller: PlanAccess, id: str, body: RenameRequest) -> JobInfo:
+    @router.patch("/{id}", operation_id=f"rename_{kind}_job")
+    def rename_job(store: StoreAccess, caller: PlanAccess, id: str, body: RenameRequest) -> JobInfo:
         """Give a job another name."""
-        store = find_changeable_job(request, caller, id)
+        check_may_change(store, caller, id)
         row = store.rename_job(id, kind, body.name)
         store.add_event(None, caller.name, f"{kind} renamed", {"id": id, "to": row.name})
         return describe_job(row)
 
-    @router.post("/{id}/copy", status_code=201, responses=CHANGE_ERRORS, operation_id=f"copy_{kind}_job")
-    def copy_job(request: Request, caller: PlanAccess, id: str, body: CopyRequest) -> JobInfo:
+    @router.post("/{id}/copy", status_code=201, operation_id=f"copy_{kind}_job")
+    def copy_job(store: StoreAccess, caller: PlanAccess, id: str, body: CopyRequest) -> JobInfo:
         """Copy a job that has ended, with its results; the copy belongs to who makes it."""
-        store: Store = request.app.state.store
         row = store.copy_job(id, kind, body.name, caller.owner)
         store.add_event(None, caller.name, f"{kind} copied", {"id": id, "to": row.id})
         return describe_job(row)

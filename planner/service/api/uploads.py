@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, File, Form, Query, Request, Response, UploadFile
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from fields.errors import HeadlandError
@@ -21,15 +21,7 @@ from fields.sample_fields import list_sample_names, read_sample_text
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import refuse_unknown_form_parts
-from planner.service.gateway.responses import (
-    CHANGE_ERRORS,
-    ITEM_ERRORS,
-    LIST_ERRORS,
-    FileInfo,
-    FileList,
-    document_errors,
-    document_file,
-)
+from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, ItemList, StoreAccess, document_file
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
@@ -68,24 +60,22 @@ UPLOAD_DEFAULT_HELP = " By default as given with the upload."
 NewName = Annotated[str, Field(max_length=400, description="Begins with a letter or digit; at most 100 characters.")]
 
 
-class RenameRequest(BaseModel):
+class RenameRequest(ApiRequest):
     """A new name."""
 
-    model_config = ConfigDict(extra="forbid")
     name: NewName
 
 
-class CopyRequest(BaseModel):
+class CopyRequest(ApiRequest):
     """The name of a copy; by default the old one with "copy" after it."""
 
-    model_config = ConfigDict(extra="forbid")
     name: NewName | None = None
 
 
 def build_files_router(path: str) -> APIRouter:
     """The routes of one kind of file."""
     kind = FILE_KIND_BY_PATH[path]
-    router = APIRouter(prefix=f"/{path}", tags=[path])
+    router = ApiRouter(prefix=f"/{path}", tags=[path])
     _add_read_routes(router, kind)
     _add_change_routes(router, kind)
     if kind == "field":
@@ -93,53 +83,48 @@ def build_files_router(path: str) -> APIRouter:
     else:
         upload, summarize = _build_plain_routes(kind)
     router.post(
-        "", status_code=201, responses=document_errors(401, 403, 409, 422), operation_id=f"upload_{kind}",
+        "", status_code=201, operation_id=f"upload_{kind}",
         dependencies=[Depends(refuse_unknown_form_parts)],
     )(upload)  # fmt: skip
-    router.get("/{name}/summary", responses=ITEM_ERRORS, operation_id=f"sum_up_{kind}")(summarize)
+    router.get("/{name}/summary", operation_id=f"sum_up_{kind}")(summarize)
     return router
 
 
 def _add_read_routes(router: APIRouter, kind: str) -> None:
-    @router.get("", responses=LIST_ERRORS, operation_id=f"list_{kind}s")
-    def list_files(request: Request, _who: ReadAccess, search: SearchParameter = "") -> FileList:
+    @router.get("", operation_id=f"list_{kind}s")
+    def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> ItemList[FileInfo]:
         """All of them by name, or those that are searched for; those of Headland first."""
-        store: Store = request.app.state.store
         samples = [_describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
-        return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
+        return ItemList[FileInfo](
+            items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))]
+        )
 
     media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
 
-    @router.get(
-        "/{name}",
-        response_class=Response,
-        responses=ITEM_ERRORS | document_file("The file", media),
-        operation_id=f"read_{kind}",
-    )
-    def download_file(request: Request, _who: ReadAccess, name: str) -> Response:
+    file_answer = document_file("The file", media)
+
+    @router.get("/{name}", response_class=Response, responses=file_answer, operation_id=f"read_{kind}")
+    def download_file(store: StoreAccess, _who: ReadAccess, name: str) -> Response:
         """The uploaded file."""
         if name in list_samples(kind):
             suffix = SUFFIXES_BY_KIND[kind][0]
             return build_download(_read_sample(kind, name), MEDIA_BY_SUFFIX[suffix], name + suffix)
-        store: Store = request.app.state.store
         row = store.get_file(kind, name)
         return build_download(store.blobs.read_bytes(row.sha256), row.media, row.name + row.suffix)
 
 
 def _add_change_routes(router: APIRouter, kind: str) -> None:
-    @router.patch("/{name}", responses=CHANGE_ERRORS, operation_id=f"rename_{kind}")
-    def rename_file(request: Request, caller: PlanAccess, name: str, body: RenameRequest) -> FileInfo:
+    @router.patch("/{name}", operation_id=f"rename_{kind}")
+    def rename_file(store: StoreAccess, caller: PlanAccess, name: str, body: RenameRequest) -> FileInfo:
         """Rename a file. Plans, days and diagnoses keep what they were asked for with."""
-        store: Store = request.app.state.store
         _find_changeable_file(store, caller, kind, name, moves=True)
         row = store.rename_file(kind, name, _refuse_sample_name(kind, body.name))
         store.add_event(None, caller.name, f"{kind} renamed", {"name": name, "to": row.name})
         return FileInfo.model_validate(row)
 
-    @router.post("/{name}/copy", status_code=201, responses=CHANGE_ERRORS, operation_id=f"copy_{kind}")
-    def copy_file(request: Request, caller: PlanAccess, name: str, body: CopyRequest) -> FileInfo:
+    @router.post("/{name}/copy", status_code=201, operation_id=f"copy_{kind}")
+    def copy_file(store: StoreAccess, caller: PlanAccess, name: str, body: CopyRequest) -> FileInfo:
         """Copy a file, or one that comes with Headland; the copy belongs to who makes it."""
-        store: Store = request.app.state.store
         taken = {*list_samples(kind), *(row.name for row in store.list_files(kind))}
         copy_name = choose_copy_name(name, taken) if body.name is None else _refuse_sample_name(kind, body.name)
         if copy_name in taken:
@@ -153,10 +138,9 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
         store.add_event(None, caller.name, f"{kind} copied", {"name": name, "to": row.name})
         return FileInfo.model_validate(row)
 
-    @router.delete("/{name}", status_code=204, responses=CHANGE_ERRORS, operation_id=f"delete_{kind}")
-    def delete_file(request: Request, caller: PlanAccess, name: str) -> None:
+    @router.delete("/{name}", status_code=204, operation_id=f"delete_{kind}")
+    def delete_file(store: StoreAccess, caller: PlanAccess, name: str) -> None:
         """Delete a file; jobs that use it keep their copy."""
-        store: Store = request.app.state.store
         _find_changeable_file(store, caller, kind, name, moves=True)
         store.delete_file(kind, name)
         store.add_event(None, caller.name, f"{kind} deleted", {"name": name})

@@ -1,38 +1,217 @@
-"""The background of maps as the settings have it (none, a tile server, or a file), and its routes."""
+"""The background of maps as the settings have it, and its routes: none, a tile server, or a file.
+
+Files are of the service's own disk: MBTiles (SQLite) and GeoTIFF.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+import contextlib
+import sqlite3
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+import numpy as np
 from fastapi import Path as PathParameter
+from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from planner.service.access.permissions import ReadAccess
-from planner.service.backgrounds.tile_files import (
-    MOST_TEXT_CHARS,
-    FileFacts,
-    GeoTiffFile,
-    MbtilesFile,
-    open_tile_file,
-)
 from planner.service.backgrounds.tile_grid import (
+    HALF_WIDTH_M,
     HIGHEST_ZOOM,
     MEDIA_BY_FORMAT,
+    MERCATOR,
+    MOST_TILE_BYTES,
     TILE_PX,
+    WGS84,
     PlacementInfo,
     Tile,
+    TileError,
+    encode_png,
     identify_tile,
     place_degrees,
     place_metres,
 )
 from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache, TileServer, is_address
 from planner.service.errors import ServiceError
-from planner.service.gateway.responses import READ_ROUTE_ERRORS, ApiModel, document_file
+from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+
+MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
+PICTURE_FORMATS = ("png", "jpg", "jpeg", "webp")
+MOST_TEXT_CHARS = 400
+MOST_PIXELS_PER_TILE = 2**26
+"""Pixels of a GeoTIFF without overviews that one tile may cover; more would take too long."""
+DegreeBounds = tuple[float, float, float, float]
+MOST_METRES = 1e8
+TILE_HEADERS = {"cache-control": "private, max-age=86400"}
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What a file says of itself: attribution, zooms and bounds (west, south, east, north in degrees)."""
+
+    attribution: str
+    least_zoom: int
+    most_zoom: int
+    bounds_deg: DegreeBounds | None
+
+
+class MbtilesFile:
+    """Tiles in an SQLite file (MBTiles 1.3), opened for reading only."""
+
+    kind: Literal["mbtiles"] = "mbtiles"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.facts = self._read_facts()
+
+    def read_tile(self, tile: Tile) -> bytes | None:
+        """The bytes of a tile, None where the file has none. Raises TileError."""
+        query = (
+            "SELECT length(tile_data), CASE WHEN length(tile_data) <= ? THEN tile_data END FROM tiles "
+            "WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+        )
+        values = (MOST_TILE_BYTES, tile.zoom, tile.column, tile.row_from_south)
+        with self._open_database() as database:
+            found = database.execute(query, values).fetchone()
+        if found is None or not found[0]:
+            return None
+        if not isinstance(found[1], bytes):
+            raise TileError(f"A tile of {self.path.name} is no picture or larger than {MOST_TILE_BYTES // 2**20} MB.")
+        return found[1]
+
+    def _read_facts(self) -> FileFacts:
+        with self._open_database() as database:
+            pairs = database.execute("SELECT name, value FROM metadata").fetchmany(1_000)
+            least, most = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
+        values = {str(name): str(value) for name, value in pairs}
+        form = values.get("format", "png")
+        if form not in PICTURE_FORMATS:
+            raise ServiceError(
+                f"The tiles of {self.path.name} are {form[:20]!r}; give an MBTiles file of PNG, JPEG or WebP pictures.",
+                parameter="background",
+            )
+        if not (isinstance(least, int) and isinstance(most, int) and 0 <= least <= most):
+            raise ServiceError(f"{self.path.name} has no tiles; give another file.", parameter="background")
+        attribution = values.get("attribution", "")[:MOST_TEXT_CHARS]
+        return FileFacts(attribution, least, min(most, HIGHEST_ZOOM), _parse_bounds(values.get("bounds", "")))
+
+    @contextlib.contextmanager
+    def _open_database(self) -> Iterator[sqlite3.Connection]:
+        try:
+            with contextlib.closing(sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+                yield database
+        except sqlite3.Error as error:
+            raise TileError(
+                f"{self.path.name} cannot be read as MBTiles ({error}); give another file.", parameter="background"
+            ) from None
+
+
+class GeoTiffFile:
+    """A GeoTIFF of 8 bits, grey or in colours, drawn anew for every tile; needs the library rasterio."""
+
+    kind: Literal["geotiff"] = "geotiff"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()  # a dataset of GDAL belongs to one thread at a time
+        try:
+            import rasterio
+            import rasterio.errors
+        except ImportError:
+            raise ServiceError(
+                "A GeoTIFF as background needs rasterio; install it with pip install 'headland[geotiff]', or give an "
+                "MBTiles file.",
+                parameter="background",
+            ) from None
+        self._rasterio: Any = rasterio
+        self.facts = self._read_facts()
+
+    def read_tile(self, tile: Tile) -> bytes | None:
+        """PNG of a tile, None where the picture does not reach. Raises TileError."""
+        from rasterio.enums import ColorInterp, Resampling
+        from rasterio.vrt import WarpedVRT
+
+        west, south, _, north = tile.compute_bounds_m()
+        pixel_m = (north - south) / TILE_PX
+        place = self._rasterio.Affine(pixel_m, 0.0, west, 0.0, -pixel_m, north)
+        with self._lock, self._open_picture() as picture:
+            has_alpha = ColorInterp.alpha in picture.colorinterp
+            with WarpedVRT(
+                picture, crs=MERCATOR, transform=place, width=TILE_PX, height=TILE_PX,
+                resampling=Resampling.bilinear, add_alpha=not has_alpha,
+            ) as warped:  # fmt: skip
+                bands = warped.read()
+        alpha = bands[-1]
+        if not alpha.any():
+            return None
+        colours = bands[:3] if len(bands) > 3 else np.repeat(bands[:1], 3, axis=0)
+        return encode_png(np.ascontiguousarray(np.moveaxis(np.vstack([colours, alpha[None]]), 0, -1)))
+
+    def _read_facts(self) -> FileFacts:
+        from rasterio.enums import ColorInterp
+        from rasterio.warp import transform_bounds
+
+        with self._open_picture() as picture:
+            if picture.crs is None:
+                raise self._refuse("does not say where on the earth it lies", "give one with a coordinate system")
+            if any(kind != "uint8" for kind in picture.dtypes):
+                raise self._refuse(
+                    f"has values of {picture.dtypes[0]}", "convert it with gdal_translate -ot Byte -scale"
+                )
+            if ColorInterp.palette in picture.colorinterp:
+                raise self._refuse("has a palette", "convert it with gdal_translate -expand rgb")
+            west, south, east, north = transform_bounds(picture.crs, MERCATOR, *picture.bounds)
+            pixel_m = min((east - west) / picture.width, (north - south) / picture.height)
+            bounds = transform_bounds(picture.crs, WGS84, *picture.bounds)
+            has_overviews = bool(picture.overviews(1))
+        # The first zoom whose pixels are no larger than those of the picture.
+        zoom = int(np.ceil(np.log2(2.0 * HALF_WIDTH_M / (TILE_PX * max(pixel_m, 1e-3)))))
+        finest = min(max(zoom, 0), HIGHEST_ZOOM)
+        widest = int(np.log2(MOST_PIXELS_PER_TILE / TILE_PX**2) / 2)
+        return FileFacts("", 0 if has_overviews else max(0, finest - widest), finest, tuple(bounds))
+
+    @contextlib.contextmanager
+    def _open_picture(self) -> Iterator[Any]:
+        try:
+            with self._rasterio.open(self.path, driver="GTiff") as picture:
+                yield picture
+        except (self._rasterio.errors.RasterioError, self._rasterio.errors.CRSError) as error:
+            raise TileError(
+                f"{self.path.name} cannot be read as a GeoTIFF ({error}); give another file.", parameter="background"
+            ) from None
+
+    def _refuse(self, fault: str, fix: str) -> ServiceError:
+        return ServiceError(f"{self.path.name} {fault}; {fix}.", parameter="background")
+
+
+def open_tile_file(path: Path) -> MbtilesFile | GeoTiffFile:
+    """The background in a file, by its ending; raises ServiceError."""
+    suffix = path.suffix.lower()
+    if suffix not in (MBTILES_SUFFIX, *GEOTIFF_SUFFIXES):
+        raise ServiceError(
+            f"The background {str(path)[:80]!r} is neither an address nor an .mbtiles or .tif file; give one of these.",
+            parameter="background",
+        )
+    if not path.is_file():
+        raise ServiceError(
+            f"There is no background {str(path)[:80]!r}; check its name and its folder.", parameter="background"
+        )
+    return MbtilesFile(path) if suffix == MBTILES_SUFFIX else GeoTiffFile(path)
+
+
+def _parse_bounds(text: str) -> DegreeBounds | None:
+    """Bounds as MBTiles has them: four numbers with commas."""
+    try:
+        west, south, east, north = (float(part) for part in text.split(","))
+    except ValueError:
+        return None
+    is_usable = -180.0 <= west <= east <= 180.0 and -90.0 <= south <= north <= 90.0
+    return (west, south, east, north) if is_usable else None
 
 
 class MapBackground:
@@ -88,9 +267,7 @@ def _open_source(settings: ServiceSettings) -> TileServer | MbtilesFile | GeoTif
     return TileServer(TileAddress(text), cache)
 
 
-MOST_METRES = 1e8
-TILE_HEADERS = {"cache-control": "private, max-age=86400"}
-background_router = APIRouter(prefix="/background", tags=["background"])
+background_router = ApiRouter(prefix="/background", tags=["background"])
 
 
 class BackgroundInfo(ApiModel):
@@ -104,7 +281,7 @@ class BackgroundInfo(ApiModel):
     bounds_deg: Sequence[float] | None
 
 
-@background_router.get("", responses=READ_ROUTE_ERRORS, operation_id="read_background")
+@background_router.get("", operation_id="read_background")
 def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
     """The background of maps; `kind` is none where the service has none."""
     background: MapBackground = request.app.state.background
@@ -114,8 +291,7 @@ def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
 @background_router.get(
     "/tiles/{zoom}/{column}/{row}",
     response_class=Response,
-    responses=READ_ROUTE_ERRORS
-    | document_file("The picture", MEDIA_BY_FORMAT.values())
+    responses=document_file("The picture", MEDIA_BY_FORMAT.values())
     | {204: {"description": "There is no picture of this place at this zoom"}},
     operation_id="read_background_tile",
 )
@@ -134,7 +310,7 @@ async def read_background_tile(
     return Response(picture[0], media_type=picture[1], headers=TILE_HEADERS)
 
 
-@background_router.get("/placement", responses=READ_ROUTE_ERRORS, operation_id="read_background_placement")
+@background_router.get("/placement", operation_id="read_background_placement")
 async def read_background_placement(
     _who: ReadAccess,
     crs: Annotated[

@@ -27,6 +27,9 @@ REACH_M = 6_000.0
 DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
 MOST_LATITUDE_DEG = 84.0
 FloatArray = npt.NDArray[np.float64]
+MOST_TILE_BYTES = 2 * 2**20
+MOST_SIDE_PX = 1024
+MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
 
 
 @dataclass(frozen=True)
@@ -118,11 +121,6 @@ def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[list[li
     terms = np.stack([u ** (total - j) * v**j for total in range(DEGREE + 1) for j in range(total + 1)], axis=1)
     solution = np.linalg.lstsq(terms, values_m, rcond=None)[0]
     return solution.T.tolist(), float(np.abs(terms @ solution - values_m).max())
-
-
-MOST_TILE_BYTES = 2 * 2**20
-MOST_SIDE_PX = 1024
-MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
 
 
 class TileError(ServiceError):

@@ -49,6 +49,16 @@ BRACES = re.compile(r"\{([^{}]*)\}")
 LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
 HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
 MOST_ADDRESS_CHARS = 1_000
+CACHE_FOLDER = "background-tiles"
+KEPT_SHARE = 0.9
+"""Share of the limit that is left after tiles were deleted, so that this is not done for every tile."""
+USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
+CONNECT_TIMEOUT_S, TILE_TIMEOUT_S, QUEUE_TIMEOUT_S = 5.0, 15.0, 30.0
+MOST_FETCHES = 4
+FRESH_S, PAUSE_S = 30 * 86_400.0, 20.0
+"""Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
+MOST_REMEMBERED = 5_000
+NOTHING_STATUSES = (204, 404)
 
 
 @dataclass(frozen=True)
@@ -122,11 +132,6 @@ def _refuse(what: str, fault: str, fix: str) -> ServiceError:
     return ServiceError(f"The background {what[:80]!r} {fault}; {fix}.", parameter="background")
 
 
-CACHE_FOLDER = "background-tiles"
-KEPT_SHARE = 0.9
-"""Share of the limit that is left after tiles were deleted, so that this is not done for every tile."""
-
-
 class TileCache:
     """Tiles of one background in a folder; a tile that cannot be stored is simply not kept.
 
@@ -192,15 +197,6 @@ class TileCache:
 
     def _get_path(self, tile: Tile) -> Path:
         return self._own_folder / str(tile.zoom) / f"{tile.column}-{tile.row}"
-
-
-USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
-CONNECT_TIMEOUT_S, TILE_TIMEOUT_S, QUEUE_TIMEOUT_S = 5.0, 15.0, 30.0
-MOST_FETCHES = 4
-FRESH_S, PAUSE_S = 30 * 86_400.0, 20.0
-"""Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
-MOST_REMEMBERED = 5_000
-NOTHING_STATUSES = (204, 404)
 
 
 class TileServer:

@@ -1,36 +1,42 @@
-"""Fleets over HTTP: create, start, stop, replan; the AsyncAPI 3.0 document of their links; recordings."""
+"""Fleets over HTTP: create, start, stop, replan; the AsyncAPI 3.0 document of their links; recordings.
+
+A fleet is made of its request in a process of its own, so that large ones are never in the one that stops tractors.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 import time
+from collections.abc import Mapping
+from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, Any, get_args
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal, get_args
 
-from fastapi import APIRouter, Depends, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import Depends, Request, Response
+from pydantic import Field, ValidationError
 from pydantic.json_schema import models_json_schema
 from starlette.concurrency import run_in_threadpool
 
+from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
-from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor
+from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
+from planner.request.option_texts import parse_clock
+from planner.request.validation_messages import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
-from planner.service.errors import NotFoundError
-from planner.service.fleets.fleet_creation import FleetRequest, build_requested_fleet
-from planner.service.fleets.fleet_sessions import FleetLabel, FleetSessions
+from planner.service.errors import BusyError, NotFoundError, ServiceError
+from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files
 from planner.service.gateway.bodies import BODIES_FOLDER, spool_body
 from planner.service.gateway.request_gate import LARGE_BODY_KEY
-from planner.service.gateway.responses import (
-    CHANGE_ERRORS,
-    ITEM_ERRORS,
-    LIST_ERRORS,
-    READ_ROUTE_ERRORS,
-    ApiModel,
-    document_file,
-)
-from planner.service.store.service_store import Store
+from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
+from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.store.service_store import Store, open_store
+from planner.service.store.store_part import check_name
 
+LONGEST_PLAN = 30_000_000
+RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
 INBOUND_FRAMES: tuple[type[inbound_frames.InboundFrame], ...] = (
     inbound_frames.ConnectFrame,
     inbound_frames.StateFrame,
@@ -45,6 +51,110 @@ ROLES_TEXT = (
     "and changes nothing, except an obstacle of a tractor: that tractor stands until an operator has looked or it "
     "sends a readable one."
 )
+FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
+JSON_TYPE = "application/json"
+RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
+RECORDING_ANSWERS = document_file("One log per tractor", ["application/zip"])
+
+
+class FleetRequest(ApiRequest):
+    """A fleet to create: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
+
+    `field` is by default that of the job. `deadline` (hh:mm, the next one) is by default that of the plan. `horizon_s`
+    is for how many seconds tractors drive their base without contact to the service.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=80)]
+    plan: Annotated[str, Field(min_length=1, max_length=LONGEST_PLAN)]
+    result: Annotated[str, Field(max_length=120)] = "plan.json"
+    field: Annotated[str, Field(max_length=80)] | None = None
+    tractor: Annotated[str, Field(max_length=80)] | None = None
+    deadline: Annotated[str, Field(max_length=5)] | None = None
+    twin_method: Literal["predict", "thesis"] = "predict"
+    times: Annotated[float, Field(ge=0.1, le=100.0, allow_inf_nan=False)] = 1.0
+    horizon_s: Annotated[float, Field(ge=2.0, le=600.0, allow_inf_nan=False)] = 20.0
+
+
+def build_requested_fleet(id: str, room_bytes: int, settings: ServiceSettings, body: Path) -> NewFleet:
+    """Read the request of a fleet from a file, and store the fleet under an id; raises HeadlandError.
+
+    `room_bytes` is how large its plan may be beside those of other fleets.
+    """
+    fleet_request = read_fleet_request(body.read_bytes())
+    check_name(fleet_request.name)
+    with open_store(settings) as store:
+        text, finish_distribution = _read_plan(store, fleet_request)
+        files, stored_files = _read_replacement_files(store, fleet_request)
+        deadline_s = None
+        if fleet_request.deadline is not None:
+            deadline_s = find_next_time_s(parse_clock(fleet_request.deadline, "deadline"))
+        given: dict[str, Any] = fleet_request.model_dump(include={"times", "horizon_s"})
+        given |= {"way": fleet_request.twin_method, "deadline_s": deadline_s, "files": stored_files}
+        given["chances"] = None if finish_distribution is None else asdict(finish_distribution)
+        return store_new_fleet(id, room_bytes, store, fleet_request.name, text, files, given)
+
+
+def store_new_fleet(
+    id: str, room_bytes: int, store: Store, name: str, text: str, files: Files, given: Mapping[str, Any]
+) -> NewFleet:
+    """Prepare the plan of a fleet and store it with its settings; its deadline is by default that of its plan.
+
+    Raises BusyError for a plan that has no room, HeadlandError for one that cannot be driven.
+    """
+    plan_bytes = len(text.encode())
+    if plan_bytes > room_bytes:
+        raise BusyError(
+            f"The plan has {plan_bytes / MEGABYTE_BYTES:.1f} MB, and beside those of the live fleets there is room for "
+            f"{max(room_bytes, 0) / MEGABYTE_BYTES:.1f} MB; delete a fleet first.",
+            parameter="plan",
+        )
+    plan, settings = prepare_with_files(text, files), {**given, "begin_s": time.time()}
+    if settings.get("deadline_s") is None and plan.scenario.deadline_s is not None:
+        settings["deadline_s"] = find_next_time_s(plan.scenario.deadline_s)
+    created = store.save_fleet(id, name, text, settings)
+    return NewFleet(id, name, plan, settings, created, plan_bytes)
+
+
+def read_fleet_request(body: bytes) -> FleetRequest:
+    """Read a request. Raises ServiceError."""
+    try:
+        return FleetRequest.model_validate_json(body)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+    place = format_location(fault["loc"]) or "The body"
+    name = next((part for part in fault["loc"] if isinstance(part, str)), None)
+    raise ServiceError(describe_fault(fault, place), parameter=name)
+
+
+def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
+    """The text of the plan, with its finish times if it is from a job with samples."""
+    if fleet_request.plan.lstrip().startswith("{"):
+        return fleet_request.plan, None
+    result = store.get_result(fleet_request.plan, fleet_request.result, "plan")
+    text = store.blobs.read_bytes(result.sha256).decode("utf-8", "replace")
+    ranking = json.loads(store.blobs.read_bytes(store.get_result(fleet_request.plan, RANKING_FILE, "plan").sha256))
+    return text, read_finish_distribution(ranking, fleet_request.result)
+
+
+def _read_replacement_files(
+    store: Store, fleet_request: FleetRequest
+) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:
+    """Contents of the named files, and their suffixes and digests in the store."""
+    stored_files: dict[str, tuple[str, str]] = {}
+    for kind, name in (("field", fleet_request.field), ("tractor", fleet_request.tractor)):
+        if name is not None:
+            row = store.get_file(kind, name)
+            stored_files[kind] = row.suffix, row.sha256
+    if fleet_request.field is None and not fleet_request.plan.lstrip().startswith("{"):
+        # The field as the plan was made for it: the boundary is not in the plan.
+        for place, sha256 in store.get_job(fleet_request.plan, "plan").inputs.items():
+            if place.startswith(FIELD_FOLDER):
+                stored_files["field"] = PurePosixPath(place).suffix, sha256
+    files = {kind: (suffix, store.blobs.read_bytes(sha256)) for kind, (suffix, sha256) in stored_files.items()}
+    return files, stored_files
+
+
+REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
 
 
 @lru_cache(maxsize=1)
@@ -89,26 +199,20 @@ def _describe_operation(action: str, models: tuple[type[Any], ...], summary: str
     }
 
 
-fleet_router = APIRouter(tags=["fleets"])
-FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
-JSON_TYPE = "application/json"
+fleet_router = ApiRouter(tags=["fleets"])
+recording_router = ApiRouter(tags=["fleets"])
 
 
-REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
-
-
-class ReplanRequest(BaseModel):
+class ReplanRequest(ApiRequest):
     """Tractors that are left out; failed ones always are. The others take over, with `goes_on` all is planned anew."""
 
-    model_config = ConfigDict(extra="forbid")
-    without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(max_length=999)] = []
+    without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(default_factory=list, max_length=999)]
     goes_on: bool = False
 
 
-class AcceptRequest(BaseModel):
-    """The proposal to accept."""
+class ProposalNumber(ApiRequest):
+    """The number of a proposal; the link sends it once it is ready to be accepted."""
 
-    model_config = ConfigDict(extra="forbid")
     proposal: Annotated[int, Field(ge=1)]
 
 
@@ -128,21 +232,13 @@ class FleetAnswer(ApiModel):
     videos: dict[int, str] = Field(default_factory=dict)
 
 
-class FleetList(ApiModel):
-    """All fleets, the oldest first."""
-
-    items: list[FleetAnswer]
-
-
-class ProposalAnswer(ApiModel):
-    """The number of a proposal; the link sends it once it is ready."""
-
-    proposal: int
-
-
-def _get_sessions(request: Request) -> FleetSessions:
+async def get_sessions(request: Request) -> FleetSessions:
+    """The live fleets, for routes."""
     sessions: FleetSessions = request.app.state.hub
     return sessions
+
+
+SessionsAccess = Annotated[FleetSessions, Depends(get_sessions)]
 
 
 def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
@@ -161,109 +257,99 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     return answer
 
 
-@fleet_router.get("/fleets", responses=READ_ROUTE_ERRORS)
-async def list_fleets(request: Request, who: OwnReadAccess) -> FleetList:
+@fleet_router.get("/fleets")
+async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> ItemList[FleetAnswer]:
     """All fleets; a robot sees only its own."""
-    sessions = _get_sessions(request)
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
-    return FleetList(items=[_build_answer(sessions, label) for label in labels if who.can_see_fleet(label.id)])
+    return ItemList[FleetAnswer](
+        items=[_build_answer(sessions, label) for label in labels if who.can_see_fleet(label.id)]
+    )
 
 
-@fleet_router.post(
-    "/fleets",
-    status_code=201,
-    responses=CHANGE_ERRORS,
-    openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY},
-)
-async def create_fleet(request: Request, who: OperateAccess) -> FleetAnswer:
+@fleet_router.post("/fleets", status_code=201, openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY})
+async def create_fleet(request: Request, sessions: SessionsAccess, who: OperateAccess) -> FleetAnswer:
     """Create a fleet from a plan; it stands until it is started."""
-    state, sessions = request.app.state, _get_sessions(request)
+    state = request.app.state
     async with spool_body(request.stream(), state.settings.data / BODIES_FOLDER) as path:
         session = await sessions.create_session(build_requested_fleet, state.settings, path)
     session.manager.log_event(who.name, "created", name=session.name)
     return _build_answer(sessions, sessions.get_label(session.id))
 
 
-@fleet_router.get("/fleets/{id}", responses=CHANGE_ERRORS)
-async def get_fleet(request: Request, _who: FleetReader, id: str) -> FleetAnswer:
+@fleet_router.get("/fleets/{id}")
+async def get_fleet(sessions: SessionsAccess, _who: FleetReader, id: str) -> FleetAnswer:
     """One fleet."""
-    return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
+    return _build_answer(sessions, sessions.get_label(id))
 
 
-@fleet_router.delete("/fleets/{id}", status_code=204, responses=CHANGE_ERRORS)
-async def delete_fleet(request: Request, _who: OperateAccess, id: str) -> Response:
+@fleet_router.delete("/fleets/{id}", status_code=204)
+async def delete_fleet(sessions: SessionsAccess, _who: OperateAccess, id: str) -> Response:
     """Stop and delete a fleet with its recording."""
-    await _get_sessions(request).delete(id)
+    await sessions.delete(id)
     return Response(status_code=204)
 
 
-@fleet_router.post("/fleets/{id}/start", responses=CHANGE_ERRORS)
-async def start_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/start")
+async def start_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Start all tractors."""
-    session = _get_sessions(request).get_session(id)
+    session = sessions.get_session(id)
     session.manager.operators.start_fleet_work(who.name, time.monotonic())
-    return _send_and_answer(request, id)
+    return _send_and_answer(sessions, id)
 
 
-@fleet_router.post("/fleets/{id}/pause", responses=CHANGE_ERRORS)
-async def pause_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/pause")
+async def pause_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Pause all tractors until they are resumed."""
-    session = _get_sessions(request).get_session(id)
+    session = sessions.get_session(id)
     session.manager.operators.pause_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(request, id)
+    return _send_and_answer(sessions, id)
 
 
-@fleet_router.post("/fleets/{id}/resume", responses=CHANGE_ERRORS)
-async def resume_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/resume")
+async def resume_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Resume all tractors."""
-    session = _get_sessions(request).get_session(id)
+    session = sessions.get_session(id)
     session.manager.operators.resume_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(request, id)
+    return _send_and_answer(sessions, id)
 
 
-@fleet_router.post("/fleets/{id}/stop", responses=CHANGE_ERRORS)
-async def stop_fleet(request: Request, who: OperateAccess, id: str) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/stop")
+async def stop_fleet(request: Request, sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Stop all tractors, also those driven by remote control."""
-    session, ordered_s = _get_sessions(request).get_session(id), time.monotonic()
+    session, ordered_s = sessions.get_session(id), time.monotonic()
     session.manager.operators.stop_all(who.name, ordered_s)
     session.send_pending_outputs()
     request.app.state.metrics.count_stop("http", time.monotonic() - ordered_s)
-    return _send_and_answer(request, id)
+    return _send_and_answer(sessions, id)
 
 
-def _send_and_answer(request: Request, id: str) -> FleetAnswer:
+def _send_and_answer(sessions: FleetSessions, id: str) -> FleetAnswer:
     """Send what was ordered at once, as it is saved afterwards; the answer is the fleet as it is then."""
-    sessions = _get_sessions(request)
     sessions.get_session(id).send_pending_outputs()
     return _build_answer(sessions, sessions.get_label(id))
 
 
-@fleet_router.post("/fleets/{id}/replan", status_code=202, responses=CHANGE_ERRORS)
-async def replan_fleet(request: Request, who: OperateAccess, id: str, body: ReplanRequest) -> ProposalAnswer:
+@fleet_router.post("/fleets/{id}/replan", status_code=202)
+async def replan_fleet(sessions: SessionsAccess, who: OperateAccess, id: str, body: ReplanRequest) -> ProposalNumber:
     """Replan the remaining work without some tractors."""
-    session = _get_sessions(request).get_session(id)
+    session = sessions.get_session(id)
     number = session.replan(who.name, [tractor - 1 for tractor in body.without], goes_on=body.goes_on)
     session.send_pending_outputs()
-    return ProposalAnswer(proposal=number)
+    return ProposalNumber(proposal=number)
 
 
-@fleet_router.post("/fleets/{id}/accept", responses=CHANGE_ERRORS)
-async def accept_proposal(request: Request, who: OperateAccess, id: str, body: AcceptRequest) -> FleetAnswer:
+@fleet_router.post("/fleets/{id}/accept")
+async def accept_proposal(sessions: SessionsAccess, who: OperateAccess, id: str, body: ProposalNumber) -> FleetAnswer:
     """Accept a proposal that is ready."""
-    session = _get_sessions(request).get_session(id)
+    session = sessions.get_session(id)
     session.accept_proposal(who.name, body.proposal, time.monotonic())
-    return _send_and_answer(request, id)
+    return _send_and_answer(sessions, id)
 
 
-@fleet_router.get("/asyncapi.json", responses=LIST_ERRORS)
+@fleet_router.get("/asyncapi.json")
 async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
     """The frames of the link (AsyncAPI)."""
     return build_asyncapi_document()
-
-
-RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
-RECORDING_ANSWERS = ITEM_ERRORS | document_file("One log per tractor", ["application/zip"])
-recording_router = APIRouter(tags=["fleets"])
 
 
 @recording_router.get("/fleets/{id}/recording", response_class=Response, responses=RECORDING_ANSWERS)

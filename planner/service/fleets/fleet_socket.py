@@ -35,6 +35,16 @@ CONNECT_TIMEOUT_S = 10.0
 CROWDED_TEXT = "Too many links have not sent connect yet; link again and send it at once."
 PENDING_LIMITS = ConnectionLimits(per_address=128, total=512, header_s=CONNECT_TIMEOUT_S)
 """Of links that have not sent connect yet."""
+REFUSED_CODE, REPLACED_CODE = 1008, 4001
+NORMAL_CODES = (1000, 1001)
+LONGEST_CONNECT = 4096
+FRAMES_IN_A_ROW = 20  # frames of one client, after which others have their turn
+MOST_REFUSED = 10  # frames of a viewer before its link ends
+FRAME_RATES = {TRACTOR: (200.0, 600.0), CONTROL: (60.0, 240.0)}  # per second, and at once
+WATCHER_FRAME_RATES = (5.0, 20.0)
+RIGHTS = {TRACTOR: "drive", CONTROL: "operate"}  # of roles; others only read
+FAULT_TEXT = "The service failed to do this because of a fault, see its log; it may not have been done."
+TALKATIVE_TEXT = "This viewing link has sent {count} frames, which it may not; link again and only listen."
 
 
 @contextmanager
@@ -65,17 +75,6 @@ def hold_place_until_connect(pending: ConnectionRegistry, address: str) -> Itera
     finally:
         pending.remove_connection(connection)
 
-
-REFUSED_CODE, REPLACED_CODE = 1008, 4001
-NORMAL_CODES = (1000, 1001)
-LONGEST_CONNECT = 4096
-FRAMES_IN_A_ROW = 20  # frames of one client, after which others have their turn
-MOST_REFUSED = 10  # frames of a viewer before its link ends
-FRAME_RATES = {TRACTOR: (200.0, 600.0), CONTROL: (60.0, 240.0)}  # per second, and at once
-WATCHER_FRAME_RATES = (5.0, 20.0)
-RIGHTS = {TRACTOR: "drive", CONTROL: "operate"}  # of roles; others only read
-FAULT_TEXT = "The service failed to do this because of a fault, see its log; it may not have been done."
-TALKATIVE_TEXT = "This viewing link has sent {count} frames, which it may not; link again and only listen."
 
 link_router = APIRouter()
 

@@ -9,8 +9,8 @@ import secrets
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Path, Request
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import Path, Request
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from planner.errors import HeadlandError
@@ -21,7 +21,7 @@ from planner.fleet.session.state_recorder import average_commands, format_log_cs
 from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.fleets.fleet_sessions import FleetSessions, parse_tractor
-from planner.service.gateway.responses import CHANGE_ERRORS, READ_ROUTE_ERRORS, ApiModel
+from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.job_requests import DiagnosisJobRequest
 from planner.service.jobs.submission import submit_job
@@ -33,6 +33,8 @@ from vehicle.model.tractor_writer import format_tractor_toml
 DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor.toml"
 FINDING = "finding"
 DIAGNOSE_AFTER_S = 90.0  # of driving after a doubt is certain: a track and a turn show more than a track alone
+TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
+SHOWN_CORRECTIONS = 600  # ten minutes
 
 
 class TwinDiagnosis:
@@ -169,9 +171,7 @@ def _find_due_doubt_s(session: FleetSession, number: int) -> float | None:
     return doubt.detected_s
 
 
-twin_router = APIRouter(tags=["twins"])
-TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
-SHOWN_CORRECTIONS = 600  # ten minutes
+twin_router = ApiRouter(tags=["twins"])
 
 
 class TwinAnswer(ApiModel):
@@ -193,16 +193,9 @@ class TwinAnswer(ApiModel):
     finding: dict[str, Any] | None = None
 
 
-class TwinList(ApiModel):
-    """All twins."""
-
-    items: list[TwinAnswer]
-
-
-class ExtendModelRequest(BaseModel):
+class ExtendModelRequest(ApiRequest):
     """The name of the new tractor file."""
 
-    model_config = ConfigDict(extra="forbid")
     name: Annotated[str, Field(min_length=1, max_length=80)] | None = None
 
 
@@ -250,8 +243,8 @@ def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: 
     return answer
 
 
-@twin_router.get("/twins", responses=READ_ROUTE_ERRORS)
-async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
+@twin_router.get("/twins")
+async def list_twins(request: Request, _who: ReadAccess) -> ItemList[TwinAnswer]:
     """All twins, without their corrections."""
     sessions: FleetSessions = request.app.state.hub
     items = [
@@ -259,10 +252,10 @@ async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
         for session in sessions.by_id.values()
         for number in range(1, session.tractor_count + 1)
     ]
-    return TwinList(items=items)
+    return ItemList[TwinAnswer](items=items)
 
 
-@twin_router.get("/twins/{fleet}/{tractor}", responses=CHANGE_ERRORS)
+@twin_router.get("/twins/{fleet}/{tractor}")
 async def get_twin(request: Request, _who: ReadAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
     """One twin with its last corrections."""
     session = _get_session(request, fleet, tractor)
@@ -271,7 +264,7 @@ async def get_twin(request: Request, _who: ReadAccess, fleet: str, tractor: Twin
     return answer
 
 
-@twin_router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202, responses=CHANGE_ERRORS)
+@twin_router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202)
 async def diagnose(request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
     """Diagnose the recording of a tractor, as a job."""
     session = _get_session(request, fleet, tractor)
@@ -284,7 +277,7 @@ async def diagnose(request: Request, who: OperateAccess, fleet: str, tractor: Tw
     return answer
 
 
-@twin_router.post("/twins/{fleet}/{tractor}/mend", status_code=201, responses=CHANGE_ERRORS)
+@twin_router.post("/twins/{fleet}/{tractor}/mend", status_code=201)
 async def extend_model(
     request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber, body: ExtendModelRequest
 ) -> ExtendedModelAnswer:

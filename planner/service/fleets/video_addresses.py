@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 from urllib.parse import SplitResult, urlsplit
 
-from fastapi import APIRouter, Request
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import Request
+from pydantic import Field
 
 from planner.service.access.browser_policy import STANDARD_PORT
 from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
-from planner.service.gateway.responses import ITEM_ERRORS, ApiModel
+from planner.service.gateway.responses import ApiRequest, ApiRouter
 
 SETTINGS_KEY = "videos"
 LONGEST_ADDRESS_CHARS = 500
@@ -30,20 +30,13 @@ ALLOW_HOST = "headland serve --video-host, or give a path of this service's host
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\]")
 _ADDRESS_CHARACTERS = re.compile(r"[A-Za-z0-9._~:/?#\[\]@!$&()*+=%-]+")  # no blanks, quotes, commas and semicolons
 
-video_router = APIRouter(tags=["fleets"])
+video_router = ApiRouter(tags=["fleets"])
 
 
-class VideoRequest(BaseModel):
+class VideoAddress(ApiRequest):
     """The address of an MJPEG or HLS stream: http, https, or a path of this service's host; null for none."""
 
-    model_config = ConfigDict(extra="forbid")
     address: Annotated[str, Field(max_length=LONGEST_ADDRESS_CHARS)] | None
-
-
-class VideoAnswer(ApiModel):
-    """The address of a tractor, null without one."""
-
-    address: str | None
 
 
 class VideoAddresses:
@@ -152,10 +145,10 @@ def find_origin(address: str) -> str | None:
     return f"{scheme}://{parts.netloc.lower().removesuffix(f':{STANDARD_PORT[scheme]}')}" if scheme else None
 
 
-@video_router.put("/fleets/{id}/tractors/{tractor}/video", responses=ITEM_ERRORS)
+@video_router.put("/fleets/{id}/tractors/{tractor}/video")
 async def set_video_address(
-    request: Request, who: OperateAccess, id: str, tractor: int, body: VideoRequest
-) -> VideoAnswer:
+    request: Request, who: OperateAccess, id: str, tractor: int, body: VideoAddress
+) -> VideoAddress:
     """Set the address of a tractor's video, or remove it; pages opened from then on may load it."""
     sessions = request.app.state.hub
     session = sessions.get_session(id)
@@ -171,4 +164,4 @@ async def set_video_address(
     await asyncio.to_thread(
         sessions.store.add_event, id, who.name, "video address", {"tractor": tractor, PARAMETER: address}
     )
-    return VideoAnswer(address=address)
+    return VideoAddress(address=address)

@@ -41,6 +41,8 @@ OFFICE_STARTING = "Files, jobs and pages are starting; try again in a few second
 TRY_AGAIN = {"retry-after": "3", "connection": "close"}
 UNREADABLE_ADDRESS = "The address cannot be read; write it in letters, digits and % codes."
 OFFICE_LOST = "The process for files, jobs and pages ended during this request; try again."
+OFFICE_POLL_S, SHORT_LIFE_S, PATIENCE_S = 0.2, 5.0, 30.0
+LOOPBACK_HOST = "127.0.0.1"
 
 
 class OfficeForwarder:
@@ -177,10 +179,6 @@ async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
             yield body
         if not message.get("more_body", False):
             return
-
-
-OFFICE_POLL_S, SHORT_LIFE_S, PATIENCE_S = 0.2, 5.0, 30.0
-LOOPBACK_HOST = "127.0.0.1"
 
 
 class BackOffice:

@@ -32,6 +32,17 @@ LATE_TURN_S = 0.010  # a turn that is later than this shows an overloaded event 
 MOST_URGENT_PER_S = 20.0
 
 Admit = Callable[[], None]
+REQUEST, ANSWER = "request", "answer"  # timers of a connection
+BODY_CHECK_PERIOD_S = 5.0
+MOST_HEAD_BYTES = 64 * 1024
+END_OF_HEAD = re.compile(rb"\r?\n\r?\n")
+BEARER_HEADER = re.compile(rb"\nauthorization:[ \t]*bearer[ \t]+(hl_[\w-]{1,200})[ \t]*\r?\n", re.IGNORECASE)
+RankToken = Callable[[str], "bool | None"]
+"""Whether the holder of a token operates fleets, and so goes first; None for an unknown token."""
+MOST_CONTROL_FRAMES_PER_S = 50  # pings and fragments of one link
+MOST_UNSENT_BYTES = 2**18  # bytes that the other end of a link has not taken yet
+PARSE_SLICE_BYTES, PARSE_PAUSE_S = 8 * 1024, 0.002  # bytes of a link parsed at a time, and the pause between
+CLOSE_TIMEOUT_S = 1.0  # in which a link must answer a close frame
 
 
 @dataclass(slots=True, eq=False)
@@ -97,20 +108,6 @@ class RequestScheduler:
         else:
             del self._waiting[address]
         return ticket.admit
-
-
-REQUEST, ANSWER = "request", "answer"  # timers of a connection
-BODY_CHECK_PERIOD_S = 5.0
-MOST_HEAD_BYTES = 64 * 1024
-END_OF_HEAD = re.compile(rb"\r?\n\r?\n")
-BEARER_HEADER = re.compile(rb"\nauthorization:[ \t]*bearer[ \t]+(hl_[\w-]{1,200})[ \t]*\r?\n", re.IGNORECASE)
-RankToken = Callable[[str], "bool | None"]
-"""Whether the holder of a token operates fleets, and so goes first; None for an unknown token."""
-
-MOST_CONTROL_FRAMES_PER_S = 50  # pings and fragments of one link
-MOST_UNSENT_BYTES = 2**18  # bytes that the other end of a link has not taken yet
-PARSE_SLICE_BYTES, PARSE_PAUSE_S = 8 * 1024, 0.002  # bytes of a link parsed at a time, and the pause between
-CLOSE_TIMEOUT_S = 1.0  # in which a link must answer a close frame
 
 
 def build_limited_protocol_class(connections: ConnectionRegistry, rank: RankToken) -> type[H11Protocol]:

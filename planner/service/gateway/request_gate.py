@@ -37,6 +37,20 @@ from planner.service.gateway.connection_limits import RateLimiter, compute_netwo
 from planner.service.gateway.responses import build_error_response, build_refusal_response
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 
+KILOBYTE_BYTES = 1024
+MOST_ORDER_BYTES = UNCOUNTED_BYTES
+FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
+LARGE_BODY_KEY = "x-headland-large"
+"""Key in the `openapi_extra` of a route whose body may be as large as an upload."""
+API_PATH = "/api/"
+STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
+MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
+BODIES_FULL = (
+    "Too many large bodies are under way; wait until yours, or those of others, are through, then send it again."
+)
+BODIES_RETRY = {"retry-after": "5", "connection": "close"}
+MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
+
 
 async def refuse_unknown_query(connection: HTTPConnection) -> None:
     """A dependency of all routes; raises ServiceError for the first query parameter that the route does not have."""
@@ -68,13 +82,6 @@ def _list_query_names(dependant: Dependant) -> Iterator[str]:
     yield from (each.alias for each in dependant.query_params)
     for each in dependant.dependencies:
         yield from _list_query_names(each)
-
-
-KILOBYTE_BYTES = 1024
-MOST_ORDER_BYTES = UNCOUNTED_BYTES
-FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
-LARGE_BODY_KEY = "x-headland-large"
-"""Key in the `openapi_extra` of a route whose body may be as large as an upload."""
 
 
 @dataclass(frozen=True)
@@ -109,16 +116,6 @@ def find_route_rule(rules: Iterable[RouteRule], method: str, path: str) -> tuple
         if method in rule.methods and (match := rule.path.match(path)):
             return rule, match.groupdict()
     return None
-
-
-API_PATH = "/api/"
-STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
-MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
-BODIES_FULL = (
-    "Too many large bodies are under way; wait until yours, or those of others, are through, then send it again."
-)
-BODIES_RETRY = {"retry-after": "5", "connection": "close"}
-MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
 
 
 class RequestGate:

@@ -1,12 +1,12 @@
-"""Models of the answers of the API, and errors as answers: one sentence and its parameter, never a traceback."""
+"""Models of requests and answers of the API, its routers, and errors as answers: one sentence, never a traceback."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, ConfigDict, field_validator
@@ -21,15 +21,43 @@ from planner.request.parameter_names import quote_label
 from planner.request.validation_messages import describe_fault, format_location
 from planner.service.errors import ServiceError, StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
+from planner.service.store.service_store import Store
 
+Item = TypeVar("Item")
 TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
 JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+_STATUS_MEANINGS = {
+    401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
+    409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
+    429: "Too many requests, or too many jobs waiting", 503: "The database cannot be used",
+    507: "No room left on the disk",
+}  # fmt: skip
+COMMON_ERROR_STATUSES = (413, 429, 503, 507)
+INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
+HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 
 
 class ApiModel(BaseModel):
     """An answer, built from any object with attributes of the same names."""
 
     model_config = ConfigDict(from_attributes=True)
+
+
+class ApiRequest(BaseModel):
+    """A body that a route takes; unknown names, infinity and NaN are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class ItemList(ApiModel, Generic[Item]):
+    """All there are, in the order that the route describes; in the documentation a list of FileInfo is FileList."""
+
+    items: list[Item]
+
+    @classmethod
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
+        """Overrides pydantic's name of the list of one kind of item."""
+        return f"{params[0].__name__.removesuffix('Info').removesuffix('Answer')}List"
 
 
 class ErrorInfo(ApiModel):
@@ -90,12 +118,6 @@ class FileInfo(ApiModel):
     changed: str | None = None
 
 
-class FileList(ApiModel):
-    """Files, those that come with Headland first."""
-
-    items: list[FileInfo]
-
-
 class JobProgress(ApiModel):
     """Progress of a job: steps done, all steps, and what it is doing now."""
 
@@ -125,12 +147,6 @@ class JobInfo(ApiModel):
     owner_identity: str | None = None
 
 
-class JobList(ApiModel):
-    """Jobs, the newest first."""
-
-    items: list[JobInfo]
-
-
 class ViewInfo(ApiModel):
     """The path below /api/v1 at which a result is shown once."""
 
@@ -153,12 +169,6 @@ class TokenInfo(ApiModel):
         return scopes.split() if isinstance(scopes, str) else scopes
 
 
-class TokenList(ApiModel):
-    """Tokens, the oldest first."""
-
-    items: list[TokenInfo]
-
-
 class NewToken(TokenInfo):
     """A new token; its text is shown only once."""
 
@@ -176,21 +186,6 @@ class EventInfo(ApiModel):
     data: dict[str, Any]
 
 
-class EventList(ApiModel):
-    """Events, the oldest first."""
-
-    items: list[EventInfo]
-
-
-_STATUS_MEANINGS = {
-    401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
-    409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
-    429: "Too many requests, or too many jobs waiting", 503: "The database cannot be used",
-    507: "No room left on the disk",
-}  # fmt: skip
-COMMON_ERROR_STATUSES = (413, 429, 503, 507)
-
-
 def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Documentation of the refusals of a route, with those that every route has."""
     return {
@@ -199,20 +194,29 @@ def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+class ApiRouter(APIRouter):
+    """Routes whose refusals are documented by what they are: a path may name nothing, and a change may conflict."""
+
+    def add_api_route(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        """Overrides APIRouter.add_api_route, to which every decorator of a route comes."""
+        changes = set(options.get("methods") or ("GET",)) != {"GET"}
+        statuses = (401, 403, 422, *((404,) if changes or "{" in path else ()), *((409,) if changes else ()))
+        options["responses"] = document_errors(*statuses) | (options.get("responses") or {})
+        super().add_api_route(path, endpoint, **options)
+
+
 def document_file(description: str, media_types: Iterable[str]) -> dict[int | str, dict[str, Any]]:
     """Documentation of an answer that is a file of one of these media types."""
     return {200: {"content": {each: {} for each in sorted(media_types)}, "description": description}}
 
 
-LIST_ERRORS = document_errors(401, 403)
-READ_ROUTE_ERRORS = document_errors(401, 403, 422)
-ITEM_ERRORS = document_errors(401, 403, 404, 422)
-CHANGE_ERRORS = document_errors(401, 403, 404, 409, 422)
-"""Refusals of routes that list, read, read one item, and change one."""
+async def get_store(request: Request) -> Store:
+    """The store of the service, for routes."""
+    store: Store = request.app.state.store
+    return store
 
 
-INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
-HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
+StoreAccess = Annotated[Store, Depends(get_store)]
 
 
 def build_error_response(

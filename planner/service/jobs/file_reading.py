@@ -38,6 +38,11 @@ READ_SLOTS, MOST_WAITING_PER_CLIENT, MOST_WAITING = 4, 8, 200
 LONGEST_WAIT_S = 120.0
 
 _WaitingPiece = tuple[float, "Future[Any]", Callable[[], Any]]
+LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
+"""At most, for up to a megabyte, and for every further one."""
+LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
+MOST_CACHED_SUMMARIES = 100
+_WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
 
 class FairQueue:
@@ -111,13 +116,6 @@ class FairQueue:
             with self._lock:
                 self._busy_clients.discard(client)
                 self._start_next()
-
-
-LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
-"""At most, for up to a megabyte, and for every further one."""
-LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
-MOST_CACHED_SUMMARIES = 100
-_WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
 
 class FileReader:

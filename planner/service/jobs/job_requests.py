@@ -25,6 +25,7 @@ JobTitle = Annotated[
 ]
 PLAN_OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED, description=PLAN_OPTIONS["seed"].help)]
+ReportProgress = Callable[[int, int, str], None]
 
 
 class JobRequest(BaseModel):
@@ -138,9 +139,6 @@ REQUEST_MODELS: dict[str, type[JobRequest]] = {
     "diagnosis": DiagnosisJobRequest,
 }
 """The request of every kind of job."""
-
-
-ReportProgress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)

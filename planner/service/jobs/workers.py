@@ -35,16 +35,6 @@ from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 
-
-def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
-    """The function of a kind of job; its modules are loaded only now."""
-    if name in settings.job_functions:
-        return cast(JobFunction, settings.job_functions[name])
-    from planner.service.jobs.job_runs import JOB_FUNCTIONS
-
-    return JOB_FUNCTIONS[name]
-
-
 T = TypeVar("T")
 LOST_STATUS = 4
 """Exit status of a worker whose job was cancelled or given to another: it stops at once and is started again."""
@@ -55,6 +45,16 @@ WAITING_FOR_DISK = "waits for room on the disk"
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
+SUPERVISE_PERIOD_S, SHORT_LIFE_S, PATIENCE_S = 1.0, 1.0, 10.0
+
+
+def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
+    """The function of a kind of job; its modules are loaded only now."""
+    if name in settings.job_functions:
+        return cast(JobFunction, settings.job_functions[name])
+    from planner.service.jobs.job_runs import JOB_FUNCTIONS
+
+    return JOB_FUNCTIONS[name]
 
 
 def run_worker(settings: ServiceSettings, worker: str) -> None:
@@ -205,9 +205,6 @@ def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
         write_inputs(store, job.inputs, Path(folder))
         with contextlib.chdir(folder):
             yield
-
-
-SUPERVISE_PERIOD_S, SHORT_LIFE_S, PATIENCE_S = 1.0, 1.0, 10.0
 
 
 class WorkerSupervisor:

@@ -35,9 +35,7 @@ KILL_GRACE_S = 0.5
 
 def list_readings() -> dict[str, Callable[..., Any]]:
     """All readings by name."""
-    from planner.service.sandbox.file_summaries import SUMMARIES, UPLOAD_CHECKS
-    from planner.service.sandbox.form_texts import FORMS
-    from planner.service.sandbox.request_checks import REQUEST_CHECKS
+    from planner.service.sandbox.readings import FORMS, REQUEST_CHECKS, SUMMARIES, UPLOAD_CHECKS
 
     tables: dict[str, dict[str, Callable[..., Any]]] = {
         "check": REQUEST_CHECKS,
@@ -58,7 +56,7 @@ def _load_libraries() -> None:
     with suppress(ImportError):  # an extra, for GeoTIFFs
         import rasterio.windows  # noqa: F401
     from planner.evaluation import context  # noqa: F401
-    from planner.service.sandbox.file_summaries import summarize_field, summarize_tractor
+    from planner.service.sandbox.readings import summarize_field, summarize_tractor
     from vehicle.identification.diagnosis import demo_logs  # noqa: F401
     from vehicle.identification.logs import reader  # noqa: F401
     from vehicle.model import gnss  # noqa: F401

@@ -32,6 +32,43 @@ LANDLOCK_FILE_RIGHTS = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5:
 """File access rights by Landlock version."""
 LANDLOCK_TCP_RIGHTS = (1 << 0) | (1 << 1)  # TCP, from version 4
 LANDLOCK_SCOPES = (1 << 0) | (1 << 1)  # sockets without a file, and signals, from version 6
+PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 22, 2  # of prctl
+AUDIT_ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
+ALLOWED_CALLS: dict[str, tuple[int | None, int | None]] = {
+    # files and folders
+    "open": (2, None), "openat": (257, 56), "close": (3, 57), "read": (0, 63), "readv": (19, 65), "pread64": (17, 67),
+    "write": (1, 64), "writev": (20, 66), "lseek": (8, 62), "dup": (32, 23), "dup2": (33, None), "dup3": (292, 24),
+    "fadvise64": (221, 223), "stat": (4, None), "fstat": (5, 80), "lstat": (6, None), "newfstatat": (262, 79),
+    "statx": (332, 291), "statfs": (137, 43), "fstatfs": (138, 44), "access": (21, None), "faccessat": (269, 48),
+    "faccessat2": (439, 439), "readlink": (89, None), "readlinkat": (267, 78), "getdents64": (217, 61),
+    "getcwd": (79, 17), "chdir": (80, 49), "poll": (7, None), "ppoll": (271, 73),
+    # memory
+    "mmap": (9, 222), "mprotect": (10, 226), "munmap": (11, 215), "mremap": (25, 216), "mincore": (27, 232),
+    "madvise": (28, 233), "brk": (12, 214),
+    # signals to itself, threads and the end
+    "rt_sigaction": (13, 134), "rt_sigprocmask": (14, 135), "rt_sigreturn": (15, 139), "sigaltstack": (131, 132),
+    "futex": (202, 98), "set_robust_list": (273, 99), "set_tid_address": (218, 96), "rseq": (334, 293),
+    "membarrier": (324, 283), "sched_yield": (24, 124), "sched_getaffinity": (204, 123), "arch_prctl": (158, None),
+    "exit": (60, 93), "exit_group": (231, 94),
+    # times and what the process is
+    "nanosleep": (35, 101), "clock_nanosleep": (230, 115), "clock_gettime": (228, 113), "clock_getres": (229, 114),
+    "gettimeofday": (96, 169), "times": (100, 153), "getpid": (39, 172), "getppid": (110, 173), "gettid": (186, 178),
+    "getuid": (102, 174), "getgid": (104, 176), "geteuid": (107, 175), "getegid": (108, 177), "getrlimit": (97, 163),
+    "getrusage": (98, 165), "getrandom": (318, 278), "sysinfo": (99, 179), "uname": (63, 160),
+}  # fmt: skip
+"""Allowed system calls, by their numbers on x86_64 and aarch64."""
+FCNTL_NUMBERS, CLONE3_NUMBERS = (72, 25), (435, 435)
+ALLOWED_FCNTL_COMMANDS = (0, 1, 2, 3, 4, 5, 6, 7, 1030)  # copies, flags and locks; not who is sent signals
+BPF_LOAD, BPF_JUMP_EQUAL, BPF_JUMP_GREATER_EQUAL, BPF_RETURN = 0x20, 0x15, 0x35, 0x06
+"""Of the classic Berkeley packet filter."""
+CALL_NUMBER_OFFSET, ARCHITECTURE_OFFSET, SECOND_ARGUMENT_OFFSET = 0, 4, 24  # where these stand in what the filter sees
+SECCOMP_KILL, SECCOMP_ALLOW, SECCOMP_ERRNO = 0x80000000, 0x7FFF0000, 0x00050000
+X32_CALLS_FROM = 0x40000000  # x86_64 has all calls a second time from here on
+PR_SET_PDEATHSIG, PR_SET_NO_NEW_PRIVS = 1, 38  # of prctl
+MOST_OPEN_FILES = 64
+OWN_PACKAGES = ("fields", "planner", "reports", "strategies", "vehicle")
+SYSTEM_LIBRARY_FOLDERS = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo")
+"""Folders of shared libraries."""
 
 
 class _LandlockRuleset(ctypes.Structure):
@@ -83,40 +120,6 @@ def _check_result(result: int, fault: str) -> int:
     return result
 
 
-PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 22, 2  # of prctl
-AUDIT_ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
-ALLOWED_CALLS: dict[str, tuple[int | None, int | None]] = {
-    # files and folders
-    "open": (2, None), "openat": (257, 56), "close": (3, 57), "read": (0, 63), "readv": (19, 65), "pread64": (17, 67),
-    "write": (1, 64), "writev": (20, 66), "lseek": (8, 62), "dup": (32, 23), "dup2": (33, None), "dup3": (292, 24),
-    "fadvise64": (221, 223), "stat": (4, None), "fstat": (5, 80), "lstat": (6, None), "newfstatat": (262, 79),
-    "statx": (332, 291), "statfs": (137, 43), "fstatfs": (138, 44), "access": (21, None), "faccessat": (269, 48),
-    "faccessat2": (439, 439), "readlink": (89, None), "readlinkat": (267, 78), "getdents64": (217, 61),
-    "getcwd": (79, 17), "chdir": (80, 49), "poll": (7, None), "ppoll": (271, 73),
-    # memory
-    "mmap": (9, 222), "mprotect": (10, 226), "munmap": (11, 215), "mremap": (25, 216), "mincore": (27, 232),
-    "madvise": (28, 233), "brk": (12, 214),
-    # signals to itself, threads and the end
-    "rt_sigaction": (13, 134), "rt_sigprocmask": (14, 135), "rt_sigreturn": (15, 139), "sigaltstack": (131, 132),
-    "futex": (202, 98), "set_robust_list": (273, 99), "set_tid_address": (218, 96), "rseq": (334, 293),
-    "membarrier": (324, 283), "sched_yield": (24, 124), "sched_getaffinity": (204, 123), "arch_prctl": (158, None),
-    "exit": (60, 93), "exit_group": (231, 94),
-    # times and what the process is
-    "nanosleep": (35, 101), "clock_nanosleep": (230, 115), "clock_gettime": (228, 113), "clock_getres": (229, 114),
-    "gettimeofday": (96, 169), "times": (100, 153), "getpid": (39, 172), "getppid": (110, 173), "gettid": (186, 178),
-    "getuid": (102, 174), "getgid": (104, 176), "geteuid": (107, 175), "getegid": (108, 177), "getrlimit": (97, 163),
-    "getrusage": (98, 165), "getrandom": (318, 278), "sysinfo": (99, 179), "uname": (63, 160),
-}  # fmt: skip
-"""Allowed system calls, by their numbers on x86_64 and aarch64."""
-FCNTL_NUMBERS, CLONE3_NUMBERS = (72, 25), (435, 435)
-ALLOWED_FCNTL_COMMANDS = (0, 1, 2, 3, 4, 5, 6, 7, 1030)  # copies, flags and locks; not who is sent signals
-BPF_LOAD, BPF_JUMP_EQUAL, BPF_JUMP_GREATER_EQUAL, BPF_RETURN = 0x20, 0x15, 0x35, 0x06
-"""Of the classic Berkeley packet filter."""
-CALL_NUMBER_OFFSET, ARCHITECTURE_OFFSET, SECOND_ARGUMENT_OFFSET = 0, 4, 24  # where these stand in what the filter sees
-SECCOMP_KILL, SECCOMP_ALLOW, SECCOMP_ERRNO = 0x80000000, 0x7FFF0000, 0x00050000
-X32_CALLS_FROM = 0x40000000  # x86_64 has all calls a second time from here on
-
-
 class _SeccompProgram(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_void_p))
 
@@ -163,13 +166,6 @@ def _build_seccomp_filter(machine: str) -> list[tuple[int, int, int, int]]:
     for command in ALLOWED_FCNTL_COMMANDS:
         steps += [(BPF_JUMP_EQUAL, 0, 1, command), (BPF_RETURN, 0, 0, SECCOMP_ALLOW)]
     return [*steps, (BPF_RETURN, 0, 0, SECCOMP_ERRNO | errno.EACCES)]
-
-
-PR_SET_PDEATHSIG, PR_SET_NO_NEW_PRIVS = 1, 38  # of prctl
-MOST_OPEN_FILES = 64
-OWN_PACKAGES = ("fields", "planner", "reports", "strategies", "vehicle")
-SYSTEM_LIBRARY_FOLDERS = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo")
-"""Folders of shared libraries."""
 
 
 def list_missing_protections() -> list[str]:

@@ -1,4 +1,7 @@
-"""Backups, made while the service runs, with a manifest of sizes and SHA-256; and the deletion of unused bytes."""
+"""Backups, made while the service runs and restored completely or not at all, and the deletion of unused bytes.
+
+A backup has a manifest of sizes and SHA-256; it is restored into SQLite or PostgreSQL.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,14 @@ import hashlib
 import json
 import re
 import secrets
+import sqlite3
 import tempfile
 import time
 import zipfile
-from collections.abc import Mapping
-from contextlib import suppress
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,10 +24,17 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from planner.service.errors import ServiceError
+from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, find_version
-from planner.service.store.database import Database, get_current_version, migrate_database
-from planner.service.store.disk_storage import translate_disk_full
+from planner.service.store.database import (
+    SELECT_VERSION,
+    Database,
+    get_current_version,
+    lift_timeouts,
+    migrate_database,
+    shorten_error,
+)
+from planner.service.store.disk_storage import is_disk_full, translate_disk_full
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import BYTES_FOLDER, format_utc_now_ms
 from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
@@ -30,6 +43,13 @@ MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
 MOST_MANIFEST_BYTES = 64 * 2**20
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
 SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
+COPY_BATCH_ROWS, PART_BYTES = 500, 2**20
+SWEEP_MIN_AGE_S = 3600.0
+"""Newer bytes may belong to a row that is being written."""
+SET_SEQUENCE = "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT max({column}) FROM {table}))"
+COMPRESSION_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+SELECT_STRANGE_OBJECTS = "SELECT type || ' ' || name FROM sqlite_master WHERE type NOT IN ('table', 'index')"
+USE_ANOTHER_BACKUP = "use another backup"
 
 
 @dataclass(frozen=True)
@@ -85,11 +105,6 @@ def _parse_entry(name: str, values: Any) -> ManifestEntry:
     if not isinstance(sha256, str) or not SHA256_TEXT.fullmatch(sha256) or (match is not None and match[2] != sha256):
         raise ValueError(f"it gives no SHA-256 of {name}")
     return ManifestEntry(size, sha256)
-
-
-COPY_BATCH_ROWS, PART_BYTES = 500, 2**20
-SWEEP_MIN_AGE_S = 3600.0
-"""Newer bytes may belong to a row that is being written."""
 
 
 def back_up(store: Store, file: Path) -> int:
@@ -207,3 +222,192 @@ def list_named_bytes(connection: sa.Connection) -> list[str]:
     for settings in connection.scalars(sa.select(FleetRow.settings)):
         names += [sha256 for _, sha256 in settings.get("files", {}).values()]
     return names
+
+
+def restore_backup(store: Store, file: Path) -> int:
+    """Put a backup into an empty store; returns the number of files of bytes.
+
+    All of it is checked before anything is written: parts and hashes by its manifest, the database by SQLite itself.
+    Raises ServiceError for a file that is not a complete backup, NotFoundError without a file, ConflictError for a
+    store that is not empty, DatabaseError for a backup of a newer Headland, StorageError where there is no room.
+    """
+    with store.database.open_read_session() as session:
+        for table in COPIED_TABLES:
+            if session.execute(sa.select(sa.literal(1)).select_from(table).limit(1)).first() is not None:
+                raise ConflictError(
+                    f"The database has {table.name} already, and nothing is written over; give another --data or "
+                    "--database.",
+                    parameter="data",
+                )
+    data = store.settings.data
+    try:
+        with zipfile.ZipFile(file) as archive, tempfile.TemporaryDirectory(dir=data, prefix=".restore-") as folder:
+            backup = _OpenBackup(file, archive, _read_checked_manifest(archive, file))
+            store.blobs.check_disk_space(backup.manifest.total_bytes)
+            copy = Path(folder) / DATABASE_FILE
+            with open(copy, "wb") as stream:
+                backup.read_part(DATABASE_FILE, stream.write)
+            for name in backup.list_bytes():
+                backup.read_part(name, len)
+            _check_sqlite_file(copy, file)
+            return _restore_checked(store, backup, copy)
+    except FileNotFoundError:
+        raise NotFoundError(f"There is no file {file}; give the name of a backup.", parameter="file") from None
+    except (OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+        if is_disk_full(error, data):
+            raise StorageError(f"No room is left in {data} to bring {file} back; make some.") from None
+        raise ServiceError(f"{file} cannot be read as a backup: {error}.".replace("..", ".")) from None
+
+
+@dataclass(frozen=True)
+class _OpenBackup:
+    """A backup whose manifest is checked."""
+
+    file: Path
+    archive: zipfile.ZipFile
+    manifest: BackupManifest
+
+    def list_bytes(self) -> list[str]:
+        """The names of all parts but the database."""
+        return [name for name in self.manifest.files if name != DATABASE_FILE]
+
+    def read_part(self, name: str, consume: Callable[[bytes], object]) -> None:
+        """Hand on the bytes of a part, at most as many as the manifest names; raises ServiceError for others."""
+        entry, digest, size = self.manifest.files[name], hashlib.sha256(), 0
+        with self.archive.open(name) as source:
+            while part := source.read(min(PART_BYTES, entry.size - size + 1)):
+                size += len(part)
+                if size > entry.size:
+                    break
+                digest.update(part)
+                consume(part)
+        if size != entry.size or digest.hexdigest() != entry.sha256:
+            raise _build_refusal(self.file, f"damaged: its part {name} has other bytes")
+
+
+def _build_refusal(file: Path, fault: str) -> ServiceError:
+    return ServiceError(f"{file} is {fault}; {USE_ANOTHER_BACKUP}.")
+
+
+def _read_checked_manifest(archive: zipfile.ZipFile, file: Path) -> BackupManifest:
+    """The manifest of an archive with exactly the parts that it names; raises ServiceError."""
+    parts = {info.filename: info for info in archive.infolist()}
+    if DATABASE_FILE not in parts and MANIFEST_FILE not in parts:
+        raise ServiceError(
+            f"{file} is no backup of Headland: it has no {DATABASE_FILE}; give one that headland backup made."
+        )
+    if MANIFEST_FILE not in parts:
+        raise ServiceError(
+            f"{file} has no {MANIFEST_FILE}, so nothing tells whether it is whole; unpack it into an empty folder, "
+            "begin headland serve --data with that, and make a new backup of it."
+        )
+    duplicate = next((name for name, times in Counter(archive.namelist()).items() if times > 1), None)
+    if duplicate is not None:
+        raise _build_refusal(file, f"damaged: it has the part {duplicate[:60]!r} twice")
+    odd = next((info for info in parts.values() if info.compress_type not in COMPRESSION_METHODS), None)
+    if odd is not None:
+        raise _build_refusal(file, f"no backup of Headland: {odd.filename[:60]!r} is packed another way")
+    if parts[MANIFEST_FILE].file_size > MOST_MANIFEST_BYTES:
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} has {parts[MANIFEST_FILE].file_size} bytes")
+    try:
+        manifest = parse_manifest(archive.read(MANIFEST_FILE))
+    except ValueError as error:
+        why = shorten_error(error, 120)
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} cannot be used, {why}") from None
+    present, named = set(parts) - {MANIFEST_FILE}, set(manifest.files)
+    if missing := sorted(named - present):
+        raise _build_refusal(file, f"not whole: its part {missing[0]} is missing")
+    if strange := sorted(present - named):
+        raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} does not name {strange[0][:60]!r}")
+    return manifest
+
+
+def _check_sqlite_file(copy: Path, file: Path) -> None:
+    """Let SQLite check all pages and keys of a database; raises ServiceError where it is damaged."""
+    if not copy.read_bytes()[:16].startswith(b"SQLite format 3"):
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} is no database")
+    try:
+        with closing(sqlite3.connect(f"{copy.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+            connection.execute("PRAGMA trusted_schema=OFF")
+            (integrity,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+            orphan = connection.execute("PRAGMA foreign_key_check").fetchone()
+            strange = connection.execute(SELECT_STRANGE_OBJECTS).fetchone()
+    except sqlite3.DatabaseError as error:
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} cannot be read ({error})") from None
+    if integrity != "ok":
+        why = shorten_error(integrity, 120)
+        raise _build_refusal(file, f"damaged: its {DATABASE_FILE} does not hold together ({why})")
+    if orphan is not None:
+        raise _build_refusal(file, f"damaged: rows of its table {orphan[0]} belong to none of {orphan[2]}")
+    if strange is not None:
+        raise _build_refusal(file, f"no backup of Headland: its {DATABASE_FILE} has a {strange[0][:60]}")
+
+
+def _restore_checked(store: Store, backup: _OpenBackup, copy: Path) -> int:
+    """Store the bytes, then all rows at once; delete the bytes again where that fails."""
+    source, file, manifest = Database(f"sqlite:///{copy}"), backup.file, backup.manifest
+    try:
+        with source.engine.connect() as connection:
+            version = connection.scalar(sa.text(SELECT_VERSION))
+        if version != manifest.migration:
+            fault = f"damaged: its {DATABASE_FILE} is not of the version in its {MANIFEST_FILE}"
+            raise _build_refusal(file, fault)
+        migrate_database(source.engine)
+        with source.open_read_session() as session:
+            named = set(map(format_bytes_name, list_named_bytes(session.connection())))
+        if missing := sorted(named - set(backup.list_bytes())):
+            raise _build_refusal(file, f"not whole: its database names {missing[0][:90]}, which is missing")
+        if unused := sorted(set(backup.list_bytes()) - named):
+            raise _build_refusal(file, f"no backup of Headland: nothing in its database names {unused[0]}")
+        with _delete_new_bytes_on_error(store) as new_digests:
+            for name in backup.list_bytes():
+                if not store.blobs.get_path(manifest.files[name].sha256).exists():
+                    new_digests.append(manifest.files[name].sha256)
+                parts: list[bytes] = []
+                backup.read_part(name, parts.append)
+                store.blobs.put_bytes(b"".join(parts))
+            _copy_rows(store, source)
+    except ServiceError:
+        raise
+    except (ValueError, TypeError, AttributeError, LookupError):
+        raise _build_refusal(file, f"damaged: rows of its {DATABASE_FILE} cannot be read") from None
+    except sa.exc.DBAPIError as error:
+        why = shorten_error(error.orig, 120)
+        raise ServiceError(
+            f"{file} cannot be brought back: {why}; {USE_ANOTHER_BACKUP}, or see to the database."
+        ) from None
+    finally:
+        source.close()
+    return len(manifest.files) - 1
+
+
+@contextmanager
+def _delete_new_bytes_on_error(store: Store) -> Iterator[list[str]]:
+    """A list for bytes that are new to a store; they are deleted where the body raises."""
+    new_digests: list[str] = []
+    try:
+        yield new_digests
+    except BaseException:
+        for sha256 in new_digests:
+            store.blobs.get_path(sha256).unlink(missing_ok=True)
+        raise
+
+
+def _copy_rows(store: Store, source: Database) -> None:
+    """Copy all rows of a database."""
+    with (
+        translate_disk_full(store.settings.data),
+        source.engine.connect() as old,
+        store.database.open_write_session() as session,
+        lift_timeouts(session.connection()),
+    ):
+        for table in COPIED_TABLES:
+            copy_rows(table, old, session)
+            _advance_sequence(session.connection(), table)
+
+
+def _advance_sequence(connection: sa.Connection, table: sa.Table) -> None:
+    """Let PostgreSQL number new rows after the restored ones."""
+    column = next(iter(table.primary_key.columns))
+    if connection.dialect.name == "postgresql" and isinstance(column.type, sa.Integer):
+        connection.execute(sa.text(SET_SEQUENCE.format(table=table.name, column=column.name)))

@@ -72,6 +72,20 @@ def translate_disk_full(folder: Path | None = None) -> Iterator[None]:
         raise
 
 
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, on the disk when this returns, or leave what was there; its folder is made."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    draft = path.with_name(f".{secrets.token_hex(8)}")
+    try:
+        with open(draft, "xb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
 class BlobStore:
     """Bytes in one folder, by SHA-256; `reserve_bytes` stay free on its disk."""
 
@@ -89,24 +103,12 @@ class BlobStore:
                 return name
         self.check_disk_space(len(content))
         with translate_disk_full():
-            self._write_whole(content, blob_path)
+            write_whole(blob_path, content)
         return name
 
     def check_disk_space(self, size_bytes: int) -> None:
         """Raise StorageError where there is no room for this many bytes."""
         check_disk_space(self._folder, size_bytes, self._reserve_bytes)
-
-    def _write_whole(self, content: bytes, blob_path: Path) -> None:
-        blob_path.parent.mkdir(parents=True, exist_ok=True)
-        draft = blob_path.with_name(f".{secrets.token_hex(8)}")
-        try:
-            with open(draft, "xb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            draft.replace(blob_path)
-        finally:
-            draft.unlink(missing_ok=True)
 
     def read_bytes(self, sha256: str) -> bytes:
         """The bytes of a SHA-256; raises NotFoundError."""

@@ -14,8 +14,14 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
-from planner.service.store.revocations import Revocation
-from planner.service.store.store_part import StorePart, check_name, format_time, format_utc_now_ms, is_storable_text
+from planner.service.store.store_part import (
+    Revocation,
+    StorePart,
+    check_name,
+    format_time,
+    format_utc_now_ms,
+    is_storable_text,
+)
 from planner.service.store.tables import EventRow, FleetRow, TokenRow
 
 READ, PLANNER, OPERATOR, ROBOT, ADMIN = "read", "planner", "operator", "robot", "admin"

@@ -43,6 +43,21 @@ DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1e-3
 TLG_EPOCH = date(1980, 1, 1)
 MAX_COLUMNS = 255
+WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
+COUNTER_DDIS = {
+    AREA_M2: ("0074", 1.0),
+    ACTIVE_M: ("0075", 1e-3),
+    INACTIVE_M: ("0076", 1e-3),
+    ACTIVE_S: ("0077", 1.0),
+    INACTIVE_S: ("0078", 1.0),
+    FUEL_L: ("0094", 1e-3),
+}
+"""Totals of a task: their DDI and the unit of their values (ISO 11783-11)."""
+MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
+"""Largest plausible rise of totals per second."""
+CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
+"""Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
+SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,23 +145,6 @@ def format_isoxml_time(seconds: float) -> str:
     except OverflowError:
         return ""
     return f"{when.isoformat()}T{rest_s // 3600:02d}:{rest_s // 60 % 60:02d}:{rest_s % 60:02d}"
-
-
-WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
-COUNTER_DDIS = {
-    AREA_M2: ("0074", 1.0),
-    ACTIVE_M: ("0075", 1e-3),
-    INACTIVE_M: ("0076", 1e-3),
-    ACTIVE_S: ("0077", 1.0),
-    INACTIVE_S: ("0078", 1.0),
-    FUEL_L: ("0094", 1e-3),
-}
-"""Totals of a task: their DDI and the unit of their values (ISO 11783-11)."""
-MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
-"""Largest plausible rise of totals per second."""
-CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
-"""Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
-SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
 
 
 @dataclass(frozen=True)

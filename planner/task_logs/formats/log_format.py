@@ -13,6 +13,9 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.gating import find_jumps
 from vehicle.identification.logs.series import find_decreasing_entries
 
+MIN_ROWS = 10
+EARTH_RADIUS_M = 6_371_008.8
+
 
 @dataclass(frozen=True)
 class LogFormat:
@@ -30,10 +33,6 @@ class LogFormat:
     extensions: tuple[str, ...]
     read: Callable[[str, str], LogContents]
     holds: Callable[[frozenset[str]], bool]
-
-
-MIN_ROWS = 10
-EARTH_RADIUS_M = 6_371_008.8
 
 
 def remove_unusable_rows(run: LoggedRun) -> LoggedRun:

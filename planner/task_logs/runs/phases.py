@@ -33,6 +33,9 @@ GAP_STANDING_MPS = 0.1  # mean speed over a gap below which the machine stood
 U_TURN_DEG, U_TURN_SLACK_DEG = 180.0, 30.0
 BEND_LENGTH_M = 5.0  # of work before and after a turn, for its direction
 Kinds = npt.NDArray[np.int8]
+MOVING_MPS = 0.2  # slower rows do not count for the working speed
+COUNTER_TOLERANCE = 0.03
+"""Relative difference of counters and positions above which there is a remark."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +134,6 @@ def _compute_direction(xy: Array, row: int, side: int) -> Array:
         far_row += side
     displacement = side * (xy[far_row] - xy[row])
     return np.asarray(displacement / max(float(np.hypot(*displacement)), 1e-9))
-
-
-MOVING_MPS = 0.2  # slower rows do not count for the working speed
-COUNTER_TOLERANCE = 0.03
-"""Relative difference of counters and positions above which there is a remark."""
 
 
 def summarise_run(run: ProjectedRun, run_phases: RunPhases | None = None) -> RunFigures:

@@ -20,6 +20,9 @@ ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S = "active_m", "inactive_m", "active_s
 AREA_M2, FUEL_L = "area_m2", "fuel_l"
 COUNTERS = (ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L)
 """Totals that machines count, by their keys in the files of runs."""
+WGS84 = "EPSG:4326"
+COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
+STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,11 +100,6 @@ class LogContents:
 
     runs: tuple[LoggedRun, ...]
     notes: tuple[str, ...] = ()
-
-
-WGS84 = "EPSG:4326"
-COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
-STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
 
 def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:

@@ -28,7 +28,7 @@ def upgrade() -> None:
     for name in OWNED_TABLES:
         op.add_column(name, sa.Column("owner_identity", IDENTITY))
     connection = op.get_bind()
-    if connection.dialect.name == "sqlite":  # by which planner.service.store.sqlite_file knows the database again
+    if connection.dialect.name == "sqlite":  # by which planner.service.store.database knows the database again
         connection.exec_driver_sql(f"PRAGMA application_id={secrets.randbelow(2**31 - 1) + 1}")
     for token in connection.execute(sa.select(TOKENS.c.id, TOKENS.c.name, TOKENS.c.created)).all():
         identity = secrets.token_hex(16)
