@@ -27,6 +27,20 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.split_field import STRATEGY
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 
+SUMMED = frozenset(
+    {
+        "tractors",
+        "headland_order",
+        "speed_mps",
+        "turn_speed_mps",
+        "price_per_hour",
+        "price_per_tractor",
+        "start_s",
+        "deadline_s",
+    }
+)
+"""Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
+
 
 @dataclass(frozen=True, eq=False)
 class _TimedTours:
@@ -46,6 +60,11 @@ class GroundEstimates:
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
         self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
+
+    @property
+    def layout(self) -> tuple[float, int]:
+        """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes around the field."""
+        return self._context.layout.bearing_deg, self._context.layout.headland_passes
 
     def estimate(self, order: WorkOrder) -> PlanResult:
         """The plan of an order for one number of tractors on this ground, the quicker of its orders of the headland."""

@@ -22,24 +22,11 @@ from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import format_clock
 from planner.sweep.axes import Axis, list_points
-from planner.sweep.estimates import prepare_ground
+from planner.sweep.estimates import SUMMED, prepare_ground
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 from strategies.split_field import STRATEGY
 
-SUMMED = frozenset(
-    {
-        "tractors",
-        "headland_order",
-        "speed_mps",
-        "turn_speed_mps",
-        "price_per_hour",
-        "price_per_tractor",
-        "start_s",
-        "deadline_s",
-    }
-)
-"""Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
 PROGRESS_STEP = 500
 _ADDED = (
     "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s", "done_s", "home_s",

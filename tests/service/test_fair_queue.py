@@ -87,10 +87,10 @@ def test_only_so_much_waits() -> None:
     held.await_begun(1)
     for _ in range(2):
         queue.submit_work("a", held.work("a"))
-    with pytest.raises(BusyError, match=r"^2 files of yours wait to be read already; ask again when some are done\.$"):
+    with pytest.raises(BusyError, match=r"^2 files of yours are waiting already; ask again when some are done\.$"):
         queue.submit_work("a", held.work("a"))
     queue.submit_work("b", held.work("b"))
-    with pytest.raises(BusyError, match=r"^3 files wait to be read already; ask again in a minute\.$"):
+    with pytest.raises(BusyError, match=r"^3 files are waiting already; ask again in a minute\.$"):
         queue.submit_work("c", held.work("c"))
     held.go.set()
     queue.close()
@@ -182,7 +182,7 @@ def test_many_slow_summaries_leave_other_routes_and_clients_quick(slow: tuple[Fa
         assert processes.orders == 2 and not processes.go.is_set(), "answered while the slow ones wait"
         refused = [each.result() for each in asked if each.done()]
         assert [each.status_code for each in refused] == [429] * (120 - 1 - most)
-        assert refused[0].json()["error"].startswith(f"{most} files of yours wait to be read already; ")
+        assert refused[0].json()["error"].startswith(f"{most} files of yours are waiting already; ")
         processes.go.set()
         assert [each.result().status_code for each in asked].count(200) == 1 + most
 

@@ -29,6 +29,7 @@ from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, One
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
 from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics, StoreMetrics
+from planner.service.api.estimate_routes import estimate_router
 from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import (
     JOB_KIND_BY_PATH,
@@ -50,6 +51,7 @@ from planner.service.gateway.request_gate import RequestGate, list_route_rules, 
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
 from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
+from planner.service.jobs.plan_estimates import PlanEstimator
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
@@ -113,7 +115,7 @@ def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> Fast
     """
     app = _build_app(settings, _run_whole_lifespan)
     _set_up_control_state(app, reads_inline=reads_inline)
-    _set_up_back_office_state(app)
+    _set_up_back_office_state(app, reads_inline=reads_inline)
     app.router.routes.extend(_build_routes())
     mount_pages(app)
     _add_middleware(app)
@@ -146,7 +148,7 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
     """The app of the office, which answers only requests with the secret. Raises DatabaseError."""
     app = _build_app(settings, _run_office_lifespan)
     app.state.reader = FileReader(settings, app.state.store)
-    _set_up_back_office_state(app)
+    _set_up_back_office_state(app, reads_inline=False)
     app.router.routes.extend(_build_routes(has_control=False))
     # The routes of the control process, which answers them itself, are documented too.
     documented = FastAPI(title=app.title, version=app.version, description=app.description)
@@ -175,7 +177,7 @@ def _build_kind_routers() -> tuple[APIRouter, ...]:
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     return [
-        *_build_kind_routers(), exports_router, form_router, all_jobs_router, background_router,
+        *_build_kind_routers(), estimate_router, exports_router, form_router, all_jobs_router, background_router,
         fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
     ]  # fmt: skip
 
@@ -212,7 +214,8 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
 
 
-def _set_up_back_office_state(app: FastAPI) -> None:
+def _set_up_back_office_state(app: FastAPI, *, reads_inline: bool) -> None:
+    app.state.estimator = PlanEstimator(app.state.settings, app.state.store, runs_inline=reads_inline)
     app.state.supervisor = WorkerSupervisor(app.state.settings, app.state.store)
     app.state.views = OneTimeViews()
     app.state.background = MapBackground(app.state.settings)
@@ -294,6 +297,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
         if sweep_task is not None:
             sweep_task.cancel()
         await app.state.background.close()
+        await asyncio.to_thread(app.state.estimator.close)
         await asyncio.to_thread(app.state.supervisor.stop)
 
 

@@ -42,7 +42,7 @@ LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
 """At most, for up to a megabyte, and for every further one."""
 LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
 MOST_CACHED_SUMMARIES = 100
-_WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
+WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
 
 class FairQueue:
@@ -52,12 +52,18 @@ class FairQueue:
         slots: pieces that are done at a time.
         most_per_client: pieces that may wait for one client.
         most_waiting: pieces that may wait at all.
+        pieces: what they are called in refusals.
     """
 
     def __init__(
-        self, slots: int = READ_SLOTS, most_per_client: int = MOST_WAITING_PER_CLIENT, most_waiting: int = MOST_WAITING
+        self,
+        slots: int = READ_SLOTS,
+        most_per_client: int = MOST_WAITING_PER_CLIENT,
+        most_waiting: int = MOST_WAITING,
+        pieces: str = "files",
     ) -> None:
         self._slots, self._most_per_client, self._most_waiting = slots, most_per_client, most_waiting
+        self._pieces = pieces
         self._lock, self._threads = threading.Lock(), ThreadPoolExecutor(slots, thread_name_prefix="reading")
         self._waiting: OrderedDict[str, deque[_WaitingPiece]] = OrderedDict()
         self._busy_clients: set[str] = set()
@@ -68,13 +74,14 @@ class FairQueue:
         future: Future[T] = Future()
         with self._lock:
             if self._is_closed:
-                raise BusyError("No more files are read, as the service is ending; ask again when it runs.")
+                raise BusyError(f"No more {self._pieces} are taken, as the service is ending; ask again when it runs.")
             if len(self._waiting.get(client, ())) >= self._most_per_client:
                 raise BusyError(
-                    f"{self._most_per_client} files of yours wait to be read already; ask again when some are done."
+                    f"{self._most_per_client} {self._pieces} of yours are waiting already; ask again when some are "
+                    "done."
                 )
             if sum(map(len, self._waiting.values())) >= self._most_waiting:
-                raise BusyError(f"{self._most_waiting} files wait to be read already; ask again in a minute.")
+                raise BusyError(f"{self._most_waiting} {self._pieces} are waiting already; ask again in a minute.")
             self._waiting.setdefault(client, deque()).append((time.monotonic(), future, work))
             self._start_next()
         return future
@@ -106,8 +113,8 @@ class FairQueue:
             if future.set_running_or_notify_cancel():
                 if time.monotonic() - since > LONGEST_WAIT_S:
                     raise BusyError(
-                        f"This file has waited {LONGEST_WAIT_S:.0f} s to be read; try again when the service is less "
-                        "busy."
+                        f"This has waited {LONGEST_WAIT_S:.0f} s for its turn among {self._pieces}; try again when the "
+                        "service is less busy."
                     )
                 future.set_result(work())
         except BaseException as error:
@@ -201,7 +208,7 @@ class FileReader:
             write_inputs(self._store, inputs, Path(folder))
             if self._reads_inline:
                 try:
-                    with _WORKING_FOLDER_LOCK, chdir(folder):  # files have the names of their uploads there
+                    with WORKING_FOLDER_LOCK, chdir(folder):  # files have the names of their uploads there
                         return list_readings()[reading](*arguments, **options)
                 except (HeadlandError, MemoryError):
                     raise

@@ -76,12 +76,12 @@ def _read_confined(channel: int, request: dict[str, Any], libraries: list[Path],
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         open_descriptor = channel if is_forked else None
         confine_process(Path(request["folder"]), libraries, request["memory"], request["seconds"], open_descriptor)
-        _write_all(channel, _answer_request(request))
+        write_all(channel, _answer_request(request))
         code = 0
     except MemoryError:
-        _write_all(channel, MEMORY_ANSWER)
+        write_all(channel, MEMORY_ANSWER)
     except BaseException as error:
-        _write_all(
+        write_all(
             channel, json.dumps({"fault": "".join(traceback.format_exception(error))[-MOST_FAULT_CHARS:]}).encode()
         )
     finally:
@@ -99,7 +99,8 @@ def _answer_request(request: dict[str, Any]) -> bytes:
     return json.dumps({"value": value}).encode()
 
 
-def _write_all(channel: int, content: bytes) -> None:
+def write_all(channel: int, content: bytes) -> None:
+    """Write all of it to a descriptor."""
     remaining = memoryview(content)
     while remaining:
         remaining = remaining[os.write(channel, remaining) :]

@@ -149,7 +149,7 @@ class ForkingReader:
                 local_socket, remote_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
                 with remote_socket:
                     descriptor = remote_socket.fileno()
-                    process = _start_python(
+                    process = start_python(
                         FORK_SERVER_CODE, str(descriptor), pass_fds=(descriptor,), stdout=subprocess.DEVNULL
                     )
                 self._server = _ForkServer(process, local_socket)
@@ -271,10 +271,10 @@ def _parse_answer(answer: bytes) -> dict[str, Any]:
 
 
 def _start_spare_process() -> subprocess.Popen[bytes]:
-    return _start_python(READ_ONCE_CODE, stdout=subprocess.PIPE, stdin=subprocess.PIPE)
+    return start_python(READ_ONCE_CODE, stdout=subprocess.PIPE, stdin=subprocess.PIPE)
 
 
-def _start_python(code: str, *arguments: str, **popen_options: Any) -> subprocess.Popen[bytes]:
+def start_python(code: str, *arguments: str, **popen_options: Any) -> subprocess.Popen[bytes]:
     """A Python with the same packages and a minimal environment."""
     search_path = [os.path.abspath(one) for one in sys.path]
     inherited = {name: os.environ[name] for name in INHERITED_VARIABLES if name in os.environ}

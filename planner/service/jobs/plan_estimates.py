@@ -1,0 +1,220 @@
+"""The service's side of estimates: whose turn it is, how much computing each may use, and the process that answers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import chdir
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from planner.service.errors import BusyError, ServiceError
+from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
+from planner.service.jobs.input_files import write_inputs
+from planner.service.jobs.workers import WORK_FOLDER
+from planner.service.sandbox.reader_processes import (
+    BOOTSTRAP_CODE,
+    LOGGER,
+    ReadOutcome,
+    extract_reading_value,
+    start_python,
+)
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
+
+MOST_WAITING_PER_CLIENT = 3
+START_WAIT_S, LONGEST_ESTIMATE_S, PROCESS_LIFE_S = 20.0, 60.0, 3600.0
+COMPUTING_SHARE, MOST_COMPUTING_S = 0.5, 60.0
+"""Each user may keep half a core busy, and has a minute of computing in advance."""
+MOST_FOLDERS = 50
+ESTIMATE_FAULT = (
+    "This cannot be estimated: it triggers a fault of Headland, described in the log of the service; run the plan "
+    "instead, and please report it."
+)
+SERVE_CODE = (
+    f"{BOOTSTRAP_CODE}from planner.service.sandbox import estimating; "
+    "estimating.serve(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]), float(sys.argv[5]))"
+)
+
+
+class ComputingBudget:
+    """Seconds of computing for each client; they come back with time, and may be overdrawn by one estimate."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._spent = dict[str, tuple[float, float]]()
+
+    def check(self, client: str) -> None:
+        """Raise BusyError where a client has spent everything."""
+        spent_s = self._get_spent_s(client)
+        if spent_s >= MOST_COMPUTING_S:
+            wait_s = (spent_s - MOST_COMPUTING_S) / COMPUTING_SHARE
+            raise BusyError(f"Your estimates have computed much; ask again in {wait_s + 1.0:.0f} s, or run the plan.")
+
+    def charge(self, client: str, seconds: float) -> None:
+        """Take what an estimate has computed; clients who have everything back are forgotten."""
+        spent_s = self._get_spent_s(client) + seconds
+        self._spent = {one: spent for one, spent in self._spent.items() if self._get_spent_s(one) > 0.0}
+        self._spent[client] = spent_s, self._clock()
+
+    def _get_spent_s(self, client: str) -> float:
+        spent_s, at_s = self._spent.get(client, (0.0, 0.0))
+        return max(0.0, spent_s - COMPUTING_SHARE * (self._clock() - at_s))
+
+
+class _EstimatingProcess:
+    """A running process, and the stream to it."""
+
+    def __init__(self, folder: Path, memory_bytes: int) -> None:
+        local_socket, remote_socket = socket.socketpair()
+        with remote_socket:
+            descriptor = remote_socket.fileno()
+            arguments = (str(descriptor), str(folder), str(memory_bytes), str(PROCESS_LIFE_S))
+            self._process = start_python(SERVE_CODE, *arguments, pass_fds=(descriptor,), stdout=subprocess.DEVNULL)
+        self._socket, self._received = local_socket, b""
+        self._is_ready = False
+
+    def wait_until_ready(self) -> bool:
+        """Wait until it takes orders, not long; raises OSError where it has ended."""
+        self._is_ready = self._is_ready or bool(self._receive_line(START_WAIT_S))
+        return self._is_ready
+
+    def ask(self, order: Mapping[str, Any]) -> bytes | None:
+        """Its answer, None where it takes too long; raises OSError where it has ended."""
+        self._socket.settimeout(LONGEST_ESTIMATE_S)
+        self._socket.sendall(json.dumps(order).encode() + b"\n")
+        return self._receive_line(LONGEST_ESTIMATE_S)
+
+    def end(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        self._socket.close()
+
+    def _receive_line(self, seconds: float) -> bytes | None:
+        deadline_s = time.monotonic() + seconds
+        while b"\n" not in self._received:
+            self._socket.settimeout(max(0.001, deadline_s - time.monotonic()))
+            try:
+                part = self._socket.recv(1 << 16)
+            except TimeoutError:
+                return None
+            if not part:
+                raise ConnectionError
+            self._received += part
+        line, _, self._received = self._received.partition(b"\n")
+        return line
+
+
+class PlanEstimator:
+    """Estimates plans in one confined process, started when first needed; or `runs_inline` in this one, for tests.
+
+    Clients take turns, and each has a budget of computing.
+    """
+
+    def __init__(self, settings: ServiceSettings, store: Store, *, runs_inline: bool = False) -> None:
+        self._work_folder, self._store, self._runs_inline = settings.data.resolve() / WORK_FOLDER, store, runs_inline
+        self._memory_bytes = compute_reading_memory_limit_bytes()
+        self.budget = ComputingBudget()
+        self._queue = FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
+        self._process: _EstimatingProcess | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._inline: Callable[[Mapping[str, Any], str], dict[str, Any]] | None = None
+        self._lock = threading.Lock()
+
+    async def estimate(self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
+        """The estimate of the options of a plan and its files, at the client's turn.
+
+        Raises HeadlandError for what cannot be planned, BusyError where the client asks for too much.
+        """
+        self.budget.check(client)
+        return await asyncio.wrap_future(self._queue.submit_work(client, lambda: self._run(client, values, inputs)))
+
+    def close(self) -> None:
+        """End the process; what waits is dropped."""
+        self._queue.close()
+        with self._lock:
+            self._end_process()
+            if self._folder is not None:
+                self._folder.cleanup()
+                self._folder = None
+
+    def _run(self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
+        files = sha256(json.dumps(sorted(inputs.items())).encode()).hexdigest()
+        with self._lock:
+            order = {"folder": str(self._write_files(files, inputs)), "values": dict(values), "files": files}
+            if self._runs_inline:
+                return self._estimate_inline(order)
+            report = self._ask_process(order)
+            self.budget.charge(client, float(report.get("computing_s", 0.0)))
+        return _extract_estimate(report, self._memory_bytes)
+
+    def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
+        """The folder of the files of a request, below that which the process may read."""
+        if self._folder is None:
+            self._work_folder.mkdir(parents=True, exist_ok=True)
+            self._folder = tempfile.TemporaryDirectory(dir=self._work_folder, prefix="estimates-")
+        home = Path(self._folder.name)
+        folder, unfinished = home / files, home / "unfinished"
+        if not folder.is_dir():
+            shutil.rmtree(unfinished, ignore_errors=True)
+            unfinished.mkdir()
+            write_inputs(self._store, inputs, unfinished)
+            for old in sorted(home.iterdir(), key=lambda each: each.stat().st_mtime)[:-MOST_FOLDERS]:
+                shutil.rmtree(old)
+            unfinished.rename(folder)
+        return folder
+
+    def _ask_process(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer of the process, {} where it ended meanwhile; the next one starts another."""
+        if self._process is None:
+            self._process = _EstimatingProcess(Path(order["folder"]).parent, self._memory_bytes)
+        try:
+            is_ready = self._process.wait_until_ready()
+            answer = self._process.ask(order) if is_ready else None
+        except OSError:
+            self._end_process()
+            return {}
+        if not is_ready:
+            raise BusyError("The simulator is still being loaded; ask again in a few seconds.")
+        if answer is None:
+            self._end_process()
+            return {"late": True, "computing_s": LONGEST_ESTIMATE_S}
+        report: dict[str, Any] = json.loads(answer)
+        return report
+
+    def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        from planner.service.sandbox.estimating import create_estimate
+
+        self._inline = self._inline or create_estimate()
+        with WORKING_FOLDER_LOCK, chdir(order["folder"]):
+            return self._inline(order["values"], order["files"])
+
+    def _end_process(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.end()
+
+
+def _extract_estimate(report: Mapping[str, Any], memory_bytes: int) -> dict[str, Any]:
+    """The estimate of an answer; raises HeadlandError for a refusal, ServiceError for another end."""
+    if "fault" in report:
+        LOGGER.error("An estimate ended in a fault: %s", ascii(report["fault"]))
+        raise ServiceError(ESTIMATE_FAULT)
+    if "memory" in report:
+        raise ServiceError("Estimating this needed too much memory; run the plan instead.")
+    if "late" in report:
+        raise ServiceError(f"Estimating this takes longer than {LONGEST_ESTIMATE_S:.0f} s; run the plan instead.")
+    if not report:
+        raise BusyError("The process that estimates has ended; ask again, and see the log of the service if it stays.")
+    outcome = ReadOutcome(json.dumps(dict(report)).encode())
+    value: dict[str, Any] = extract_reading_value(outcome, LONGEST_ESTIMATE_S, memory_bytes)
+    return value

@@ -1,0 +1,113 @@
+"""The confined process that estimates plans, with the grounds that it keeps from one answer to the next.
+
+It is started without secrets, loads and warms up what estimates take, and then confines itself as readings are, to the
+folder of the requests' files. A line of JSON is an order, {folder, values, files}, and a line its answer: {value},
+{refused, parameter}, {memory} or {fault}, each with `computing_s`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from planner.errors import HeadlandError
+from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
+from planner.service.sandbox.confinement import confine_process, list_library_folders
+from planner.service.sandbox.readings import build_work_order
+from planner.sweep.kept_grounds import KeptGrounds, OrderEstimate
+from reports.common.wording import round_up_to_minute
+
+WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
+READY = b"{}\n"
+
+
+Estimate = Callable[[Mapping[str, Any], str], dict[str, Any]]
+"""The estimate of the options of a plan, as the API answers it; takes what names the content of its files too."""
+
+
+def create_estimate() -> Estimate:
+    """Estimates with grounds of its own, which it keeps; raises HeadlandError for what cannot be planned."""
+    grounds = KeptGrounds()
+
+    def estimate_values(values: Mapping[str, Any], files: str) -> dict[str, Any]:
+        return describe_estimate(grounds.estimate(build_work_order(values), files))
+
+    return estimate_values
+
+
+def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
+    """An estimate as plain values."""
+    order, request = estimate.order, estimate.order.request
+    return {
+        "recommended": None if estimate.best is None else estimate.best.tractors,
+        "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
+        "currency": None if order.cost_terms is None else order.cost_terms.prices.currency,
+        "width": request.width_m,
+        "bearing": round(estimate.bearing_deg, 3),
+        "headland_passes": estimate.headland_passes,
+        "is_layout_borrowed": estimate.is_layout_borrowed,
+    }
+
+
+def _describe_plan(estimate: OrderEstimate, place: int) -> dict[str, Any]:
+    request, plan = estimate.order.request, estimate.plans[place]
+    has_clock = request.start_s is not None and plan.done_s is not None
+    return {
+        "tractors": plan.tractors,
+        "feasible": plan.feasible,
+        "reason": plan.reason,
+        "time_s": plan.time_s,
+        "finished_s": plan.finished_s,
+        "done_s": plan.done_s,
+        "end": request.format_clock_after(round_up_to_minute(plan.done_s or 0.0)) if has_clock else None,
+        "cost": plan.cost,
+        "worked_pct": plan.worked_pct,
+        "in_time": plan.meets_deadline,
+    }
+
+
+def serve(descriptor: int, folder: str, memory_bytes: int, computing_s: float) -> None:
+    """Answer orders until the service is gone or `computing_s` are spent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(READER_NICENESS)
+    estimate, libraries = _warm_up(), list_library_folders()
+    confine_process(Path(folder), libraries, memory_bytes, computing_s, descriptor)
+    write_all(descriptor, READY)
+    with open(descriptor, "rb") as orders:  # a socket, of which confinement leaves reading and writing
+        for line in orders:
+            write_all(descriptor, _answer_order(estimate, json.loads(line)) + b"\n")
+
+
+def _warm_up() -> Estimate:
+    """Compile and load everything that an estimate calls, by making one."""
+    from planner.pipeline.kernels import compile_kernels, list_missing_kernels
+
+    compile_kernels(list_missing_kernels(), 1)
+    estimate = create_estimate()
+    with suppress(HeadlandError):
+        estimate(WARM_UP, "")
+        estimate(WARM_UP | {"speed_kmh": 7.0}, "")
+    return estimate
+
+
+def _answer_order(estimate: Estimate, order: Mapping[str, Any]) -> bytes:
+    """The answer to an order as JSON, with the seconds that it took to compute."""
+    begun_s = time.process_time()
+    try:
+        os.chdir(order["folder"])
+        answer: dict[str, Any] = {"value": estimate(order["values"], order["files"])}
+    except HeadlandError as refusal:
+        answer = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
+    except MemoryError:
+        answer = {"memory": True}
+    except Exception as error:
+        answer = {"fault": "".join(traceback.format_exception(error))[-MOST_FAULT_CHARS:]}
+    return json.dumps(answer | {"computing_s": time.process_time() - begun_s}).encode()

@@ -1,0 +1,140 @@
+"""Estimates of plans: what they say, who may ask, how much, and in which process."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.service.errors import BusyError
+from planner.service.jobs import plan_estimates
+from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
+from planner.service.sandbox.readings import build_work_order
+from planner.sweep.kept_grounds import KeptGrounds, OrderEstimate
+from tests.service.conftest import Shared, bearer
+
+VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
+
+
+def ask(shared: Shared, **values: Any) -> tuple[int, dict[str, Any]]:
+    """Status and answer of an estimate of VALUES with others."""
+    client, headers = shared
+    answer = client.post("/api/v1/estimates", json={**VALUES, **values}, headers=headers)
+    return answer.status_code, answer.json()
+
+
+@pytest.fixture(scope="module")
+def grounds() -> KeptGrounds:
+    return KeptGrounds()
+
+
+def estimate(grounds: KeptGrounds, **values: Any) -> OrderEstimate:
+    return grounds.estimate(build_work_order({**VALUES, **values}))
+
+
+def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(shared: Shared) -> None:
+    status, plain = ask(shared)
+    assert status == 200
+    one, two = plain["plans"]
+    assert (one["tractors"], two["tractors"]) == (1, 2) and one["done_s"] > two["done_s"] > 0.0
+    assert one["end"] is None and one["in_time"] is None and plain["recommended"] in (1, 2)
+    _, timed = ask(shared, start="08:00", deadline="08:25", price_per_hour=80)
+    assert [plan["in_time"] for plan in timed["plans"]] == [False, True] and timed["recommended"] == 2
+    assert timed["plans"][1]["end"] == "08:22"
+    assert timed["plans"][0]["cost"] == pytest.approx(2.0 * one["cost"])
+
+
+def test_bad_input_is_refused_in_one_sentence_with_its_parameter(shared: Shared) -> None:
+    assert ask(shared, width=-1.0)[0] == 422
+    assert ask(shared, width=-1.0)[1]["parameter"] == "width"
+    for bad, parameter in (({"field": "nowhere"}, "field"), ({"wdth": 3.0}, "wdth"), ({"start": "x"}, "start")):
+        status, answer = ask(shared, **bad)
+        assert (status, answer["parameter"]) == (422, parameter) and answer["error"].endswith(".")
+
+
+def test_who_may_not_plan_gets_no_estimate(shared: Shared) -> None:
+    client, _ = shared
+    assert client.post("/api/v1/estimates", json=VALUES).status_code == 401
+    reader = bearer(client.app, "read")  # type: ignore[arg-type]
+    assert client.post("/api/v1/estimates", json=VALUES, headers=reader).status_code == 403
+
+
+def test_a_client_who_has_spent_all_computing_waits_and_others_do_not() -> None:
+    now_s = 0.0
+    budget = ComputingBudget(lambda: now_s)
+    budget.charge("a", MOST_COMPUTING_S - 1.0)
+    budget.check("a")
+    budget.charge("a", 5.0)
+    with pytest.raises(BusyError, match="ask again in 9 s"):
+        budget.check("a")
+    budget.check("b")
+    now_s = 4.0 / COMPUTING_SHARE + 0.1
+    budget.check("a")
+
+
+def test_the_budget_is_asked_before_anything_is_computed(shared: Shared) -> None:
+    client, headers = shared
+    budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
+    spender = bearer(client.app, "planner")  # type: ignore[arg-type]
+    for key in client_keys(client, spender):
+        budget.charge(key, MOST_COMPUTING_S + 1.0)
+    answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
+    assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
+    assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200
+
+
+def client_keys(client: Any, headers: dict[str, str]) -> list[str]:
+    """The key of a token in queues and budgets."""
+    from planner.service.store.token_table import hash_token
+
+    return [f"token {hash_token(headers['Authorization'].removeprefix('Bearer '))}"]
+
+
+def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
+    grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = estimate(grounds)
+    monkeypatch.setattr("planner.sweep.kept_grounds.prepare_ground", pytest.fail)
+    faster = estimate(grounds, speed_kmh=7.0, tractors="1-3", price_per_hour=30.0, start="09:00", deadline="12:00")
+    assert len(faster.plans) == 3
+    assert (faster.plans[0].time_s or 0.0) < (first.plans[0].time_s or 0.0)
+    again = estimate(grounds)
+    assert replace(again, order=first.order) == first
+
+
+def test_an_answer_does_not_depend_on_the_speed_that_was_asked_for_first(grounds: KeptGrounds) -> None:
+    other = KeptGrounds()
+    estimate(other, speed_kmh=8.0)
+    assert estimate(other).plans == estimate(grounds).plans
+
+
+def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: KeptGrounds) -> None:
+    first = estimate(grounds)
+    wider = estimate(grounds, width=6.2)
+    assert not first.is_layout_borrowed and wider.is_layout_borrowed
+    assert wider.headland_passes == first.headland_passes
+    assert wider.bearing_deg == pytest.approx(first.bearing_deg)
+    own = estimate(grounds, width=6.2, bearing=30.0)
+    assert not own.is_layout_borrowed and own.bearing_deg == pytest.approx(30.0)
+
+
+@pytest.mark.slow
+def test_the_confined_process_estimates_refuses_and_cannot_leave_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    secret = tmp_path.parent / "secret.geojson"
+    secret.write_text("{}")
+    process = plan_estimates._EstimatingProcess(tmp_path, 2**30)
+    try:
+        until_s = time.monotonic() + 600.0
+        while not process.wait_until_ready():
+            assert time.monotonic() < until_s
+        order = {"folder": str(tmp_path / "one"), "files": "", "values": VALUES}
+        answer = process.ask(order)
+        assert answer is not None and b'"recommended"' in answer
+        refused = process.ask(order | {"values": VALUES | {"field": str(secret)}})
+        assert refused is not None and b'"refused"' in refused and b"ermission" in refused
+    finally:
+        process.end()
