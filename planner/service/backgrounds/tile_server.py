@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
@@ -201,8 +201,6 @@ class TileCache:
 
 class TileServer:
     """Tiles by an address, from the cache or the server; several requests for one tile fetch it once."""
-
-    kind: Literal["address"] = "address"
 
     def __init__(self, address: TileAddress, cache: TileCache) -> None:
         self.address, self._cache = address, cache

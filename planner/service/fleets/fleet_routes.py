@@ -24,7 +24,7 @@ from planner.fleet.session import inbound_frames, outbound_messages
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
 from planner.request.option_texts import parse_clock
-from planner.request.validation_messages import describe_fault, format_location
+from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
 from planner.service.errors import BusyError, NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files

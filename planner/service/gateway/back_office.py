@@ -41,7 +41,7 @@ OFFICE_STARTING = "Files, jobs and pages are starting; try again in a few second
 TRY_AGAIN = {"retry-after": "3", "connection": "close"}
 UNREADABLE_ADDRESS = "The address cannot be read; write it in letters, digits and % codes."
 OFFICE_LOST = "The process for files, jobs and pages ended during this request; try again."
-OFFICE_POLL_S, SHORT_LIFE_S, PATIENCE_S = 0.2, 5.0, 30.0
+OFFICE_POLL_S = 0.2
 LOOPBACK_HOST = "127.0.0.1"
 
 
@@ -191,7 +191,7 @@ class BackOffice:
         self.settings, self.secret = settings, secrets.token_urlsafe(32)
         self.url: str | None = None
         self.starts = 0
-        self._kept_process = KeptProcess("headland-office", run, SHORT_LIFE_S, PATIENCE_S)
+        self._kept_process = KeptProcess("headland-office", run, short_life_s=5.0, patience_s=30.0)
         self._task: asyncio.Task[None] | None = None
 
     @property

@@ -13,10 +13,6 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-MOST_PER_ADDRESS, MOST_CONNECTIONS = 256, 1024
-HEADER_TIMEOUT_S, BODY_GRACE_S, STALLED_TIMEOUT_S = 10.0, 30.0, 60.0
-SLOWEST_BYTES_PER_S = 512.0
-LONGEST_BODY_S = 1800.0
 REPORT_PERIOD_S = 60.0
 GREETED_SCOPE_KEY = "headland.greeted"
 """Key of the ASGI scope of a link for the function to call once its first frame was accepted."""
@@ -63,14 +59,19 @@ class OpenConnection:
 
 @dataclass
 class ConnectionLimits:
-    """Limits on the number of connections and on how slowly they may send (seconds, bytes per second)."""
+    """Limits on the number of connections and on how slowly they may send (seconds, bytes per second).
 
-    per_address: int = MOST_PER_ADDRESS
-    total: int = MOST_CONNECTIONS
-    header_s: float = HEADER_TIMEOUT_S
-    body_s: float = BODY_GRACE_S
-    stalled_s: float = STALLED_TIMEOUT_S
-    slowest_bytes_per_s: float = SLOWEST_BYTES_PER_S
+    A head takes at most `header_s`. A body may take `body_s`, then it must come at `slowest_bytes_per_s` and end
+    within `longest_body_s`. Who does not take an answer is waited for `stalled_s`.
+    """
+
+    per_address: int = 256
+    total: int = 1024
+    header_s: float = 10.0
+    body_s: float = 30.0
+    stalled_s: float = 60.0
+    slowest_bytes_per_s: float = 512.0
+    longest_body_s: float = 1800.0
 
 
 @dataclass
@@ -143,7 +144,10 @@ class ConnectionRegistry:
         lasted_s = self.clock() - connection.begun_s
         if lasted_s < self.limits.body_s:
             return False
-        return lasted_s > LONGEST_BODY_S or connection.received_bytes < lasted_s * self.limits.slowest_bytes_per_s
+        return (
+            lasted_s > self.limits.longest_body_s
+            or connection.received_bytes < lasted_s * self.limits.slowest_bytes_per_s
+        )
 
     def _close_oldest_idle(self, rows: OrderedDict[OpenConnection, None]) -> bool:
         """Close the oldest idle connection; whether there was one."""
@@ -179,5 +183,6 @@ def compute_connection_limits() -> ConnectionLimits:
     if soft == resource.RLIM_INFINITY or soft < most_files:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, hard))
         soft = most_files
-    total = max(16, min(MOST_CONNECTIONS, (soft - RESERVED_FILES) // 2))
-    return ConnectionLimits(per_address=min(MOST_PER_ADDRESS, max(8, total // 2)), total=total)
+    most = ConnectionLimits()
+    total = max(16, min(most.total, (soft - RESERVED_FILES) // 2))
+    return ConnectionLimits(per_address=min(most.per_address, max(8, total // 2)), total=total)

@@ -72,10 +72,6 @@ class ReadOutcome:
     is_late: bool = False
 
 
-class ForkServerGoneError(Exception):
-    """The fork server is gone."""
-
-
 @dataclass
 class _ForkServer:
     """A running fork server, and whether it is ready."""
@@ -92,7 +88,7 @@ class _ForkServer:
         self.control.settimeout(START_TIMEOUT_S)
         message = self.control.recv(65_536)
         if not message:
-            raise ForkServerGoneError
+            raise ConnectionResetError
         _log_missing_protections(json.loads(message)["missing"])
         self.is_ready = True
 
@@ -131,7 +127,7 @@ class ForkingReader:
             server = self._get_server()
             try:
                 return self._send_order(server, order)
-            except (ForkServerGoneError, OSError, ValueError):
+            except (OSError, ValueError):  # it is gone, or no longer itself
                 with self._lock:
                     if self._server is server:
                         self._server = None
@@ -171,7 +167,7 @@ class ForkingReader:
             answer = _receive_all(local_socket, deadline_s)
             content = _receive_all(report, deadline_s + READ_GRACE_S)
         if not content and not answer:
-            raise ForkServerGoneError
+            raise ConnectionResetError
         end: dict[str, Any] = json.loads(content) if content else {"code": None, "peak_kb": 0, "late": False}
         return ReadOutcome(answer, end["code"], end["peak_kb"], end["late"])
 
