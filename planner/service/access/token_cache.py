@@ -13,6 +13,7 @@ from concurrent.futures import Future
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.service.errors import DatabaseError, ServiceError, TokenError
+from planner.service.settings import LIMITS
 from planner.service.store.database_watch import PERIOD_S, TIMEOUT_S, DatabaseThread
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import Revocation
@@ -21,7 +22,6 @@ from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_to
 
 SHORTEST_PERIOD_S = PERIOD_S / 5
 REFRESH_TIMEOUT_S = TIMEOUT_S
-LONGEST_TOKEN_CHARS = 200
 OPERATOR_SCOPES = frozenset({"operator", "admin"})
 UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
 UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
@@ -71,7 +71,7 @@ class TokenCache(DatabaseThread):
 
         Raises TokenError for an unknown or expired token.
         """
-        can_be_new = token_text.startswith(TOKEN_PREFIX) and len(token_text) <= LONGEST_TOKEN_CHARS
+        can_be_new = token_text.startswith(TOKEN_PREFIX) and len(token_text) <= LIMITS.longest_token_chars
         if can_be_new and hash_token(token_text) not in self._rows:
             if self._thread is None:
                 await asyncio.to_thread(self.refresh)

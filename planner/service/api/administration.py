@@ -51,19 +51,17 @@ from planner.service.gateway.responses import (
     build_error_response,
     build_refusal_response,
 )
-from planner.service.settings import find_version
+from planner.service.settings import LIMITS, find_version
 from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
 COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
-JOB_COUNT_PERIOD_S = 5.0
 JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
-LARGEST_EVENT_ID = 2**53
 
 
 class MeasuredMetrics(Collector):
@@ -119,7 +117,7 @@ class ServiceMetrics:
 
     def update_job_counts(self, store: Store) -> None:
         """Count the jobs in the database where the last count is old; call this in a thread. Raises DBAPIError."""
-        if time.monotonic() - self._jobs_counted_s < JOB_COUNT_PERIOD_S:
+        if time.monotonic() - self._jobs_counted_s < LIMITS.job_count_period_s:
             return
         self._jobs_counted_s = time.monotonic()
         counts = store.count_jobs()
@@ -264,7 +262,7 @@ events_router = ApiRouter(tags=["events"])
 def list_events(
     store: StoreAccess,
     _caller: ReadAccess,
-    since: Annotated[int, Query(ge=0, le=LARGEST_EVENT_ID, description="Only events of a higher number.")] = 0,
+    since: Annotated[int, Query(ge=0, le=LIMITS.largest_event_id, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
 ) -> ItemList[EventInfo]:
     """Events after a number, the oldest first, at most 1000; for more, ask again from the last number."""

@@ -53,7 +53,7 @@ from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
-from planner.service.settings import ServiceSettings, find_version
+from planner.service.settings import LIMITS, ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
 from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
@@ -77,12 +77,10 @@ DOCS_SCRIPT = (
 docs_router = APIRouter(include_in_schema=False)
 API_PREFIX = "/api/v1"
 TOKENS_PATH = f"{API_PREFIX}/tokens"
-SWEEP_PERIOD_S = 3600.0
 API_DESCRIPTION = (
     "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
 )
 AppPart = Callable[[FastAPI], AbstractAsyncContextManager[None]]
-OFFICE_NICENESS, BACKLOG = 5, 1024
 
 
 @docs_router.get("/docs")
@@ -301,7 +299,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
 async def _sweep_forever(store: Store) -> None:
     """Delete the bytes of refused uploads and deleted files from time to time."""
     while True:
-        await asyncio.sleep(SWEEP_PERIOD_S)
+        await asyncio.sleep(LIMITS.sweep_period_s)
         with contextlib.suppress(DBAPIError):
             await asyncio.to_thread(sweep_unnamed_bytes, store)
 
@@ -311,15 +309,15 @@ def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connect
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.umask(0o077)
     if hasattr(os, "nice"):
-        os.nice(OFFICE_NICENESS)  # stops and links come before files and jobs
+        os.nice(LIMITS.niceness)  # stops and links come before files and jobs
     set_up_logs()
     end_with_service()
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.bind((LOOPBACK_HOST, 0))
-    listener.listen(BACKLOG)
+    listener.listen(LIMITS.backlog)
     config = uvicorn.Config(
         create_back_office_app(settings, secret), log_config=None, access_log=False, proxy_headers=False,
-        server_header=False, ws="none", timeout_graceful_shutdown=2, timeout_keep_alive=60, backlog=BACKLOG,
+        server_header=False, ws="none", timeout_graceful_shutdown=2, timeout_keep_alive=60, backlog=LIMITS.backlog,
     )  # fmt: skip
 
     class PortReportingServer(uvicorn.Server):

@@ -37,13 +37,11 @@ from planner.service.backgrounds.tile_grid import (
 from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache, TileServer, is_address
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
-from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 
 MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
 PICTURE_FORMATS = ("png", "jpg", "jpeg", "webp")
 MOST_TEXT_CHARS = 400
-MOST_PIXELS_PER_TILE = 2**26
-"""Pixels of a GeoTIFF without overviews that one tile may cover; more would take too long."""
 DegreeBounds = tuple[float, float, float, float]
 MOST_METRES = 1e8
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
@@ -172,7 +170,7 @@ class GeoTiffFile:
         # The first zoom whose pixels are no larger than those of the picture.
         zoom = int(np.ceil(np.log2(2.0 * HALF_WIDTH_M / (TILE_PX * max(pixel_m, 1e-3)))))
         finest = min(max(zoom, 0), HIGHEST_ZOOM)
-        widest = int(np.log2(MOST_PIXELS_PER_TILE / TILE_PX**2) / 2)
+        widest = int(np.log2(LIMITS.most_pixels_per_tile / TILE_PX**2) / 2)
         least = 0 if has_overviews else max(0, finest - widest)
         return BackgroundInfo(kind="geotiff", least_zoom=least, most_zoom=finest, bounds_deg=tuple(bounds))
 

@@ -31,11 +31,10 @@ from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessio
 from planner.service.gateway.bodies import BODIES_FOLDER, spool_body
 from planner.service.gateway.request_gate import LARGE_BODY_KEY
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
-from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store, open_store
 from planner.service.store.store_part import check_name
 
-LONGEST_PLAN = 30_000_000
 RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
 INBOUND_FRAMES: tuple[type[inbound_frames.InboundFrame], ...] = (
     inbound_frames.ConnectFrame,
@@ -65,7 +64,7 @@ class FleetRequest(ApiRequest):
     """
 
     name: Annotated[str, Field(min_length=1, max_length=80)]
-    plan: Annotated[str, Field(min_length=1, max_length=LONGEST_PLAN)]
+    plan: Annotated[str, Field(min_length=1, max_length=LIMITS.longest_plan_chars)]
     result: Annotated[str, Field(max_length=120)] = "plan.json"
     field: Annotated[str, Field(max_length=80)] | None = None
     tractor: Annotated[str, Field(max_length=80)] | None = None

@@ -13,13 +13,10 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-REPORT_PERIOD_S = 60.0
+from planner.service.settings import LIMITS
+
 GREETED_SCOPE_KEY = "headland.greeted"
 """Key of the ASGI scope of a link for the function to call once its first frame was accepted."""
-RESERVED_FILES = 256  # file descriptors kept back for links, the database and files
-
-
-MOST_TRACKED_KEYS = 10_000
 
 
 class RateLimiter:
@@ -40,7 +37,7 @@ class RateLimiter:
         is_taken = remaining >= 1.0
         self._remaining[key] = (remaining - 1.0 if is_taken else remaining, now)
         self._remaining.move_to_end(key)
-        if len(self._remaining) > MOST_TRACKED_KEYS:
+        if len(self._remaining) > LIMITS.most_tracked_keys:
             self._remaining.popitem(last=False)  # the key seen least recently has most of its tokens back
         return 0.0 if is_taken else (1.0 - remaining) / self._per_s
 
@@ -129,10 +126,10 @@ class ConnectionRegistry:
         self.remove_connection(connection)
         self.closed_by_reason[reason] += 1
         self._unreported += 1
-        if self.clock() - self._reported_s >= REPORT_PERIOD_S:
+        if self.clock() - self._reported_s >= LIMITS.report_period_s:
             logging.getLogger(__name__).warning(
                 "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the "
-                "earliest.", self._unreported, connection.address, reason, REPORT_PERIOD_S,
+                "earliest.", self._unreported, connection.address, reason, LIMITS.report_period_s,
             )  # fmt: skip
             self._reported_s, self._unreported = self.clock(), 0
         connection.close()
@@ -184,5 +181,5 @@ def compute_connection_limits() -> ConnectionLimits:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, hard))
         soft = most_files
     most = ConnectionLimits()
-    total = max(16, min(most.total, (soft - RESERVED_FILES) // 2))
+    total = max(16, min(most.total, (soft - LIMITS.reserved_files) // 2))
     return ConnectionLimits(per_address=min(most.per_address, max(8, total // 2)), total=total)
