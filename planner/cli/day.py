@@ -172,10 +172,10 @@ def _compute_day_plan(
     field_minutes: float,
 ) -> DayResult:
     from planner.cli.common.progress import open_stage_bar
-    from planner.day.field_times import FieldTimeCache, find_cache_folder
     from planner.day.planning import plan_day
+    from planner.pipeline.result_cache import ResultCache, find_cache_folder
 
-    store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
+    store = ResultCache(find_cache_folder() / "field-times" if cache is None else cache)
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()

@@ -1,19 +1,13 @@
 """Field times: the quickest simulated plan of every fleet on every field, and their cache on disk.
 
-The cache is keyed by content, only saves time, and may be deleted at any moment.
+The cache is keyed by content.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import secrets
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,13 +24,13 @@ from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
 from planner.pipeline.going_on import AllDoneError, hash_sources
 from planner.pipeline.planning import plan_order
+from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
 from vehicle.model.tractor import Implement, resolve_tractor
 
-CACHE_VARIABLE = "HEADLAND_CACHE"
 DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
 GRAPH_ARRAYS = {
     "tractor": np.int64, "group": np.int64, "kind": np.int64, "driven_s": np.float64, "worked_m": np.float64,
@@ -46,50 +40,6 @@ PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "ref
 ANONYMOUS = "field"
 ALL_DONE = "all of it is done already"
 HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
-
-
-def find_cache_folder() -> Path:
-    """The cache folder of this system; HEADLAND_CACHE names another one."""
-    if os.environ.get(CACHE_VARIABLE):
-        return Path(os.environ[CACHE_VARIABLE])
-    home = Path.home()
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "headland" / "Cache"
-    if sys.platform == "darwin":
-        return home / "Library" / "Caches" / "headland"
-    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "headland"
-
-
-@dataclass(frozen=True)
-class FieldTimeCache:
-    """JSON files by name in a folder; None disables the cache. Unreadable files count as missing."""
-
-    folder: Path | None
-
-    def read(self, name: str) -> dict[str, Any] | None:
-        """A cached object, None if it is missing or damaged."""
-        if self.folder is None:
-            return None
-        try:
-            content = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return None
-        return content if isinstance(content, dict) else None
-
-    def write(self, name: str, content: Mapping[str, Any]) -> bool:
-        """Store an object atomically; returns whether this succeeded."""
-        if self.folder is None:
-            return True
-        draft = self.folder / f".{name[:16]}-{secrets.token_hex(4)}"
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            draft.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
-            os.replace(draft, self.folder / f"{name}.json")
-        except OSError:
-            with suppress(OSError):
-                draft.unlink(missing_ok=True)
-            return False
-        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +123,7 @@ def build_field_time_orders(day: DayFile, farm: FarmFile, fields: Sequence[Field
 
 def compute_field_times(
     rows: Sequence[Sequence[WorkOrder | None]],
-    cache: FieldTimeCache,
+    cache: ResultCache,
     executor: Executor,
     progress: Progress | None = None,
     field_minutes: float = DEFAULT_FIELD_MINUTES,
@@ -213,7 +163,7 @@ def compute_field_times(
     return tuple(tuple(None if key is None else known_times[key] for key in row) for row in keys), is_cached
 
 
-def count_uncached_field_times(rows: Sequence[Sequence[WorkOrder | None]], cache: FieldTimeCache) -> int:
+def count_uncached_field_times(rows: Sequence[Sequence[WorkOrder | None]], cache: ResultCache) -> int:
     """Number of field times that have to be simulated."""
     keys = {hash_field_time_order(order) for row in rows for order in row if order is not None}
     return sum(_unpack_field_time(cache.read(key)) is None for key in keys)

@@ -21,7 +21,6 @@ from fields.text_files import quote_path
 from planner.day.field_times import (
     ALL_DONE,
     DEFAULT_FIELD_MINUTES,
-    FieldTimeCache,
     FieldTimeTable,
     build_field_time_orders,
     compute_field_times,
@@ -50,6 +49,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.going_on import check_source_exists
+from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
@@ -118,7 +118,7 @@ class PreparedDay:
     frame: DayHours
     orders: list[list[WorkOrder | None]]
 
-    def count_uncached_field_times(self, cache: FieldTimeCache) -> int:
+    def count_uncached_field_times(self, cache: ResultCache) -> int:
         """Number of field times that are not in the cache."""
         return count_uncached_field_times(self.orders, cache)
 
@@ -174,7 +174,7 @@ def _read_day_field(day_field: DayField) -> Field:
 def plan_day(
     day: PreparedDay | str | Path,
     *,
-    cache: FieldTimeCache | None = None,
+    cache: ResultCache | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     report_work: Callable[[list[str]], None] = lambda names: None,
@@ -198,7 +198,7 @@ def plan_day(
     (done, all) field times, `report_work` with the names of the fields at work.
     """
     prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
-    cache, executor = cache or FieldTimeCache(None), executor or SerialExecutor()
+    cache, executor = cache or ResultCache(None), executor or SerialExecutor()
     table, is_cached = compute_field_times(prepared.orders, cache, executor, progress, field_minutes, report_work)
     problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
     solution = solve_day(problem, seed=seed)

@@ -35,10 +35,13 @@ GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a tractor stands: the pose of its guided point in metres of the field, and what it has used of its load.
+    """Where a tractor stands, and what it was about to do.
 
-    `ahead` are poses in the middle of the work that was to be its next, in order: a new plan is no worse than that.
-    `number`, from 1, is that of its machine in the plan before; 0 where nobody would name it.
+    Attributes:
+        pose: of its guided point, in metres of the field.
+        used: what it has used of its load.
+        ahead: poses in the middle of the lines that it was to work next, in order: the search for a plan begins so.
+        number: that of its machine in the plan before, from 1; 0 where nobody would name it.
     """
 
     pose: Pose

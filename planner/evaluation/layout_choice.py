@@ -37,9 +37,7 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import list_stages
 from strategies.site.site import Site
-from vehicle.energy.fuel import build_power_source
-from vehicle.energy.run_energy import compute_consumption, compute_motion_work
-from vehicle.model.ground import GROUNDS, find_ground_index
+from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
@@ -221,10 +219,10 @@ def estimate_finish_s(context: PlanningContext) -> float:
         return math.inf
     table, orders = MoveTable(moves), context.request.headland_orders or ("",)
     cost_s = min(sketch_programme(table, 1, list_stages(moves.lines, order)).cost_s for order in orders)
-    return cost_s / _compute_covered_share(moves)
+    return cost_s / compute_covered_share(moves)
 
 
-def _compute_covered_share(moves: SiteMoves) -> float:
+def compute_covered_share(moves: SiteMoves) -> float:
     """Share of the ground that the lines cover; all of it where the headland is room for turning."""
     site = moves.site
     if not site.headland_passes:
@@ -275,17 +273,9 @@ class SlopeCosts:
         return np.asarray((weight_n * (slopes + self.rolling_share) + draft_n) * speeds)
 
     def _compute_fuel_l(self, metres: Floats, slopes: Floats, speeds: Floats, is_working: bool) -> float:
-        work = compute_motion_work(
-            metres,
-            slopes * metres,
-            np.append(speeds, speeds[-1]),
-            self.tractor.mass_kg,
-            self.load,
-            np.full(len(metres), self.rolling_share),
-            np.full(len(metres), is_working),
+        return estimate_consumption(
+            self.tractor, self.load, self.rolling_share, metres, slopes * metres, speeds, is_working
         )
-        source = build_power_source(self.tractor, self.load.engine_power_w)
-        return float(compute_consumption(work, np.zeros(len(metres)), metres / speeds, self.load, source).sum())
 
     def _measure_swaths(self, layout: Layout) -> tuple[Floats, Floats]:
         """Lengths (n,) of steps along all swaths, and slopes (n,) along them."""
@@ -303,7 +293,6 @@ def build_slope_weigher(
     load = physics.driven_load
     if physics.terrain is None or load is None:
         return None
-    level_share = GROUNDS[find_ground_index(ground)].rolling_resistance
-    rolling_share = level_share if load.rolling_share is None else load.rolling_share
+    rolling_share = choose_rolling_share(load, ground)
     counts_fuel = request.objective == LEAST_FUEL and physics.fuel_load is not None
     return SlopeCosts(physics.terrain, load, tractor, rolling_share, counts_fuel).weigh

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -41,10 +42,11 @@ from planner.evaluation.work_order import (
     resolve_guidance_line,
 )
 from planner.farm.settings import Yard
-from planner.farm.workday import build_workday
+from planner.farm.workday import Workday, build_workday
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
+from planner.risk.costs import CostTerms
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.turns import (
@@ -92,11 +94,7 @@ def prepare_context(
         tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
     with attach_parameter("refill"):
         supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
-    with attach_parameter("farm"):
-        times = order.times
-        workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard())
-        workday = workday.begin_on_field() if workday is not None and order.begins_on_field else workday
-    cost_terms = complete_cost_terms(order.cost_terms, workday, tractor)
+    workday, cost_terms = _settle_terms(order, request, field, tractor)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)
     farm_tractor = None if cost_terms is None else cost_terms.tractor
@@ -133,6 +131,38 @@ def prepare_context(
     supplied = replace(context, supply=battery)
     supplied.site_cache.update(context.site_cache)
     return supplied
+
+
+def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:
+    """The context of an order that asks for other speeds, prices or times on the same ground, with the same machines.
+
+    Times of turns are not measured anew, and no batteries sized: the context is for estimates.
+    """
+    request, rules = order.name_choices(), context.driving_rules
+    workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor)
+    rules = replace(rules, **_list_speeds(request))
+    return replace(context, request=request, driving_rules=rules, workday=workday, cost_terms=cost_terms)
+
+
+def _settle_terms(
+    order: WorkOrder, request: PlanRequest, field: Field, tractor: Tractor
+) -> tuple[Workday | None, CostTerms | None]:
+    """The day and the prices of an order on its field; None for what no farm gives."""
+    with attach_parameter("farm"):
+        times = order.times
+        workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard())
+        workday = workday.begin_on_field() if workday is not None and order.begins_on_field else workday
+    return workday, complete_cost_terms(order.cost_terms, workday, tractor)
+
+
+def _list_speeds(request: PlanRequest) -> dict[str, Any]:
+    """The speeds of driving rules by name."""
+    turn_mps = request.effective_turn_speed_mps
+    return {
+        "work_speed_mps": request.speed_mps,
+        "turn_speed_mps": turn_mps,
+        "reverse_speed_mps": min(turn_mps, MAX_REVERSE_SPEED_MPS),
+    }
 
 
 def _lay_out_field(
@@ -212,9 +242,7 @@ def _build_base_rules(
 ) -> DrivingRules:
     """The driving rules without the times of turns."""
     return DrivingRules(
-        work_speed_mps=request.speed_mps,
-        turn_speed_mps=request.effective_turn_speed_mps,
-        reverse_speed_mps=min(request.effective_turn_speed_mps, MAX_REVERSE_SPEED_MPS),
+        **_list_speeds(request),
         radius_m=radius_m,
         tool_m=reach.tool_m,
         boxes=build_outline_boxes(tractor, implement),

@@ -52,11 +52,14 @@ class WorkOrder:
     """What is to be planned: a request, what replaces its field and machines, and the values of a farm.
 
     `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
-    gives hitch and length, its width is that of the request. `uncertainty` and `cost_terms` are the farm's laws and
-    prices, `supply` is what the implement carries, `times` and `yard` make up the day. Without a farm all are None.
-    `done` is what is worked already, as it is or by its source (planner.pipeline.going_on); of the machines of a saved
-    plan among them those `without` (numbers from 1) are left out; with `from_road`
-    they come in from outside.
+    gives hitch and length, its width is that of the request.
+
+    `uncertainty` and `cost_terms` are the farm's laws and prices, `supply` is what the implement carries, `times` and
+    `yard` make up the day. Without a farm all are None.
+
+    `done` is what is worked already, as it is or by its source (planner.pipeline.going_on). The machines of a saved
+    plan among it go on from where they stand, but for those `without` (numbers from 1); with `from_road` they come in
+    from outside.
     """
 
     request: PlanRequest
@@ -85,7 +88,7 @@ class WorkOrder:
             for parameter, choice in (("field", self.field), ("tractor", self.tractor))
             if choice is not None
         }
-        return replace(self.request, **names)
+        return replace(self.request, **names) if names else self.request
 
 
 def match_plan_time(source: DoneSource) -> re.Match[str] | None:

@@ -51,12 +51,16 @@ class GivenOptions:
     def build_request(self, **others: Any) -> PlanRequest:
         """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
 
-        Raises HeadlandError.
+        Where a saved plan goes on, it is the request of that with the options that are given. Raises HeadlandError.
         """
         values = {**self.values, **others}
         farm = None if values.get("deadline") is None else self.farm
         request = PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
-        return request if self.continued is None else self._continue_plan(self.continued.request, request)
+        if self.continued is None:
+            return request
+        names = {*self.given_names} | ({"field"} if "fields" in self.given_names else set())
+        given = {option.parameter for option in list_options(PlanRequest) if option.name in names}
+        return self.continued.complete_request(request, given)
 
     @cached_property
     def continued(self) -> ContinuedPlan | None:
@@ -66,12 +70,6 @@ class GivenOptions:
         from planner.pipeline.going_on import read_continued_plan
 
         return read_continued_plan(self.done, self.without)
-
-    def _continue_plan(self, earlier: PlanRequest, request: PlanRequest) -> PlanRequest:
-        """The request of a plan that goes on, with the options that are given in place of its own."""
-        names = {*self.given_names} | ({"field"} if "fields" in self.given_names else set())
-        given = {option.parameter for option in list_options(PlanRequest) if option.name in names}
-        return replace(earlier, **{name: getattr(request, name) for name in given})
 
     def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; raises HeadlandError."""

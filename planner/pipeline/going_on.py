@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -112,14 +112,20 @@ def list_numbers(without: Any) -> tuple[int, ...]:
     return numbers
 
 
-def continue_request(request: PlanRequest, continued: ContinuedPlan) -> PlanRequest:
-    """The request of the plan that goes on, with the values of another that are no defaults in place of its own.
+def continue_order(order: WorkOrder) -> WorkOrder:
+    """An order with the values of the saved plan that goes on for all that it leaves at its defaults, but the field.
 
-    The field is that of the other, read as that says.
+    The same order where no plan goes on from where its machines stand. Raises HeadlandError.
     """
-    given = {one.name: value for one in fields(request) if (value := getattr(request, one.name)) != one.default}
-    read_so = {name: getattr(request, name) for name in ("field", "local", "crs", "swap_axes")}
-    return replace(continued.request, **{**given, **read_so})
+    continued = None if order.from_road else read_continued_plan(order.done, order.without)
+    if continued is None:
+        return order
+    continued.check_supply(order.supply is not None)
+    request = order.request
+    given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
+    if order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
+        order = replace(order, tractor=continued.tractor, implement=order.implement or continued.implement)
+    return replace(order, request=continued.complete_request(request, given | {"field", "local", "crs", "swap_axes"}))
 
 
 def check_source_exists(source: str) -> None:
@@ -184,6 +190,10 @@ class ContinuedPlan:
     implement: Implement
     has_tank: bool
 
+    def complete_request(self, request: PlanRequest, given: Collection[str]) -> PlanRequest:
+        """The request of this plan, with the `given` parameters of another in place of its own."""
+        return replace(self.request, **{name: getattr(request, name) for name in given})
+
     def check_supply(self, is_known: bool) -> None:
         """Refuse to go on without knowing what is carried: the farm's implement says so, and no saved plan."""
         if self.has_tank and not is_known:
@@ -212,13 +222,15 @@ def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that can go on: with all the tractors that stand on the field, and these in no formation.
 
-    Strategies that deal lines differ no more: whoever is near takes what is left.
+    Strategies that deal lines differ no more, as whoever is near takes what is left: one of them is kept, if possible
+    one that keeps the clearance.
     """
     if context.going_on is None:
         return list(candidates)
     stands = len(context.going_on.stands)
     dealt = [one for one in candidates if one.tractors == 1 or get_strategy(one.strategy).formation is None]
-    first = list({one.tractors: one for one in reversed(dealt)}.values())
+    nearest_last = sorted(dealt, key=lambda one: get_strategy(one.strategy).beside)
+    first = list({one.tractors: one for one in reversed(nearest_last)}.values())
     kept = [one for one in candidates if one.tractors >= stands and (one in first or (one not in dealt and not stands))]
     if not kept:
         raise RequestError(
@@ -445,11 +457,16 @@ def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext
     """What a tractor has used of its load on leg `at` of its mission, at a pose, since it was served last."""
     if context.supply is None:
         return 0.0
-    leg = mission.legs[at]
-    driven_m = float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
-    begun = [leg] if driven_m >= leg.length_m else [replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
-    legs = [*mission.legs[:at], *(begun if driven_m > 0.0 else [])]
+    driven_m = float(shapely.LineString(mission.legs[at].points).project(shapely.Point(pose[:2])))
+    legs = [*mission.legs[:at], *list_driven_part(mission.legs[at], driven_m)]
     return sum_used(legs, context.supply, context.request.width_m)
+
+
+def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
+    """What of a leg is driven, as a leg; none before its first metre."""
+    if driven_m <= 0.0:
+        return []
+    return [leg if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
 
 
 def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:

@@ -23,14 +23,7 @@ from planner.evaluation.work_order import DoneSource, FieldChoice, WorkOrder
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
-from planner.pipeline.going_on import (
-    continue_request,
-    go_on,
-    keep_continuing,
-    list_numbers,
-    list_sources,
-    read_continued_plan,
-)
+from planner.pipeline.going_on import continue_order, go_on, keep_continuing, list_numbers, list_sources
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
@@ -188,13 +181,6 @@ def plan(
     """
     if not isinstance(request, PlanRequest):
         raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
-    sources, numbers = list_sources(done), list_numbers(without)
-    continued = None if from_road else read_continued_plan(sources, numbers)
-    if continued is not None:
-        continued.check_supply(supply is not None)
-        if tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
-            tractor, implement = continued.tractor, implement or continued.implement
-        request = continue_request(request, continued)
     order = WorkOrder(
         request,
         field,
@@ -205,12 +191,12 @@ def plan(
         supply,
         times,
         yard,
-        sources,
-        numbers,
+        list_sources(done),
+        list_numbers(without),
         from_road,
     )
     return plan_order(
-        order,
+        continue_order(order),
         executor=executor,
         progress=progress,
         report_stage=report_stage,

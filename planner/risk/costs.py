@@ -204,24 +204,37 @@ def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Arra
     return np.asarray(_compute_machine_cost(outcomes, terms) + people + travel)
 
 
-def compute_simulated_cost(run: SimulationRun, terms: CostTerms, energy: float | None = None) -> float:
-    """What is paid for a run as simulated, without variation; `energy` are its litres or kWh where they are known."""
+@dataclass(frozen=True, eq=False)
+class DrivenTimes:
+    """Seconds that a fleet drives: until each tractor is done (tractors,), and of all together at work and in turns."""
+
+    tractor_s: Array
+    work_s: float
+    turn_s: float
+
+
+def measure_driven_times(run: SimulationRun) -> DrivenTimes:
+    """The times of a run."""
     shares = run.compute_time_shares()
-    turning_s = shares["turning"].sum() + shares["reversing"].sum()
-    work_s, turn_s, zero = (np.array([float(value)]) for value in (shares["working"].sum(), turning_s, 0.0))
-    finish_s = np.asarray(run.finish_s)[:, None]
+    turn_s = float(shares["turning"].sum() + shares["reversing"].sum())
+    return DrivenTimes(np.asarray(run.finish_s), float(shares["working"].sum()), turn_s)
+
+
+def compute_driven_cost(times: DrivenTimes, terms: CostTerms, energy: float | None = None) -> float:
+    """What is paid for a drive, without variation; `energy` are its litres or kWh where they are known."""
+    work_s, turn_s, zero = (np.array([value]) for value in (times.work_s, times.turn_s, 0.0))
+    finish_s = times.tractor_s[:, None]
     outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero)
     if energy is not None:
         outcomes = replace(outcomes, energy=np.array([energy]))
     return float(compute_paid_per_sample(outcomes, terms)[0])
 
 
-def estimate_flat_use(run: SimulationRun, terms: CostTerms) -> float:
+def estimate_flat_use(times: DrivenTimes, terms: CostTerms) -> float:
     """Litres or kWh of all tractors in the field by flat shares of power; engines idle while waiting."""
-    prices, shares = terms.prices, run.compute_time_shares()
-    work_s, turn_s = float(shares["working"].sum()), float(shares["turning"].sum() + shares["reversing"].sum())
-    idle_s = max(float(np.sum(run.finish_s)) - work_s - turn_s, 0.0)
-    load_s = work_s * prices.work_load + turn_s * prices.turn_load + idle_s * IDLE_LOAD
+    prices = terms.prices
+    idle_s = max(float(times.tractor_s.sum()) - times.work_s - times.turn_s, 0.0)
+    load_s = times.work_s * prices.work_load + times.turn_s * prices.turn_load + idle_s * IDLE_LOAD
     power_kw = _get_value(terms.tractor, "power_kw", prices.tractor_power_kw)
     return load_s / HOUR_S * power_kw * compute_use_per_kwh(prices, terms.motor_efficiency)
 

@@ -13,7 +13,7 @@ import shapely
 from scipy.optimize import linear_sum_assignment
 
 from strategies.lines.work_line import WorkLine
-from strategies.program.dealing import cut_balanced_blocks
+from strategies.program.dealing import cut_balanced_blocks, group_swath_lines
 from vehicle.missions.plan import HEADLAND_PASS, SWATH
 
 Bools = npt.NDArray[np.bool_]
@@ -26,7 +26,7 @@ def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools) -> list[Bools]:
     First every side of the headland is one tractor's in all passes: the ring along the edge is cut into stretches,
     equal by length, and rings round obstacles are whole; each is the tractor's whose swaths are near. Where the ring
     has fewer sides than there are tractors, or one of them no swaths, its sides are for all. Then the swaths that
-    several may work are dealt too.
+    several may work are dealt too. What is left of a field without swaths is dealt no further.
     """
     deals, rings = [allowed], _list_rings(lines)
     have_swaths = all(_list_swaths(lines, own) for own in allowed)
@@ -56,10 +56,7 @@ def _part_swaths(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
     They stay as dealt where no tractors in order may have such runs.
     """
     dealt = allowed.copy()
-    swaths: dict[int, list[int]] = {}
-    for number in (number for number, line in enumerate(lines) if line.task.kind == SWATH):
-        swaths.setdefault(lines[number].task.number or 0, []).append(number)
-    runs = [swaths[swath] for swath in sorted(swaths)]
+    runs = group_swath_lines(lines)
     lengths_m = [sum(lines[number].length_m for number in run) for run in runs]
     headland = [number for number, own in enumerate(dealt.T) if lines[number].task.kind != SWATH and own.sum() == 1]
     loads_m = [sum(lines[number].length_m for number in headland if own[number]) for own in dealt]

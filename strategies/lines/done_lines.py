@@ -21,7 +21,15 @@ from strategies.lines.lay_lines import (
     Span,
     keep_uncovered,
 )
-from strategies.lines.work_line import Floats, WorkLine, cut_line, extend_line, locate_at
+from strategies.lines.work_line import (
+    SHARPEST_RAD,
+    STRAIGHT_RAD,
+    Floats,
+    WorkLine,
+    cut_line,
+    extend_line,
+    locate_at,
+)
 from strategies.path_planning.paths import Pose
 from strategies.site.site import Site
 from vehicle.arrays import find_true_spans, measure_along
@@ -29,7 +37,6 @@ from vehicle.missions.plan import ENTER, Leg, LegTask
 
 START_OVERLAP_M = 1.0  # of work that a start joins: an implement takes about a metre to work as deep as it should
 BAR_POINTS = 17  # places on the bar where it is asked what is done: one is less of it than a line is worth driving for
-STRAIGHT_RAD, SHARPEST_RAD = 0.2, 2.0  # corners that are worked round, as work_moves has them
 LOOSE_BEND = 2.0  # turning radii: what bends less sharply is a bent line and no corner
 PLACE_M = 0.02  # length of the line that stands for a place
 BESIDE_WIDTHS, ASTRAY_RAD = 0.25, 0.2  # beside and across a line on which a tractor still is: moves lose it so

@@ -17,6 +17,9 @@ from vehicle.missions.plan import LegTask
 
 Floats = npt.NDArray[np.float64]
 
+SHARPEST_RAD = 2.0  # corners of the headland beyond this are turned with the implement up
+STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them
+
 SAME_POINT_M = 1e-6
 JOINT_M = 0.05  # points of a line this close to a cut are left out
 

@@ -43,8 +43,11 @@ DealLines = Callable[[Sequence[DealtLine], DrivingRules, int], LineDeal]
 """Deals lines, given how tractors drive, to a number of tractors; raises StrategyError where they are too few."""
 
 
-def group_swath_lines(lines: Sequence[DealtLine], tractors: int) -> list[list[int]]:
-    """Numbers of the lines of each swath, neighbours after one another; raises StrategyError with too many tractors."""
+def group_swath_lines(lines: Sequence[DealtLine], tractors: int = 0) -> list[list[int]]:
+    """Numbers of the lines of each swath, neighbours after one another.
+
+    Raises StrategyError where these are fewer than the tractors that are to have one each.
+    """
     by_swath: dict[int, list[int]] = {}
     for number, line in enumerate(lines):
         if line.task.kind == SWATH:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -38,6 +39,11 @@ class Programme:
     table: MoveTable
     tours: tuple[tuple[int, ...], ...]
     left: tuple[int, ...]
+
+    @property
+    def left_m2(self) -> float:
+        """The ground of the lines that are left."""
+        return math.fsum(self.table.lines[number].own_m2 for number in self.left)
 
     def list_pairs(self) -> list[tuple[int, int]]:
         """The moves it uses, as pairs of nodes."""

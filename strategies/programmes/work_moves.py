@@ -12,15 +12,13 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from strategies.lines.work_line import WorkLine
+from strategies.lines.work_line import SHARPEST_RAD, STRAIGHT_RAD, WorkLine
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import HEADLAND_PASS
 
-SHARPEST_RAD = 2.0  # corners beyond this are turned with the implement up
-STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them
 SWATH_OFF_M, SWATH_TURN_RAD = 0.5, 0.05  # pieces of one swath continue each other this well
 FARTHEST_M = 50.0  # between the ends of pieces joined with the implement down
 BYPASSES_M = (0.0, 2.0, 4.0, 6.0, 9.0, 12.0, 16.0)  # cut from both pieces of a swath, to leave the line and return

@@ -13,16 +13,15 @@ import shapely
 from fields.geometry.field import Field
 from planner.day.field_times import (
     FieldTime,
-    FieldTimeCache,
     compute_field_times,
     count_uncached_field_times,
-    find_cache_folder,
     hash_field_time_order,
     pack_field_time,
 )
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
+from planner.pipeline.result_cache import ResultCache, find_cache_folder
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink
 from vehicle.model.tractor import Implement, load_tractor
@@ -50,7 +49,7 @@ def task() -> WorkOrder:
 
 
 def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: WorkOrder) -> None:
-    cache = FieldTimeCache(tmp_path / "deep" / "down")
+    cache = ResultCache(tmp_path / "deep" / "down")
     kept = FieldTime("split-field", 2, 1.0 / 3.0, 99.1, None, GRAPH)
     assert cache.write(hash_field_time_order(task), pack_field_time(kept))
     ((found,),), written = compute_field_times([[task]], cache, SerialExecutor())
@@ -110,7 +109,7 @@ def test_heights_count_by_what_their_file_holds(tmp_path: Path, task: WorkOrder)
 
 def test_a_refusal_of_heights_is_not_kept_and_shows_no_folder(tmp_path: Path, task: WorkOrder) -> None:
     lost = replace(task, field=replace(task.field, elevation=str(tmp_path / "lost.tif")))
-    cache = FieldTimeCache(tmp_path / "cache")
+    cache = ResultCache(tmp_path / "cache")
     ((refused,),), is_cached = compute_field_times([[lost]], cache, SerialExecutor())
     assert is_cached and refused is not None and count_uncached_field_times([[lost]], cache) == 1
     assert "names the heights 'lost.tif'" in refused.reason and "upload" in refused.reason
@@ -184,19 +183,19 @@ def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])
 def test_what_is_not_whole_is_not_there(tmp_path: Path, task: WorkOrder, text: str) -> None:
     (tmp_path / f"{hash_field_time_order(task)}.json").write_text(text)
-    assert count_uncached_field_times([[task]], FieldTimeCache(tmp_path)) == 1
+    assert count_uncached_field_times([[task]], ResultCache(tmp_path)) == 1
 
 
 def test_a_folder_that_takes_no_files_only_costs_time(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
-    assert not FieldTimeCache(blocked / "sub").write("name", {"a": 1})
-    assert FieldTimeCache(blocked / "sub").read("name") is None
-    assert FieldTimeCache(None).write("name", {}) and FieldTimeCache(None).read("name") is None
+    assert not ResultCache(blocked / "sub").write("name", {"a": 1})
+    assert ResultCache(blocked / "sub").read("name") is None
+    assert ResultCache(None).write("name", {}) and ResultCache(None).read("name") is None
 
 
 def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache = FieldTimeCache(tmp_path)
+    cache = ResultCache(tmp_path)
     assert cache.write("name", {"a": 1})
 
     def full(*_: object) -> None:

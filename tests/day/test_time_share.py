@@ -13,13 +13,14 @@ import planner.evaluation.time_share as shares
 from fields import write_field
 from fields.geometry.field import Field
 from planner.cli.common.progress import StageBar
-from planner.day.field_times import FieldTimeCache, compute_field_time, compute_field_times
+from planner.day.field_times import compute_field_time, compute_field_times
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import LocalPool, SerialExecutor, iter_completed
+from planner.pipeline.result_cache import ResultCache
 from planner.request.plan_request import PlanRequest
 from vehicle.model.tractor import Implement, load_tractor
 
@@ -82,7 +83,7 @@ class TestCut:
         assert cuts[-1].graph is not None and cuts[-1].worked_pct is not None
 
     def test_what_was_cut_is_not_kept_in_the_cache(self, clock: CountedClock, tmp_path: Path) -> None:
-        cache = FieldTimeCache(tmp_path)
+        cache = ResultCache(tmp_path)
         ((cut,),), _ = compute_field_times([[build_task()]], cache, SerialExecutor(), field_minutes=0.02)
         assert cut is not None and cut.cut_note and not list(tmp_path.iterdir())
 

@@ -11,13 +11,14 @@ from planner.farm.settings import FarmPrices
 from planner.risk.costs import (
     CostTerms,
     build_hire_terms,
+    compute_driven_cost,
     compute_hourly_rates,
     compute_paid_per_sample,
     compute_remaining_value,
     compute_repair_cost,
-    compute_simulated_cost,
     estimate_cost,
     estimate_flat_use,
+    measure_driven_times,
 )
 from planner.risk.monte_carlo import SampledOutcomes
 
@@ -128,9 +129,12 @@ class TestFuel:
 
     def test_litres_are_power_by_load(self) -> None:
         prices = but(FarmPrices(), work_load=0.6, turn_load=0.3, fuel_l_per_kwh=0.25)
-        litres = estimate_flat_use(self.run(), CostTerms(prices, FarmTractor(name="t", power_kw=100.0)))
+        litres = estimate_flat_use(
+            measure_driven_times(self.run()), CostTerms(prices, FarmTractor(name="t", power_kw=100.0))
+        )
         assert litres == pytest.approx((1.0 * 0.6 + 0.5 * 0.3 + 0.25 * 0.1) * 100.0 * 0.25)
 
     def test_cost_of_fuel_is_that_of_the_litres(self) -> None:
         terms = CostTerms(but(NOTHING, fuel_per_l=2.0, oil_share=0.0))
-        assert compute_simulated_cost(self.run(), terms) == pytest.approx(2.0 * estimate_flat_use(self.run(), terms))
+        times = measure_driven_times(self.run())
+        assert compute_driven_cost(times, terms) == pytest.approx(2.0 * estimate_flat_use(times, terms))

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,14 @@ from fields.documents.reader import read_field, read_polygons
 from fields.errors import FieldError
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.context import GoingOn
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.work_order import DoneWork
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
-from planner.pipeline.going_on import cut_run, read_continued_plan, sum_used
+from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_plan, sum_used
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from strategies.lines.done_lines import START_OVERLAP_M
@@ -236,7 +239,7 @@ def test_who_stands_without_work_is_named_with_what_leaves_it_out(folder: Path, 
     nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 56.0, 20.0, 60.0), 0.1)
     sources = (f"{folder}/plan.json@0:05", nearly_all)
     (refused,) = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.plans
-    words = r"for tractor (\d) of the plan before; leave out what need not go on \(--without (\d)\)"
+    words = r"for tractor (\d) of the plan before; go on without (\d)\."
     named = re.search(words, str(refused.reason))
     assert named is not None and named[1] == named[2]
     one = replace(whole.context.request, tractors=(1,))
@@ -254,6 +257,13 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
     assert sum_used(legs, supply, 4.0) == pytest.approx(0.1 * 30.0 * 4.0)
     assert sum_used(legs[:1], supply, 4.0) == pytest.approx(0.1 * 50.0 * 4.0)
     assert sum_used([], supply, 4.0) == 0.0
+
+
+def test_of_strategies_that_deal_alike_one_goes_on_that_keeps_the_clearance() -> None:
+    context: Any = SimpleNamespace(going_on=GoingOn(0.1))
+    candidates = [Candidate(name, tractors) for tractors in (1, 2) for name in ("interleaved", "split-field")]
+    assert keep_continuing(context, candidates) == [Candidate("split-field", 1), Candidate("split-field", 2)]
+    assert keep_continuing(context, candidates[::2]) == candidates[::2]
 
 
 def test_polygons_are_read_in_metres_of_a_field(folder: Path) -> None:

@@ -6,6 +6,8 @@ import asyncio
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ from planner.service.store import database as databases
 from planner.service.store.backup import back_up, restore_backup
 from planner.service.store.database_watch import STALE_S, DatabaseWatch
 from planner.service.store.service_store import Store
+from planner.service.store.store_part import REVOCATIONS_FOLDER, Revocation
 from tests.service.conftest import bearer
 
 
@@ -159,6 +162,39 @@ def test_a_revocation_that_cannot_be_stored_anywhere_holds_and_says_until_when(
         asyncio.run(cache.revoke_token("office", "chief"))
     assert cache.find_token(text) is None
     other.close()
+
+
+def test_the_log_stays_while_a_service_runs_and_others_open_and_close_the_database(small: Store) -> None:
+    """A process that closes any descriptor of the file gives up its locks; the next to close takes the log away."""
+    engine, file = small.database.engine, small.settings.data / DATABASE_FILE
+    small.add_event(None, "office", "before")
+    log = file.with_name(f"{DATABASE_FILE}-wal")
+    code = "import sqlite3, sys; c = sqlite3.connect(sys.argv[1]); c.execute('SELECT * FROM tokens'); c.close()"
+    with engine.connect() as first, engine.connect() as second:  # each looks at the file that it opens
+        assert first.scalar(sa.text("SELECT 1")) == second.scalar(sa.text("SELECT 1"))
+        kept = log.read_bytes()
+        subprocess.run([sys.executable, "-c", code, str(file)], check=True)
+        assert kept and log.read_bytes() == kept
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser gives files away")
+def test_a_revocation_by_root_is_the_services(small: Store) -> None:
+    small.create_token("office", "read")
+    os.chown(small.settings.data, 4321, 1234)
+    other = lock(small)
+    small.revoke_token("office")
+    other.close()
+    folder = small.settings.data / REVOCATIONS_FOLDER
+    (waiting,) = folder.iterdir()
+    assert [(one.stat().st_uid, one.stat().st_gid) for one in (folder, waiting)] == [(4321, 1234)] * 2
+
+
+def test_other_files_beside_revocations_are_ignored(small: Store) -> None:
+    revocation = Revocation("0" * 64, "office", None)
+    small.revocations.add(revocation)
+    for name in ("README", ".DS_Store", f"{revocation.sha256}~"):
+        (small.settings.data / REVOCATIONS_FOLDER / name).write_text("no revocation", encoding="utf-8")
+    assert small.revocations.list_waiting() == {revocation.sha256: revocation}
 
 
 def test_a_backup_holds_no_token_whose_revocation_waits(small: Store, both: ServiceSettings, tmp_path: Path) -> None:

@@ -87,6 +87,7 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool))
     assert many[:, :16].all(), "four sides are no stretches for five"
     assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) >= 0).all(), "runs of swaths"
+    assert list_deals_apart(lines[:16], np.ones((2, 16), bool)) == [], "nobody has swaths that a side could be near"
 
 
 @pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])

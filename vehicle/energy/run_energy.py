@@ -202,8 +202,35 @@ def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: Wo
     return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)
 
 
+def estimate_consumption(
+    tractor: Tractor,
+    load: WorkLoad,
+    rolling_share: float,
+    metres: Floats,
+    rises_m: Floats,
+    speeds_mps: Floats,
+    is_working: bool,
+) -> float:
+    """Litres or kilowatt-hours for pieces of a way (n,) driven at steady speeds (n,), which change between them."""
+    work = compute_motion_work(
+        metres,
+        rises_m,
+        np.append(speeds_mps, speeds_mps[-1]),
+        tractor.mass_kg,
+        load,
+        np.full(len(metres), rolling_share),
+        np.full(len(metres), is_working),
+    )
+    source = build_power_source(tractor, load.engine_power_w)
+    return float(compute_consumption(work, np.zeros(len(metres)), metres / speeds_mps, load, source).sum())
+
+
+def choose_rolling_share(load: WorkLoad, ground: str) -> float:
+    """Resistance to rolling over weight: the load's, or that of a ground."""
+    level_share = GROUNDS[find_ground_index(ground)].rolling_resistance
+    return level_share if load.rolling_share is None else load.rolling_share
+
+
 def list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
     """Resistance to rolling over weight by leg: the load's, or that of the leg's ground."""
-    if load.rolling_share is not None:
-        return np.full(len(legs), load.rolling_share)
-    return np.array([GROUNDS[find_ground_index(leg.ground)].rolling_resistance for leg in legs])
+    return np.array([choose_rolling_share(load, leg.ground) for leg in legs])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -9,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from planner.evaluation.context import PlanningContext
-from planner.risk.costs import estimate_flat_use, get_grid_factor
+from planner.risk.costs import DrivenTimes, estimate_flat_use, get_grid_factor
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import Supply
 from vehicle.arrays import Floats, find_true_spans
 from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
-from vehicle.energy.run_energy import RunEnergy, compute_run_energy
+from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.run import SimulationRun
 from vehicle.records import STANDING
 
@@ -22,24 +23,28 @@ LEVEL_TOLERANCE_KWH = 1e-6
 OVERLAP_TOLERANCE_S = 1.0
 
 
-def measure_energy(context: PlanningContext, run: SimulationRun) -> RunEnergy | None:
-    """What the tractors of a run use by their load; None where that is not known."""
+def measure_energy(context: PlanningContext, run: SimulationRun) -> tuple[float, ...] | None:
+    """Litres or kilowatt-hours of every tractor of a run by its load; None where that is not known."""
     physics = context.physics
     if physics.fuel_load is None:
         return None
-    return compute_run_energy(run, context.tractor, physics.fuel_load, physics.terrain)
+    energy = compute_run_energy(run, context.tractor, physics.fuel_load, physics.terrain)
+    return tuple(energy.consumptions.tolist())
 
 
-def list_energy_figures(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> dict[str, Any]:
-    """The figures of a plan's energy by their names in PlanResult; without its load by the flat shares of a farm."""
-    if energy is None and context.cost_terms is None:
-        return {}
-    by_tractor: tuple[float, ...] | None = None
-    if energy is not None:
-        total, by_tractor = energy.total, tuple(energy.consumptions.tolist())
+def list_energy_figures(
+    context: PlanningContext, times: DrivenTimes, by_tractor: tuple[float, ...] | None
+) -> dict[str, Any]:
+    """The figures of a plan's energy by their names in PlanResult; without its load by the flat shares of a farm.
+
+    `by_tractor` are litres or kilowatt-hours by the load; None where that is not known.
+    """
+    if by_tractor is not None:
+        total = math.fsum(by_tractor)
+    elif context.cost_terms is not None:
+        total = estimate_flat_use(times, context.cost_terms)
     else:
-        assert context.cost_terms is not None
-        total = estimate_flat_use(run, context.cost_terms)
+        return {}
     per_ha = total / context.layout.field.area_ha
     if context.tractor.battery is None:
         return {

@@ -127,7 +127,7 @@ def _simulate_sketched(
     incumbent: Incumbent | None,
 ) -> Outcome:
     try:
-        driven = _run_unless_pruned(context, sketches, incumbent)
+        driven = _run_unless_pruned(context, candidate, sketches, incumbent)
     except StrategyError as refusal:
         return _build_refusal(context, candidate, str(refusal))
     if isinstance(driven, CandidateRun):
@@ -139,13 +139,16 @@ def _simulate_sketched(
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
     """Compose and drive one candidate; raises StrategyError if its strategy cannot work the field."""
-    outcome = _run_unless_pruned(context, _sketch(context, candidate), None)
+    outcome = _run_unless_pruned(context, candidate, _sketch(context, candidate), None)
     assert isinstance(outcome, CandidateRun)  # nothing prunes without an incumbent
     return outcome
 
 
 def _run_unless_pruned(
-    context: PlanningContext, sketches: list[SketchedPlan] | StrategyError, incumbent: Incumbent | None
+    context: PlanningContext,
+    candidate: Candidate,
+    sketches: list[SketchedPlan] | StrategyError,
+    incumbent: Incumbent | None,
 ) -> CandidateRun | float:
     """The run of the programme that finishes the field first; of those that cannot be driven the first if none can.
 
@@ -156,7 +159,7 @@ def _run_unless_pruned(
     """
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver, best, best_s = ProgrammeDriver(context, sketches[0].beside), None, math.inf
+    driver, best, best_s = ProgrammeDriver(context, get_strategy(candidate.strategy).beside), None, math.inf
     losers, refusals = list[float](), list[StrategyError]()
     sketches = list(sketches)
     for sketch in sketches:
@@ -184,7 +187,7 @@ def _run_unless_pruned(
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
             with suppress(StrategyError):
-                sketches.append(sketch.sketch_apart())
+                sketches.append(sketch.sketch_apart(one.programme.left_m2))
         if best is None or seconds < best_s:
             best, best_s = driven, seconds
     if losers and (best is None or best.reason is not None):

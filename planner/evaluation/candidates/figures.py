@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fields.units import HOUR_S
 from planner.evaluation.candidates.energy_figures import list_energy_figures, list_service_figures, measure_energy
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
-from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
+from planner.evaluation.ground.coverage import count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
-from planner.risk.costs import compute_simulated_cost, compute_travel_cost, get_price_per_hour
+from planner.risk.costs import (
+    DrivenTimes,
+    compute_driven_cost,
+    compute_travel_cost,
+    get_price_per_hour,
+    measure_driven_times,
+)
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from reports.plan.figures import MEASURES
-from vehicle.energy.run_energy import RunEnergy
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import FINISHED
@@ -62,8 +69,8 @@ def measure_candidate(
     )
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
     tractor_time = float(np.sum(run.finish_s))
-    energy = measure_energy(context, run)
-    hourly, hiring = _compute_cost(context, run, energy)
+    times, energy = measure_driven_times(run), measure_energy(context, run)
+    hourly, hiring = compute_cost(context, times, energy)
     overhang = measure_overhang(run, context)
     figures = PlanResult(
         strategy=strategy,
@@ -98,12 +105,12 @@ def measure_candidate(
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
-        **list_energy_figures(context, run, energy),
+        **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),
         **list_service_figures(context, run),
         faults=candidate_run.faults,
     )
-    return _add_clock_times(figures, context, run, coverage)
+    return add_clock_times(figures, context, run.work_finish_s, coverage.extrapolate_to_field(run.work_finish_s))
 
 
 def measure_headland_phase_s(run: SimulationRun) -> float | None:
@@ -135,36 +142,41 @@ def name_main_turns(counts: Mapping[str, int]) -> str:
     return "+".join(sorted(counts, key=lambda kind: (-counts[kind], kind))[:2]) or "none"
 
 
-def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> tuple[float, float]:
-    """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price."""
-    tractors, request = run.plan.tractors, context.request
+def compute_cost(context: PlanningContext, times: DrivenTimes, energy: tuple[float, ...] | None) -> tuple[float, float]:
+    """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price.
+
+    `energy` are the litres or kilowatt-hours of every tractor, None where they are not known.
+    """
+    tractors, request = len(times.tractor_s), context.request
     if context.cost_terms is not None:
         travel_cost = tractors * compute_travel_cost(context.cost_terms)
-        used = None if energy is None else energy.total
-        return compute_simulated_cost(run, context.cost_terms, used) - travel_cost, travel_cost
+        used = None if energy is None else math.fsum(energy)
+        return compute_driven_cost(times, context.cost_terms, used) - travel_cost, travel_cost
     price_per_hour = get_price_per_hour(request.price_per_hour)
     brought = tractors - (0 if context.going_on is None else len(context.going_on.stands))
-    return run.duration_s * tractors / 3600.0 * price_per_hour, brought * request.price_per_tractor
+    hours = float(times.tractor_s.max()) / HOUR_S
+    return hours * tractors * price_per_hour, brought * request.price_per_tractor
 
 
-def _add_clock_times(
-    figures: PlanResult, context: PlanningContext, run: SimulationRun, coverage: Coverage
+def add_clock_times(
+    figures: PlanResult, context: PlanningContext, work_finish_s: float, field_finish_s: float
 ) -> PlanResult:
-    """The figures with the times when field work begins, ends, would end for the whole field, and all are home."""
-    work_finish_s, workday, time_limit_s = run.work_finish_s, context.workday, context.request.time_limit_s
+    """The figures with the times when field work begins, ends, would end for the whole field, and all are home.
+
+    Field work takes `work_finish_s` as driven, and `field_finish_s` with all ground.
+    """
+    workday, time_limit_s = context.workday, context.request.time_limit_s
     if workday is None:
-        timed_figures = replace(
-            figures, done_s=work_finish_s, finished_done_s=coverage.extrapolate_to_field(work_finish_s)
-        )
+        timed_figures = replace(figures, done_s=work_finish_s, finished_done_s=field_finish_s)
     else:
         before_field_s = workday.before_field_s
         timed_figures = replace(
             figures,
-            transport_s=run.plan.tractors * (before_field_s + workday.after_field_s),
+            transport_s=figures.tractors * (before_field_s + workday.after_field_s),
             ready_s=workday.compute_clock_s(before_field_s, begins=True),
             done_s=workday.compute_clock_s(before_field_s + work_finish_s),
-            finished_done_s=workday.compute_clock_s(before_field_s + coverage.extrapolate_to_field(work_finish_s)),
-            home_s=workday.compute_clock_s(before_field_s + run.duration_s + workday.after_field_s),
+            finished_done_s=workday.compute_clock_s(before_field_s + field_finish_s),
+            home_s=workday.compute_clock_s(before_field_s + (figures.time_s or 0.0) + workday.after_field_s),
         )
     return replace(
         timed_figures,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -76,9 +76,8 @@ class ComposedPlan:
     @property
     def left_factor(self) -> float:
         """By how much the field takes longer than the lines that are worked."""
-        lines = self.programme.table.lines
-        left_m2 = math.fsum(lines[number].own_m2 for number in self.programme.left)
-        worked_m2 = math.fsum(line.own_m2 for line in lines) - left_m2
+        left_m2 = self.programme.left_m2
+        worked_m2 = math.fsum(line.own_m2 for line in self.programme.table.lines) - left_m2
         return 1.0 + left_m2 / max(worked_m2, 1.0)
 
 
@@ -88,16 +87,19 @@ class SketchedPlan:
 
     Attributes:
         tractor_s: about the seconds of every tractor.
+        tours: the nodes of every tractor in order; empty for a formation.
+        served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_apart: sketches the same where tractors work more apart from each other; None where they cannot.
-        beside: whether tractors keep beside each other, as near as neighbouring swaths are.
+        sketch_apart: sketches the same where tractors work more apart from each other and leave hardly more ground than
+            so much (m2); None where they cannot.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
-    sketch_apart: Callable[[], SketchedPlan] | None = None
-    beside: bool = False
+    sketch_apart: Callable[[float], SketchedPlan] | None = None
+    tours: Sequence[Sequence[int]] = ()
+    served_s: Sequence[float] = ()
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -118,7 +120,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
             refusals.append(refusal)
             continue
         notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None}
-        sketches.append(replace(_add_notes(context, one, notes), beside=strategy.beside))
+        sketches.append(_add_notes(context, one, notes))
     if not sketches:
         raise refusals[0]
     return sorted(sketches, key=lambda one: round(max(one.tractor_s), 3))
@@ -130,17 +132,20 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
     return replace(
         sketch,
         compose=partial(_compose_sketch, context, sketch.compose, notes),
-        sketch_apart=None if apart is None else lambda: _add_notes(context, apart(), notes),
+        sketch_apart=None if apart is None else lambda most_left_m2: _add_notes(context, apart(most_left_m2), notes),
     )
 
 
 def _compose_sketch(
     context: PlanningContext, compose: Callable[[], ComposedPlan], notes: dict[str, Any]
 ) -> ComposedPlan:
-    """A composed plan with its notes, in which every tractor has work, or where some may rest any."""
+    """A composed plan with its notes, in which every tractor has work, or where some may rest any.
+
+    With a tank none may: stops to be served are planned for all tractors or none.
+    """
     context.time_share.check()
     one = compose()
-    may_rest = context.going_on is not None and context.going_on.may_rest
+    may_rest = context.going_on is not None and context.going_on.may_rest and context.supply is None
     if may_rest and not any(one.programme.tours):
         raise StrategyError("What is left is not worth a drive.")
     if not may_rest and not (one.programme.tours and all(one.programme.tours)):
@@ -159,10 +164,10 @@ def _refuse_idle_stands(context: PlanningContext, programme: Programme) -> None:
         str(stand.number) for stand, tour in zip(stands, programme.tours, strict=False) if stand.number and not tour
     ]
     if idle:
-        options = " ".join(f"--without {number}" for number in idle)
+        numbers = " and ".join(idle)
         raise StrategyError(
             f"No work that is left is worth the drive for {'tractor' if len(idle) == 1 else 'tractors'} "
-            f"{' and '.join(idle)} of the plan before; leave out what need not go on ({options})."
+            f"{numbers} of the plan before; go on without {numbers}."
         )
 
 
@@ -246,13 +251,10 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     shares = [deal.allowed]
-    has_swaths = any(line.task.kind == SWATH for line in moves.lines)  # what is left may be headland alone
-    if tractors > 1 and not strategy.beside and not moves.starts and has_swaths:
+    if tractors > 1 and not strategy.beside and not moves.starts:
         shares += list_deals_apart(moves.lines, deal.allowed)
 
-    left_m2 = dict[tuple[str, int], float]()
-
-    def sketch(order: str, number: int = 0) -> SketchedPlan:
+    def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
         allowed, table = shares[number], MoveTable(moves)
         stages = list_stages(table.lines, order)
         stop_moves = None if supply is None else build_stop_moves(table, supply)
@@ -269,8 +271,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 served_s=served_s,
                 start=sketched.tours,
             )
-            left_m2[order, number] = math.fsum(moves.lines[line].own_m2 for line in programme.left)
-            if number and left_m2[order, number] > left_m2[order, 0] + MENTIONED_M2:
+            if programme.left_m2 > most_left_m2 + MENTIONED_M2:
                 raise StrategyError("Tractors that work apart leave lines which they work together.")
             stops = supply and all(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
@@ -280,8 +281,14 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
-        sketch_apart = partial(sketch, order, number + 1) if number + 1 < len(shares) else None
-        return SketchedPlan(order, sketched.tractor_s, compose, sketch_apart)
+        def sketch_apart(left_m2: float) -> SketchedPlan:
+            return sketch(order, number + 1, min(left_m2, most_left_m2))
+
+        stops_s = [
+            0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
+        ]
+        apart = sketch_apart if number + 1 < len(shares) else None
+        return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
 
@@ -324,16 +331,15 @@ class ProgrammeDriver:
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[str, ...]:
     """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
-    left = [programme.table.lines[number] for number in programme.left]
-    area_m2 = math.fsum(line.own_m2 for line in left)
-    if area_m2 < MENTIONED_M2:
+    if programme.left_m2 < MENTIONED_M2:
         return ()
+    left = [programme.table.lines[number] for number in programme.left]
     largest = max(left, key=lambda line: line.own_m2)
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
     where, count = describe_position(x_m, y_m, context), "1 line of work is"
     if len(left) > 1:
         where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
-        f"{count} left ({area_m2:.0f} m2 {where}): not worth the drive for this machine",
+        f"{count} left ({programme.left_m2:.0f} m2 {where}): not worth the drive for this machine",
         "a smaller turning radius or a narrower implement may help",
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,10 +34,10 @@ from planner.fleet.replanning.replan import (
     infer_carried_supply,
     simulate_without_conflicts,
 )
-from planner.pipeline.going_on import PLAN_ERROR_M, sum_used
+from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
-from strategies.lines.work_line import build_tool_strip, cut_line
+from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.site_moves import SiteMoves
 from strategies.split_field import STRATEGY
@@ -127,7 +128,7 @@ def _leave_done_work(
     for number, (state, end) in enumerate(zip(remaining.states, ends, strict=True)):
         legs = list(state.mission.legs[:end])
         if number in remaining.excluded and legs:
-            legs[-1:] = [_cut_driven(legs[-1], state.leg_m)] if state.leg_m > 0.0 else []
+            legs[-1:] = list_driven_part(legs[-1], state.leg_m)
         strips += [build_tool_strip(leg.points, tool_m, width_m) for leg in legs if leg.implement]
         strips += build_round_corners(legs, context.driving_rules.radius_m, width_m)
     ground = extract_polygons(unite_areas(np.array(strips, dtype=np.object_))) if strips else shapely.Polygon()
@@ -137,22 +138,16 @@ def _leave_done_work(
     return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
 
 
-def _cut_driven(leg: Leg, driven_m: float) -> Leg:
-    return leg if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))
-
-
 def _compose_best(context: PlanningContext, tractors: int) -> ComposedPlan:
     """The quickest plan by its lines and moves; raises FleetManagerError where there is none."""
-    refusals = list[StrategyError]()
     try:
-        for sketch in sketch_plans(context, STRATEGY, tractors):
-            try:
+        *quicker, last = sketch_plans(context, STRATEGY, tractors)
+        for sketch in quicker:
+            with suppress(StrategyError):
                 return sketch.compose()
-            except StrategyError as refusal:
-                refusals.append(refusal)
+        return last.compose()
     except StrategyError as refusal:
-        refusals.append(refusal)
-    raise FleetManagerError(f"The work that is left cannot be planned: {refusals[0]}")
+        raise FleetManagerError(f"The work that is left cannot be planned: {refusal}") from None
 
 
 def _join_missions(

@@ -245,13 +245,10 @@ class CredibleMotion:
         }
         suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
         _, x, y, heading_rad, velocity_mps = self._kept_reports[place, :5].tolist()
-        lengths_driven_m = (
-            *(lengths_m[name] for name in lengths_m if name != POSITIONS), math.dist((x, y), self._report[1:3])
-        )  # fmt: skip
-        speeds_mps = [length_m / max(age_s, KEPT_S) for length_m in lengths_driven_m]
-        speed_mps = float(
-            max([abs(velocity_mps), *(speed for speed in speeds_mps if speed <= FASTEST_MPS)])
-        )  # else none
+        driven_m = [length_m for name, length_m in lengths_m.items() if name != POSITIONS]
+        driven_m.append(math.dist((x, y), self._report[1:3]))
+        shown_mps = (length_m / max(age_s, KEPT_S) for length_m in driven_m)
+        speed_mps = max([abs(velocity_mps), *(speed for speed in shown_mps if speed <= FASTEST_MPS)])
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
     def _measure_displacements_m(self, place: int) -> dict[str, Array]:

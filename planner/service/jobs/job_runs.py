@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from planner.day.field_times import FieldTimeCache
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.pipeline.diagnosis import diagnose, diagnose_demo
@@ -15,6 +14,7 @@ from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
+from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
 from planner.service.sandbox.readings import build_work_order
@@ -64,7 +64,7 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
     request = DayJobRequest.model_validate(job.request)
     day_request, day_farm = load_day(request.day, farm=request.farm, rain=request.rain, certainty_pct=request.certainty)
     prepared_day = prepare_day(day_request, day_farm)
-    cache = FieldTimeCache(Path(job.cache_folder))
+    cache = ResultCache(Path(job.cache_folder))
     unknown_count = prepared_day.count_uncached_field_times(cache)
     job.report_progress(0, max(unknown_count, 1), "Simulating fields")
     if unknown_count:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import re
+import sys
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
@@ -18,6 +20,7 @@ from planner.service.store.disk_storage import BlobStore, translate_disk_full, w
 
 LONGEST_NAME_CHARS = 100
 BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
+_SHA256 = re.compile("[0-9a-f]{64}")
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
@@ -42,20 +45,28 @@ class RevocationFolder:
         """Keep a revocation, on the disk when this returns. Raises StorageError, OSError where it cannot be kept."""
         with translate_disk_full():
             write_whole(self._folder / revocation.sha256, json.dumps(asdict(revocation)).encode())
+        self._give_to_service(self._folder / revocation.sha256)
+        self._give_to_service(self._folder)
 
     def list_waiting(self) -> Mapping[str, Revocation]:
-        """The revocations that wait, by SHA-256."""
+        """The revocations that wait, by SHA-256; other files in the folder are none."""
         found = {}
         with contextlib.suppress(FileNotFoundError):
-            for path in sorted(self._folder.iterdir()):
+            for path in sorted(one for one in self._folder.iterdir() if _SHA256.fullmatch(one.name)):
                 with contextlib.suppress(FileNotFoundError):  # another process has written it to the database
-                    if not path.name.startswith("."):
-                        found[path.name] = Revocation(**json.loads(path.read_text(encoding="utf-8")))
+                    found[path.name] = Revocation(**json.loads(path.read_text(encoding="utf-8")))
         return found
 
     def remove(self, revocation: Revocation) -> None:
         """Forget a revocation that is in the database."""
         (self._folder / revocation.sha256).unlink(missing_ok=True)
+
+    def _give_to_service(self, path: Path) -> None:
+        """Give what root made, never what a link names, to the owner of the data folder, as whom the service runs."""
+        if sys.platform != "win32" and os.geteuid() == 0:
+            owner = self._folder.parent.stat()
+            with contextlib.suppress(FileNotFoundError):  # the service has written it to the database
+                os.chown(path, owner.st_uid, owner.st_gid, follow_symlinks=False)
 
 
 class StorePart:

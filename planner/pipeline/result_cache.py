@@ -1,0 +1,65 @@
+"""Results kept on disk between runs: the folder of this system, and JSON files in it by the hash of what they answer.
+
+A cache only saves time, and may be deleted at any moment.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+CACHE_VARIABLE = "HEADLAND_CACHE"
+
+
+def find_cache_folder() -> Path:
+    """The cache folder of this system; HEADLAND_CACHE names another one."""
+    if os.environ.get(CACHE_VARIABLE):
+        return Path(os.environ[CACHE_VARIABLE])
+    home = Path.home()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "headland" / "Cache"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "headland"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "headland"
+
+
+@dataclass(frozen=True)
+class ResultCache:
+    """JSON files by name in a folder; None disables the cache. Unreadable files count as missing."""
+
+    folder: Path | None
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """A cached object, None if it is missing or damaged."""
+        if self.folder is None:
+            return None
+        try:
+            content = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        return content if isinstance(content, dict) else None
+
+    def write(self, name: str, content: Mapping[str, Any]) -> bool:
+        """Store an object atomically; returns whether this succeeded."""
+        if self.folder is None:
+            return True
+        draft = self.folder / f".{name[:16]}-{secrets.token_hex(4)}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            draft.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
+            os.replace(draft, self.folder / f"{name}.json")
+        except OSError:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
+            return False
+        return True
+
+
+NO_CACHE = ResultCache(None)

@@ -1,0 +1,139 @@
+"""What a sweep varies: the options of a plan, each with the values to try, as text or as Python values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from planner.errors import RequestError, mark_parameter, shorten_value
+from planner.request.options import OptionHelp, RequestOption, list_options
+from planner.request.plan_request import WORK, PlanRequest
+from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
+
+MOST_POINTS = 100_000
+MOST_VALUES = 1000
+_RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
+_ROUNDING = 1e-9
+_TEXTS = ("tractors", "start_s", "deadline_s", "tractor", "soil", "draft")
+"""Parameters that are swept though they are neither numbers nor choices."""
+_DRIVEN = ("samples", "seed", "moisture_pct", "et0_mm", "budget", "clearance_m", "part", "objective")
+"""Parameters that change no estimate, or what is chosen and not what is planned."""
+HEADLAND_ORDER = RequestOption(
+    "headland_order",
+    "headland_order",
+    str,
+    None,
+    "When the headland is worked: first, last.",
+    OptionHelp("", WORK, choices=HEADLAND_ORDERS),
+)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An option and the values that a sweep gives it.
+
+    Attributes:
+        option: as the command line has it.
+        values: of its parameter in a request: SI units, seconds of the day, a tuple with one number of tractors.
+        written: the same as the option is written: km/h, hh:mm, one number of tractors.
+    """
+
+    option: RequestOption
+    values: tuple[Any, ...]
+    written: tuple[Any, ...]
+
+    @property
+    def parameter(self) -> str:
+        """What it sets in a request."""
+        return self.option.parameter
+
+
+def list_swept_options() -> tuple[RequestOption, ...]:
+    """The options that a sweep can vary: numbers, choices, clock times, tractors and machines."""
+    found = [
+        option
+        for option in list_options(PlanRequest)
+        if option.value is None
+        and option.parameter not in _DRIVEN
+        and (option.type in (int, float) or option.rules.choices or option.parameter in _TEXTS)
+    ]
+    return (*found, HEADLAND_ORDER)
+
+
+def read_axes(values: Mapping[str, Any]) -> tuple[Axis, ...]:
+    """The axes of options by name, each a text (`3,4.5,6`, `6:12:1`, `1-8`), a value or several of them.
+
+    Options without a value are none. Raises RequestError.
+    """
+    options = {option.name: option for option in list_swept_options()}
+    unknown = next((name for name in values if name not in options), None)
+    if unknown is not None:
+        raise RequestError(f"A sweep cannot vary {unknown!r}; it varies {', '.join(options)}.")
+    return tuple(_read_axis(options[name], given) for name, given in values.items() if given is not None)
+
+
+def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
+    """The number of the value on every axis, for all combinations; raises RequestError for too many."""
+    count = prod(len(axis.values) for axis in axes)
+    if count > MOST_POINTS:
+        raise RequestError(f"{count:,} combinations are more than a sweep takes; give {MOST_POINTS:,} at most.")
+    return product(*(range(len(axis.values)) for axis in axes))
+
+
+def _read_axis(option: RequestOption, given: Any) -> Axis:
+    parts = _split_text(option, given) if isinstance(given, str) else _list_values(given)
+    written = tuple(dict.fromkeys(parts))
+    if not written:
+        raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
+    if len(written) > MOST_VALUES:
+        raise RequestError(f"{mark_parameter(option.parameter)} has {len(written)} values; give {MOST_VALUES} at most.")
+    if option.parameter == "tractors":
+        return Axis(option, tuple((count,) for count in written), written)
+    read: Callable[[Any], Any] = option.parse or (lambda value: value)
+    return Axis(option, tuple(map(read, written)), written)
+
+
+def _list_values(given: Any) -> list[Any]:
+    """Values that Python gives, of numpy too."""
+    values = given if isinstance(given, Sequence | range | np.ndarray) else [given]
+    return [value.item() if isinstance(value, np.generic) else value for value in values]
+
+
+def _split_text(option: RequestOption, text: str) -> list[Any]:
+    """The values of a text: separated by commas, and of numbers ranges too."""
+    if option.parameter == "tractors":
+        assert option.parse is not None
+        return list(option.parse(text))
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if option.type not in (int, float):
+        return parts
+    return [value for part in parts for value in _read_numbers(option, part)]
+
+
+def _read_numbers(option: RequestOption, part: str) -> list[Any]:
+    """A number, or those from one to another in steps, both ends among them."""
+    found = _RANGE.fullmatch(part)
+    try:
+        if found is None:
+            return [option.type(part)]
+        first, last, step = (float(found[name] or 1.0) for name in ("first", "last", "step"))
+    except ValueError:
+        raise RequestError(
+            f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number; give numbers "
+            "(3,4.5,6) or a range (6:12:1, from, to and step).",
+            parameter=option.parameter,
+        ) from None
+    if not (step > 0.0 and last >= first and (last - first) / step < MOST_VALUES):
+        raise RequestError(
+            f"{mark_parameter(option.parameter)} holds the range {shorten_value(part)}; give from, to and step, the "
+            f"step above 0, from no more than to, {MOST_VALUES} values at most.",
+            parameter=option.parameter,
+        )
+    count = int((last - first) / step + 1.0 + _ROUNDING)
+    return [option.type(round(first + number * step, 9)) for number in range(count)]

@@ -1,0 +1,155 @@
+"""Plans estimated and not driven: tours found once for the ground and a number of tractors, their times by speed.
+
+What is not in an estimate is waiting for each other, and what moves take that a drive refuses.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.evaluation.candidates.energy_figures import list_energy_figures
+from planner.evaluation.candidates.figures import add_clock_times, compute_cost
+from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.layout_choice import compute_covered_share
+from planner.evaluation.preparation import change_terms, prepare_context
+from planner.evaluation.site import build_site, get_site_moves
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.ranking import mark_worked_shares
+from planner.risk.costs import DrivenTimes
+from reports.common.plan_results import PlanResult
+from strategies.path_planning.errors import StrategyError
+from strategies.programmes.programme import list_pairs
+from strategies.programmes.site_moves import SiteMoves
+from strategies.split_field import STRATEGY
+from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
+
+
+@dataclass(frozen=True, eq=False)
+class _TimedTours:
+    """Tours at a speed: seconds of every tractor, of all at work, and metres of their moves."""
+
+    times: DrivenTimes
+    order: str
+    worked_share: float
+
+
+class GroundEstimates:
+    """The plans of one layout: tours are found once for a number of tractors and an order of the headland."""
+
+    def __init__(self, context: PlanningContext) -> None:
+        """For the ground of a context, whose speed is that at which tours are found."""
+        self._context = context
+        self._covered_share = compute_covered_share(get_site_moves(context))
+        self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
+        self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
+
+    def estimate(self, order: WorkOrder) -> PlanResult:
+        """The plan of an order for one number of tractors on this ground, the quicker of its orders of the headland."""
+        context, count = change_terms(self._context, order), order.request.tractors[0]
+        timed = list[_TimedTours]()
+        refusal: StrategyError | None = None
+        for headland in order.request.headland_orders or ("",):
+            sketch = self._sketch(count, headland)
+            if isinstance(sketch, StrategyError):
+                refusal = sketch
+            else:
+                timed.append(self._time_tours(context, sketch))
+        if not timed:
+            return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
+        best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
+        return _build_result(context, best)
+
+    def _sketch(self, tractors: int, headland: str) -> SketchedPlan | StrategyError:
+        """The plan of a number of tractors with the headland in an order, or why there is none."""
+        key = tractors, headland
+        if key not in self._sketches:
+            request = replace(self._context.request, tractors=(tractors,), headland_order=headland or None)
+            context = replace(self._context, request=request)
+            context.site_cache.update(self._context.site_cache)
+            try:
+                sketch = sketch_plans(context, STRATEGY, tractors)[0]
+                idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
+                self._sketches[key] = sketch if idle is None else _refuse_idle(tractors)
+            except StrategyError as refusal:
+                self._sketches[key] = refusal
+        return self._sketches[key]
+
+    def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
+        """The tours of a sketch at the speeds of a context."""
+        moves, rules, tours = self._get_moves(context), context.driving_rules, sketch.tours
+        work_m = [math.fsum(moves.lines[node // 2].measure_path_m(node % 2) for node in tour) for tour in tours]
+        pairs = [list_pairs(moves, [tour]) for tour in tours]
+        moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
+        work_s = np.array(work_m) / rules.work_speed_mps
+        tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
+        worked = {node // 2 for tour in tours for node in tour}
+        all_m2 = math.fsum(line.own_m2 for line in moves.lines)
+        worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
+        share = self._covered_share * worked_m2 / all_m2
+        return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
+
+    def _get_moves(self, context: PlanningContext) -> SiteMoves:
+        """The moves at the speeds of a context, between the same lines."""
+        request = context.request
+        key = request.speed_mps, request.effective_turn_speed_mps
+        if key not in self._moves:
+            self._moves[key] = SiteMoves(build_site(context), get_site_moves(self._context).lines)
+        return self._moves[key]
+
+
+def prepare_ground(order: WorkOrder) -> GroundEstimates:
+    """The ground of an order, laid out as for a plan; raises HeadlandError."""
+    return GroundEstimates(prepare_context(order))
+
+
+def _refuse_idle(tractors: int) -> StrategyError:
+    return StrategyError(f"There is no work for tractor {tractors} that is worth the drive.")
+
+
+def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
+    """The figures of a plan as a drive would have them, as far as they are estimated."""
+    times, share = timed.times, timed.worked_share
+    finish_s = float(times.tractor_s.max())
+    energy = _estimate_energy(context, times)
+    hourly, hiring = compute_cost(context, times, energy)
+    figures = PlanResult(
+        strategy=STRATEGY.name,
+        tractors=len(times.tractor_s),
+        turn=context.request.turn,
+        feasible=True,
+        time_s=finish_s,
+        tractor_time_s=float(times.tractor_s.sum()),
+        cost=hourly + hiring,
+        worked_pct=100.0 * share,
+        missed_m2=(1.0 - share) * context.layout.field.due_region.area,
+        finished_s=finish_s / share,
+        finished_cost=hourly / share + hiring,
+        turning_s=times.turn_s,
+        headland_passes=context.layout.headland_passes,
+        headland_order=timed.order or None,
+        is_simulated=False,
+        **list_energy_figures(context, times, energy),
+    )
+    return add_clock_times(mark_worked_shares([figures], context)[0], context, finish_s, finish_s / share)
+
+
+def _estimate_energy(context: PlanningContext, times: DrivenTimes) -> tuple[float, ...] | None:
+    """Litres or kilowatt-hours of every tractor at steady speeds on level ground; None where the load is not known."""
+    load, rules = context.physics.fuel_load, context.driving_rules
+    if load is None:
+        return None
+    rolling_share = choose_rolling_share(load, context.layout.field.default_ground)
+    total = 0.0
+    for seconds, speed_mps, is_working in (
+        (times.work_s, rules.work_speed_mps, True),
+        (times.turn_s, rules.turn_speed_mps, False),
+    ):
+        speeds = np.array([speed_mps])
+        total += estimate_consumption(
+            context.tractor, load, rolling_share, seconds * speeds, np.zeros(1), speeds, is_working
+        )
+    return tuple((total * times.tractor_s / times.tractor_s.sum()).tolist())

@@ -1,0 +1,56 @@
+"""A sweep in Python: from a request and the values of some of its parameters to a table of plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from planner.evaluation.work_order import FieldChoice, WorkOrder
+from planner.pipeline.worker_tasks import Progress
+from planner.request.plan_request import PlanRequest
+from planner.risk.costs import CostTerms
+from planner.sweep.axes import read_axes
+from planner.sweep.sweep import Sweep
+from reports.sweep.tables import build_sweep_frame
+from strategies.program.supply import Supply
+from vehicle.model.tractor import Implement, Tractor
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def sweep(
+    request: PlanRequest,
+    *,
+    field: FieldChoice = None,
+    tractor: Tractor | None = None,
+    implement: Implement | None = None,
+    cost_terms: CostTerms | None = None,
+    supply: Supply | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    **values: Any,
+) -> DataFrame:
+    """Estimate a plan for every combination of some options, and return a table with a row for each.
+
+    `values` are by the name of the option, in the unit of the command line: `width=[3, 4.5], speed_kmh=range(6, 13),
+    tractors="1-8", headland_order=["first", "last"]`; texts are read as `headland sweep` reads them. The other
+    arguments are those of `plan`. The columns are the options, then seconds, cost, share worked, fuel, whether nothing
+    beats the plan (`on_front`) and which one to take (`is_best`); `frame.attrs["sweep"]` is the result that reports
+    draw. Nothing is driven: `plan` with the values of a row does that. Raises HeadlandError.
+    """
+    if "tractors" not in values:
+        values["tractors"] = list(request.tractors)
+    axes = read_axes({name.removesuffix("_m"): value for name, value in values.items()})
+
+    def build_order(_: str, parameters: Mapping[str, Any]) -> WorkOrder:
+        return WorkOrder(replace(request, **parameters), field, tractor, implement, None, cost_terms, supply)
+
+    found = Sweep(axes, (request.field,), build_order)
+    found.run(executor, progress=progress)
+    result = found.build_result()
+    frame = build_sweep_frame(result)
+    frame.attrs["sweep"] = result
+    return frame

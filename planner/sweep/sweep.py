@@ -1,0 +1,265 @@
+"""A sweep: every combination of some options estimated on any executor, what is known kept for the next time."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from hashlib import sha256
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from planner.errors import HeadlandError
+from planner.evaluation.work_order import WorkOrder, read_requested_field
+from planner.pipeline.executors import create_executor, iter_completed
+from planner.pipeline.many_fields import hash_question
+from planner.pipeline.result_cache import NO_CACHE, ResultCache
+from planner.pipeline.worker_tasks import Progress
+from planner.request.option_texts import format_clock
+from planner.sweep.axes import Axis, list_points
+from planner.sweep.estimates import prepare_ground
+from reports.common.plan_results import PlanResult
+from reports.sweep.results import SweepResult, SweptOption, SweptPlan
+from strategies.split_field import STRATEGY
+
+SUMMED = frozenset(
+    {
+        "tractors",
+        "headland_order",
+        "speed_mps",
+        "turn_speed_mps",
+        "price_per_hour",
+        "price_per_tractor",
+        "start_s",
+        "deadline_s",
+    }
+)
+"""Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
+PROGRESS_STEP = 500
+_ADDED = (
+    "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s", "done_s", "home_s",
+    "finished_done_s", "transport_s", "fuel_l", "energy_kwh", "co2_kg",
+)  # fmt: skip
+_PLANS = TypeAdapter(list[PlanResult])
+_DEFAULTS = {one.name: one.default for one in fields(PlanResult)}
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTask:
+    """The orders of one ground: numbers of their combinations, and the first of them, at a middling speed."""
+
+    numbers: tuple[int, ...]
+    orders: tuple[WorkOrder, ...]
+    reference: WorkOrder
+
+    def hash(self) -> str:
+        """What the answer depends on."""
+        requests = ";".join(repr(order) for order in self.orders)
+        return sha256(f"{hash_question(self.reference)}{requests}".encode()).hexdigest()
+
+
+def build_tasks(
+    axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder], processes: int
+) -> list[GroundTask]:
+    """One task for every ground, or as many as there are processes, each with some numbers of tractors.
+
+    `build_order` makes the order of the parameters of a combination. Raises HeadlandError.
+    """
+    by_ground: dict[tuple[int, ...], list[tuple[int, tuple[int, ...]]]] = {}
+    places = [place for place, axis in enumerate(axes) if axis.parameter not in SUMMED]
+    for number, values in enumerate(list_points(axes)):
+        by_ground.setdefault(tuple(values[place] for place in places), []).append((number, values))
+    share = max(1, processes // len(by_ground))
+    tasks = []
+    for points in by_ground.values():
+        orders = [
+            build_order({axis.parameter: axis.values[place] for axis, place in zip(axes, values, strict=True)})
+            for _, values in points
+        ]
+        counts = sorted({order.request.tractors for order in orders})
+        middle = sorted(orders, key=lambda order: order.request.speed_mps)[len(orders) // 2]
+        for part in range(share):
+            of_part = [place for place, one in enumerate(orders) if counts.index(one.request.tractors) % share == part]
+            if of_part:
+                numbers = tuple(points[place][0] for place in of_part)
+                tasks.append(GroundTask(numbers, tuple(orders[place] for place in of_part), middle))
+    return tasks
+
+
+def estimate_task(
+    orders: Sequence[WorkOrder], reference: WorkOrder, describe_refusal: Callable[[HeadlandError], str] = str
+) -> list[PlanResult]:
+    """The plans of orders on one ground; where that cannot be planned all are refused for its reason."""
+    try:
+        ground = prepare_ground(reference)
+    except HeadlandError as refusal:
+        reason = describe_refusal(refusal)
+        return [
+            PlanResult(STRATEGY.name, one.request.tractors[0], one.request.turn, False, reason, is_simulated=False)
+            for one in orders
+        ]
+    return [ground.estimate(one) for one in orders]
+
+
+def iter_plans(
+    tasks: Sequence[GroundTask],
+    executor: Executor,
+    cache: ResultCache,
+    describe_refusal: Callable[[HeadlandError], str] = str,
+) -> Iterator[tuple[int, int, PlanResult]]:
+    """Yield the plans of all tasks, each with the number of its task and of its combination.
+
+    Those known come at once, others as they are estimated.
+    """
+    keys = [task.hash() for task in tasks]
+    missing = []
+    for place, (task, key) in enumerate(zip(tasks, keys, strict=True)):
+        known = _unpack(cache.read(key), len(task.numbers))
+        if known is None:
+            missing.append(place)
+        else:
+            yield from ((place, number, plan) for number, plan in zip(task.numbers, known, strict=True))
+    arguments = [(tasks[place].orders, tasks[place].reference, describe_refusal) for place in missing]
+    for number, plans in iter_completed(executor, estimate_task, arguments):
+        place = missing[number]
+        cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
+        yield from ((place, combination, plan) for combination, plan in zip(tasks[place].numbers, plans, strict=True))
+
+
+def _pack(plan: PlanResult) -> dict[str, Any]:
+    """What a plan has other than a plan has by default."""
+    values = {name: getattr(plan, name) for name in _DEFAULTS}
+    return {name: value for name, value in values.items() if name == "measured" or value != _DEFAULTS[name]}
+
+
+def _unpack(content: Mapping[str, Any] | None, count: int) -> list[PlanResult] | None:
+    """The plans of a file of the cache; None for one that is missing or damaged."""
+    if content is None:
+        return None
+    try:
+        plans = _PLANS.validate_python(content.get("plans"))
+    except ValueError:
+        return None
+    return plans if len(plans) == count else None
+
+
+@dataclass(eq=False)
+class Sweep:
+    """A sweep over one field or several, and the plans that are known of it so far.
+
+    Attributes:
+        axes: what is varied.
+        fields: the fields, as requests name them.
+        build_order: makes the order of a field and the parameters of a combination.
+        command: what plans one combination, without the varied options and the field.
+    """
+
+    axes: tuple[Axis, ...]
+    fields: tuple[str, ...]
+    build_order: Callable[[str, Mapping[str, Any]], WorkOrder]
+    command: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._points = list(list_points(self.axes))
+        self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
+
+    @property
+    def total(self) -> int:
+        """The number of combinations, with several fields on each."""
+        return len(self._points) * len(self.fields)
+
+    def run(
+        self,
+        executor: Executor | None = None,
+        cache: ResultCache = NO_CACHE,
+        progress: Progress | None = None,
+        describe_refusal: Callable[[HeadlandError], str] = str,
+        processes: int | None = None,
+    ) -> None:
+        """Estimate what is not known yet; `progress` is called with (done, total). Raises HeadlandError.
+
+        What is found before an exception, such as Ctrl-C, stays: `build_result` shows it.
+        """
+        with ExitStack() as opened:
+            count = processes or os.cpu_count() or 1
+            tasks = [
+                build_tasks(self.axes, partial(self.build_order, name), max(1, count // len(self.fields)))
+                for name in self.fields
+            ]
+            every = [task for of_field in tasks for task in of_field]
+            executor = executor or opened.enter_context(create_executor(len(every), processes))
+            owners = [place for place, of_field in enumerate(tasks) for _ in of_field]
+            for place, number, plan in iter_plans(every, executor, cache, describe_refusal):
+                found = self._found[owners[place]]
+                found[number] = plan
+                done = sum(map(len, self._found))
+                if progress is not None and (len(found) == len(self._points) or done % PROGRESS_STEP == 0):
+                    progress(done, self.total)
+
+    def build_result(self) -> SweepResult:
+        """The plans known so far; of several fields those that are known of all. Raises HeadlandError for a field."""
+        orders = [self.build_order(name, self._get_parameters(self._points[0])) for name in self.fields]
+        read = [read_requested_field(order.request, order.field) for order in orders]
+        first, request = orders[0], orders[0].request
+        numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
+        areas_ha = [field.area_ha for field in read]
+        plans = [join_fields([found[number] for found in self._found], areas_ha) for number in numbers]
+        by_field = {
+            field.name: tuple(SweptPlan(self._points[number], found[number]) for number in numbers)
+            for field, found in zip(read, self._found, strict=True)
+        }
+        return SweepResult(
+            field_name=" + ".join(field.name for field in read) if len(read) < 4 else f"{len(read)} fields",
+            area_ha=math.fsum(areas_ha),
+            options=tuple(SweptOption(name_column(one), one.option.name, one.written) for one in self.axes),
+            plans=tuple(SweptPlan(self._points[number], plan) for number, plan in zip(numbers, plans, strict=True)),
+            total=len(self._points),
+            currency=None if first.cost_terms is None else first.cost_terms.prices.currency,
+            start=None if request.start_s is None else format_clock(request.start_s),
+            allowed_s=request.time_limit_s,
+            is_priced=first.cost_terms is not None or request.price_per_hour is not None,
+            by_field=by_field if len(read) > 1 else {},
+            command=(*self.command, *(self.fields if len(self.fields) == 1 else ())),
+        )
+
+    def _get_parameters(self, numbers: Sequence[int]) -> dict[str, Any]:
+        return {axis.parameter: axis.values[number] for axis, number in zip(self.axes, numbers, strict=True)}
+
+
+def name_column(axis: Axis) -> str:
+    """What the column of an axis is called in files: the option, with the unit in which it is written."""
+    option = axis.option
+    is_converted = option.limits is not None and option.limits.scale != 1.0
+    return option.name if is_converted or option.parameter.endswith("_s") else option.parameter
+
+
+def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float]) -> PlanResult:
+    """The plans of several fields worked one after another by the same fleet; refused where one is."""
+    if len(plans) == 1:
+        return plans[0]
+    refused = next((plan for plan in plans if not plan.feasible), None)
+    if refused is not None:
+        return refused
+    sums: dict[str, Any] = {name: _add(plans, name) for name in _ADDED}
+    worked_ha = math.fsum(area_ha * (plan.worked_pct or 0.0) for plan, area_ha in zip(plans, areas_ha, strict=True))
+    return replace(
+        plans[0],
+        **sums,
+        worked_pct=worked_ha / math.fsum(areas_ha),
+        works_enough=all(plan.works_enough for plan in plans),
+        meets_deadline=None,
+        fuel_l_by_tractor=None,
+        energy_kwh_by_tractor=None,
+        fuel_l_per_ha=None,
+        energy_kwh_per_ha=None,
+    )
+
+
+def _add(plans: Sequence[PlanResult], name: str) -> float | None:
+    values = [getattr(plan, name) for plan in plans]
+    return None if None in values else math.fsum(values)

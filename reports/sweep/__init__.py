@@ -1,0 +1,1 @@
+"""Sweeps: many combinations of options, estimated, as tables, pages and files."""

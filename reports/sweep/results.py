@@ -1,0 +1,150 @@
+"""The result of a sweep: the plans of many combinations of options, which of them nothing beats, and what matters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.notebook import ShownResult
+from reports.common.plan_results import PlanResult, choose_plan, get_ranked_cost, get_ranked_s
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SweptOption:
+    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values."""
+
+    key: str
+    flag: str
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SweptPlan:
+    """One combination: the number of the value of every option, and the plan as estimated, or why there is none."""
+
+    numbers: tuple[int, ...]
+    plan: PlanResult
+
+
+@dataclass(frozen=True)
+class OptionInfluence:
+    """Shares of the variance of time and of cost between plans that an option explains by itself, 0 to 1."""
+
+    option: SweptOption
+    time_share: float
+    cost_share: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepResult(ShownResult):
+    """The plans of a sweep in the order of their combinations, all estimated and none driven.
+
+    Attributes:
+        field_name, area_ha: of the field, or of all fields together.
+        options: what is varied; every plan has a value of each.
+        plans: of the combinations that there was time for, of `total` in all.
+        by_field: with several fields, the plans of each, by its name; then `plans` are those of all together, one after
+            another.
+        command: the command that plans one combination in full, without the varied options.
+    """
+
+    field_name: str
+    area_ha: float
+    options: tuple[SweptOption, ...]
+    plans: tuple[SweptPlan, ...]
+    total: int
+    currency: str | None = None
+    start: str | None = None
+    allowed_s: float | None = None
+    is_priced: bool = False
+    by_field: dict[str, tuple[SweptPlan, ...]] = field(default_factory=dict)
+    command: tuple[str, ...] = ()
+
+    def get_values(self, plan: SweptPlan) -> tuple[Any, ...]:
+        """The values of a plan's options, as options are written."""
+        return tuple(option.values[number] for option, number in zip(self.options, plan.numbers, strict=True))
+
+    @cached_property
+    def usable(self) -> tuple[SweptPlan, ...]:
+        """The plans that can be taken: they work enough of the field, and are in time where there is a deadline."""
+        return tuple(
+            one
+            for one in self.plans
+            if one.plan.feasible and one.plan.works_enough and one.plan.meets_deadline is not False
+        )
+
+    @cached_property
+    def front(self) -> tuple[SweptPlan, ...]:
+        """The usable plans that nothing beats in time, cost, tractors, ground worked and fuel together, quickest first.
+
+        Of plans alike in all of these the first is taken.
+        """
+        return tuple(
+            self.usable[number] for number in find_front(np.array([_list_aims(one.plan) for one in self.usable]))
+        )
+
+    @cached_property
+    def best(self) -> SweptPlan | None:
+        """The plan to take, by the rule of `headland plan`; None where none is usable."""
+        feasible = [one for one in self.plans if one.plan.feasible]
+        if not feasible:
+            return None
+        chosen = choose_plan([one.plan for one in feasible], self.allowed_s, self.is_priced)
+        return next(one for one in feasible if one.plan is chosen)
+
+    @cached_property
+    def influences(self) -> tuple[OptionInfluence, ...]:
+        """What every option explains of the differences of time and cost, the one that explains most first."""
+        feasible = [one for one in self.plans if one.plan.feasible]
+        times_s = np.array([get_ranked_s(one.plan) for one in feasible])
+        costs = np.array([get_ranked_cost(one.plan) for one in feasible])
+        numbers = np.array([one.numbers for one in feasible], np.int64).reshape(len(feasible), len(self.options))
+        found = [
+            OptionInfluence(
+                option, measure_influence(times_s, numbers[:, place]), measure_influence(costs, numbers[:, place])
+            )
+            for place, option in enumerate(self.options)
+        ]
+        return tuple(sorted(found, key=lambda one: -max(one.time_share, one.cost_share)))
+
+    @property
+    def refusal(self) -> str | None:
+        """Why the first combination without a plan has none; None where all have one."""
+        return next((one.plan.reason for one in self.plans if not one.plan.feasible), None)
+
+
+def find_front(aims: Floats) -> list[int]:
+    """Numbers of the rows (n, k) that no other beats: none is as small in all and smaller in one; sorted by the row."""
+    kept = list[int]()
+    for number in np.lexsort(aims.T[::-1]).tolist() if len(aims) else []:
+        front = aims[kept]
+        if not (front <= aims[number]).all(axis=1).any():
+            kept.append(number)
+    return kept
+
+
+def measure_influence(values: Floats, groups: npt.NDArray[np.int64]) -> float:
+    """Share of the variance of values (n,) that is between the means of groups (n,); 0 where they do not differ.
+
+    The correlation ratio eta squared, which is the first-order index of Sobol where all combinations are there.
+    """
+    total = float(values.var()) if len(values) else 0.0
+    if total <= 1e-12 * float(np.square(values).mean() if len(values) else 0.0):
+        return 0.0
+    counts = np.bincount(groups)
+    means = np.bincount(groups, values) / np.maximum(counts, 1)
+    return float((counts * np.square(means - values.mean())).sum() / (len(values) * total))
+
+
+def _list_aims(plan: PlanResult) -> Sequence[float]:
+    """What a plan should have little of, as it is printed: seconds, cost, tractors, per mille left, litres or kWh."""
+    used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
+    left = -round(plan.worked_pct or 0.0, 1)
+    return round(get_ranked_s(plan)), round(get_ranked_cost(plan), 2), plan.tractors, left, round(used or 0.0, 1)
