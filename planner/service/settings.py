@@ -150,7 +150,10 @@ class Limits:
     parse_slice_bytes: int = 8 * 1024  # of a link, parsed at a time
     parse_pause_s: float = 0.002  # between two slices
     close_timeout_s: float = 1.0  # in which a link must answer a close frame
+    most_frame_bytes: int = 2**18
     backlog: int = 1024  # connections that wait to be accepted
+    accepts_per_turn: int = 32  # of them, by uvicorn in a turn of the event loop
+    shutdown_s: int = 5  # for requests that are under way
     niceness: int = 5  # of the office and of readers: links and stops come first
     sweep_period_s: float = 3600.0  # between two searches for bytes that nothing names
     job_count_period_s: float = 5.0  # between two counts of jobs for metrics

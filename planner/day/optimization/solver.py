@@ -37,20 +37,36 @@ from planner.day.optimization.problem import (
 )
 from planner.risk.random_events import create_generator
 
-MAX_TOTAL_UNITS = 10**14  # for all costs of a day
-MAX_UNITS_PER_MONEY = 10**8
-SOLVER_SEED = 1
 MAX_LABELS = 150_000  # of all fleets, at about 10 microseconds each
-COST_ROUNDING = 1e-6  # money, rounding error of sums
-MAX_ROUTES, MAX_NODES = 40_000, 200
-DEFAULT_EFFORT = 1_600_000  # priced routes, most of them cached: a second or two
-MIN_ITERATIONS, MAX_ITERATIONS = 30, 3000
-MIN_REMOVED, REMOVED_SHARE, MAX_REMOVED = 2, 0.4, 12  # fields removed at a time
-WORSENING_SHARE = 0.01  # of the cost: accepted worsening in the beginning
-EXACT_FIELDS = 8  # up to this number of fields, the constraint model is used
-EXACT_EFFORT_S = 3.0  # deterministic seconds of the constraint model
-ROUNDING_PCT = 1e-3
-EXACT_SEARCH_EFFORT, LARGE_SEARCH_EFFORT = 20_000, DEFAULT_EFFORT  # priced routes
+
+
+@dataclass(frozen=True)
+class SearchRules:
+    """How much is tried for a day, and what counts as equal."""
+
+    # the search
+    effort: int = 1_600_000  # priced routes, most of them cached: a second or two
+    exact_effort: int = 20_000  # priced routes before the constraint model
+    min_iterations: int = 30
+    max_iterations: int = 3000
+    min_removed: int = 2  # fields removed at a time
+    removed_share: float = 0.4
+    max_removed: int = 12
+    worsening_share: float = 0.01  # of the cost: accepted worsening in the beginning
+    # the constraint model
+    exact_fields: int = 8  # up to this number of fields it is used
+    exact_effort_s: float = 3.0  # its deterministic seconds
+    max_total_units: int = 10**14  # for all costs of a day
+    max_units_per_money: int = 10**8
+    # set partitioning
+    max_routes: int = 40_000
+    max_nodes: int = 200
+    # rounding errors
+    cost_rounding: float = 1e-6  # money, of sums
+    gap_rounding_pct: float = 1e-3
+
+
+RULES = SearchRules()
 
 
 @dataclass(eq=False)
@@ -83,7 +99,7 @@ def solve_exactly(problem: DayProblem, hint: Routes, effort_s: float) -> DayProo
     _add_route_hints(model, hint)
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
-    solver.parameters.random_seed = SOLVER_SEED
+    solver.parameters.random_seed = 1
     solver.parameters.catch_sigint_signal = False  # otherwise Ctrl-C would only end the search
     solver.parameters.max_deterministic_time = effort_s
     status = solver.solve(model.cp)
@@ -97,8 +113,8 @@ def _choose_units(problem: DayProblem) -> float:
     travel_cost = sum(max(max(row) for row in prices) for prices in problem.travel_cost) * (problem.field_count + 1)
     work_cost = sum(max(row, default=0.0) for row in problem.work_cost) * problem.field_count
     return min(
-        MAX_UNITS_PER_MONEY,
-        MAX_TOTAL_UNITS / max(sum(problem.skip_cost) + sum(problem.value_at_risk) + travel_cost + work_cost, 1.0),
+        RULES.max_units_per_money,
+        RULES.max_total_units / max(sum(problem.skip_cost) + sum(problem.value_at_risk) + travel_cost + work_cost, 1.0),
     )
 
 
@@ -239,7 +255,7 @@ def choose_routes(problem: DayProblem, known_cost: float, least_costs: Sequence[
     for fleet in range(problem.fleet_count):
         kind = problem.get_fleet_kind(fleet)
         if kind not in tables:
-            growth = _RouteEnumeration(problem, least_costs, known_cost + COST_ROUNDING, remaining_labels)
+            growth = _RouteEnumeration(problem, least_costs, known_cost + RULES.cost_rounding, remaining_labels)
             if not _enumerate_routes(growth, fleet):
                 return None
             tables[kind], remaining_labels = growth.best_routes, growth.remaining_labels
@@ -313,7 +329,7 @@ def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[f
     from scipy.sparse import csc_matrix
 
     columns = [(fleet, *cost_and_route) for fleet, table in enumerate(tables) for cost_and_route in table.values()]
-    if len(columns) > MAX_ROUTES:
+    if len(columns) > RULES.max_routes:
         return None
     count = problem.field_count
     covered = [(number, number) for number in range(count)]
@@ -329,7 +345,7 @@ def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[f
         constraints=LinearConstraint(uses, least, np.ones(len(least))),
         integrality=np.ones(len(prices)),
         bounds=Bounds(0.0, 1.0),
-        options={"node_limit": MAX_NODES, "mip_rel_gap": 0.0},
+        options={"node_limit": RULES.max_nodes, "mip_rel_gap": 0.0},
     )
     lower_bound = solution.mip_dual_bound
     if lower_bound is None or not math.isfinite(lower_bound):
@@ -344,7 +360,7 @@ def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[f
 
 
 def search_routes(
-    problem: DayProblem, start: Routes | None = None, *, seed: int = 1, effort: int = DEFAULT_EFFORT
+    problem: DayProblem, start: Routes | None = None, *, seed: int = 1, effort: int = RULES.effort
 ) -> Routes:
     """Routes by large neighbourhood search, never worse than `start` or than plain insertion."""
     all_fields = range(problem.field_count)
@@ -353,7 +369,7 @@ def search_routes(
     best = current = min(options, key=lambda routes: _compute_cost_or_inf(problem, routes))
     removed_count = _compute_max_removed(problem)
     priced = removed_count * (removed_count + 1) // 2 * (problem.field_count + problem.fleet_count)  # in an iteration
-    iterations = max(MIN_ITERATIONS, min(MAX_ITERATIONS, effort // max(priced, 1)))
+    iterations = max(RULES.min_iterations, min(RULES.max_iterations, effort // max(priced, 1)))
     random = create_generator(seed, "day")
     for iteration in range(iterations):
         removed = _choose_removed_fields(problem, current, random)
@@ -361,7 +377,7 @@ def search_routes(
         pending = {field for field in all_fields if not any(field in route for route in partial_routes)}
         candidate = repair_routes(problem, partial_routes, pending, use_regret=bool(random.random() < 0.5))
         cost = _compute_cost_or_inf(problem, candidate)
-        allowance = WORSENING_SHARE * abs(_compute_cost_or_inf(problem, best)) * (1.0 - iteration / iterations)
+        allowance = RULES.worsening_share * abs(_compute_cost_or_inf(problem, best)) * (1.0 - iteration / iterations)
         if cost < _compute_cost_or_inf(problem, best) - COST_TOLERANCE:
             best = candidate
         if cost <= _compute_cost_or_inf(problem, best) + allowance:
@@ -376,7 +392,7 @@ def _compute_cost_or_inf(problem: DayProblem, routes: Routes) -> float:
 
 
 def _compute_max_removed(problem: DayProblem) -> int:
-    return max(MIN_REMOVED, min(MAX_REMOVED, round(REMOVED_SHARE * problem.field_count)))
+    return max(RULES.min_removed, min(RULES.max_removed, round(RULES.removed_share * problem.field_count)))
 
 
 def _choose_removed_fields(problem: DayProblem, routes: Routes, random: np.random.Generator) -> set[int]:
@@ -384,7 +400,7 @@ def _choose_removed_fields(problem: DayProblem, routes: Routes, random: np.rando
     worked_fields = sorted(field for route in routes for field in route)
     if not worked_fields:
         return set()
-    count = min(len(worked_fields), int(random.integers(MIN_REMOVED, _compute_max_removed(problem) + 1)))
+    count = min(len(worked_fields), int(random.integers(RULES.min_removed, _compute_max_removed(problem) + 1)))
     if random.random() < 0.5:
         return set(np.asarray(worked_fields)[random.permutation(len(worked_fields))[:count]].tolist())
     seed_field = worked_fields[int(random.integers(len(worked_fields)))]
@@ -403,19 +419,19 @@ class DaySolution:
     gap_pct: float
 
 
-def solve_day(problem: DayProblem, *, seed: int = 1, exact_fields: int = EXACT_FIELDS) -> DaySolution:
+def solve_day(problem: DayProblem, *, seed: int = 1, exact_fields: int = RULES.exact_fields) -> DaySolution:
     """The best day found; the same for the same problem and seed.
 
     For few fields the constraint model is solved. If it leaves a gap, and for many fields, routes are enumerated; with
     too many routes the Lagrangian bound gives the gap.
     """
     is_few = problem.field_count <= exact_fields
-    routes = search_routes(problem, seed=seed, effort=EXACT_SEARCH_EFFORT if is_few else LARGE_SEARCH_EFFORT)
+    routes = search_routes(problem, seed=seed, effort=RULES.exact_effort if is_few else RULES.effort)
     least_costs = compute_least_costs(problem)
     cost = _compute_cost_or_inf(problem, routes)
     solution = DaySolution(routes, cost, _compute_optimality_gap_pct(cost, sum(least_costs)))
     if is_few and solution.gap_pct > 0.0:
-        solution = _improve_solution(problem, solution, solve_exactly(problem, solution.routes, EXACT_EFFORT_S))
+        solution = _improve_solution(problem, solution, solve_exactly(problem, solution.routes, RULES.exact_effort_s))
     if solution.gap_pct > 0.0 and (proof := choose_routes(problem, solution.cost, least_costs)) is not None:
         solution = _improve_solution(problem, solution, proof)
     if solution.gap_pct > 0.0:
@@ -455,4 +471,4 @@ def compute_least_costs(problem: DayProblem) -> list[float]:
 def _compute_optimality_gap_pct(cost: float, lower_bound: float) -> float:
     """The gap in percent of the cost; 0 within rounding."""
     gap = 100.0 * (cost - lower_bound) / cost if cost > 0.0 else 0.0
-    return gap if gap > ROUNDING_PCT else 0.0
+    return gap if gap > RULES.gap_rounding_pct else 0.0

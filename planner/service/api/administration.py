@@ -297,7 +297,9 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     """Make a token; its text is shown only once."""
     store: Store = request.app.state.store
     text, row = store.create_token(body.name, body.scopes, fleet=body.fleet, tractor=body.tractor, expires=body.expires)
-    _refresh_token_cache(request)
+    book: TokenCache | None = getattr(request.app.state, "book", None)
+    if book is not None:  # a separate control process reads the tokens itself
+        book.refresh()
     info = TokenInfo.model_validate(row)
     store.add_event(None, caller.name, "token made", info.model_dump(exclude_none=True, exclude={"created"}))
     return NewToken(**info.model_dump(), token=text)
@@ -313,10 +315,3 @@ async def revoke_token(request: Request, caller: AdminAccess, name: str) -> None
         await request.app.state.book.revoke_token(name, caller.name)
     finally:
         await request.app.state.hub.check_tokens()
-
-
-def _refresh_token_cache(request: Request) -> None:
-    """Read the tokens again in this process; a separate control process does so itself."""
-    token_cache: TokenCache | None = getattr(request.app.state, "book", None)
-    if token_cache is not None:
-        token_cache.refresh()

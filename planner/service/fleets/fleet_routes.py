@@ -261,7 +261,7 @@ async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> ItemList[
     """All fleets; a robot sees only its own."""
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
     return ItemList[FleetAnswer](
-        items=[_build_answer(sessions, label) for label in labels if who.can_see_fleet(label.id)]
+        items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)]
     )
 
 
