@@ -2,7 +2,8 @@
 
 Two processes share the work about evenly: one compiles the world, trials, the searches for routes, and what plans with
 every strategy need; the other twins, diagnosis, and the search for loads. Neither starts further processes or looks for
-garbage, of which compilers leave little. If everything is compiled already they take some seconds.
+garbage, of which compilers leave little. If everything is compiled already they take some seconds. Beside them a third
+one collects the tests where none were run before: each worker would rewrite all assertions for itself.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
+HERE = Path(__file__).parent
 LONGEST_S = 600.0
 UNCOLLECTED = """
 import gc
@@ -77,8 +80,11 @@ main()
 def warm() -> None:
     """Compile what most tests need, for at most ten minutes; faults are ignored here, as tests will show them."""
     with tempfile.TemporaryDirectory() as place:
-        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
-        for process in [subprocess.Popen([sys.executable, "-c", code], **silent) for code in (DRIVES, PLANS)]:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        collect = ["-m", "pytest", "--collect-only", "-q", "-n", "0", "-m", ""]
+        is_new = not sys.dont_write_bytecode and not any(HERE.glob("*/__pycache__/test_*pytest*"))
+        jobs = [(["-c", DRIVES], place), (["-c", PLANS], place), *([(collect, HERE.parent)] if is_new else [])]
+        for process in [subprocess.Popen([sys.executable, *words], cwd=folder, **silent) for words, folder in jobs]:
             try:
                 process.wait(timeout=LONGEST_S)
             except subprocess.TimeoutExpired:

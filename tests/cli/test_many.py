@@ -12,7 +12,8 @@ import pytest
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
-QUICK = ("--local", "--tractors", "1", "--strategies", "split-field", "--processes", "1")
+WHOLE = ("--local", "--tractors", "1", "--strategies", "split-field", "--processes", "1")
+QUICK = (*WHOLE, "--no-headland")
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def farm(tmp_path: Path) -> Path:
 
 
 def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: Path) -> None:
-    outcome = headland("plan", f"{farm}#*", *QUICK, "--width", "3,4", "--csv")
+    outcome = headland("plan", f"{farm}#*", *WHOLE, "--width", "3,4", "--csv")
     rows = list(csv.DictReader(io.StringIO(outcome.out)))
     places = [(row["requested_field"].rpartition("#")[2], row["width_m"]) for row in rows]
     assert places == [(name, width) for name in ("north", "tiny", "south") for width in ("3.0", "4.0")]
@@ -35,7 +36,7 @@ def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: 
         ("0.28", "auto"), ("0.28", "auto"), ("0.3", "auto"), ("0.3", "auto"),
     ]  # fmt: skip
     assert {row["headland_order"] for row in rows if row["feasible"] == "true"} <= {"first", "last"}
-    alone = headland("plan", f"{farm}#south", *QUICK, "--width", "4", "--csv")
+    alone = headland("plan", f"{farm}#south", *WHOLE, "--width", "4", "--csv")
     (same,) = csv.DictReader(io.StringIO(alone.out))
     assert {key: rows[5][key] for key in same} == same
 

@@ -128,7 +128,7 @@ def test_no_word_is_a_fault(headland: Run, folder: Path, line: tuple[str, ...]) 
 ])  # fmt: skip
 def test_a_file_name_breaks_no_line(headland: Run, folder: Path, name: str) -> None:
     (folder / name).write_bytes((folder / FIELD).read_bytes())
-    one = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
+    one = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     for words in (("field", name), ("plan", name, *one), ("plan", name, *one, "--width", "3,4")):
         outcome = headland(*words)
         assert outcome.status == 0 and not CONTROLS.search(outcome.out + outcome.err)

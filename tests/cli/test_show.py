@@ -11,19 +11,28 @@ WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--process
 Run = Callable[..., Any]
 
 
-@pytest.fixture(scope="module")
-def saved(small: Path, tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> tuple[Path, dict[str, Any]]:
-    """A saved plan, and what was said of it when it was made."""
-    import subprocess
+Saved = tuple[Path, dict[str, Any]]
 
-    place = tmp_path_factory.mktemp("show") / "plan.json"
-    words = [*command, "plan", str(small), *WORDS, "--save", str(place), "--start", "08:00"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
-    return place, json.loads(done.stdout)["best"]
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> list[Saved]:
+    """The saved plan, once it is made."""
+    return []
+
+
+@pytest.fixture
+def saved(small: Path, tmp_path_factory: pytest.TempPathFactory, headland: Run, kept: list[Saved]) -> Saved:
+    """A saved plan, and what was said of it when it was made."""
+    if not kept:
+        place = tmp_path_factory.mktemp("show") / "plan.json"
+        made = headland("plan", small, *WORDS, "--save", place, "--start", "08:00")
+        assert made.status == 0, made.err
+        kept.append((place, json.loads(made.out)["best"]))
+    return kept[0]
 
 
 @pytest.mark.slow
-def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: Saved) -> None:
     place, best = saved
     outcome = headland("show", place, "--json")
     assert outcome.status == 0 and outcome.err == ""
@@ -38,7 +47,7 @@ def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Pat
 
 
 @pytest.mark.slow
-def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: Saved) -> None:
     outcome = headland("show", saved[0])
     lines = outcome.out.splitlines()
     assert max(map(len, lines)) <= 80
@@ -47,7 +56,7 @@ def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: tuple[Path,
     assert "8:00:00" in first.split() and ("round 1, side" in first or "track " in first)
 
 
-def test_one_tractor_alone(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+def test_one_tractor_alone(headland: Run, saved: Saved) -> None:
     assert "Tractor 2" in (out := headland("show", saved[0], "--tractor", "2").out) and "Tractor 1:" not in out
     outcome = headland("show", saved[0], "--tractor", "3")
     assert outcome.status == 2
@@ -62,9 +71,7 @@ def changed(place: Path, folder: Path, **values: Any) -> Path:
     return other
 
 
-def test_what_cannot_be_shown_is_one_sentence(
-    headland: Run, saved: tuple[Path, dict[str, Any]], small: Path, tmp_path: Path
-) -> None:
+def test_what_cannot_be_shown_is_one_sentence(headland: Run, saved: Saved, small: Path, tmp_path: Path) -> None:
     place, _ = saved
     scenario = json.loads(place.read_text())["scenario"]
     for path, words in (
@@ -85,9 +92,7 @@ def test_what_cannot_be_shown_is_one_sentence(
         assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
 
 
-def test_a_plan_in_which_tractors_touch_is_remarked_on(
-    headland: Run, saved: tuple[Path, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_a_plan_in_which_tractors_touch_is_remarked_on(headland: Run, saved: Saved, tmp_path: Path) -> None:
     data = json.loads(saved[0].read_text())
     # Two towards each other, their lines 2.4 m apart: implements of 3 m graze each other where they meet.
     leg = {**data["tractors"][0][0], "points_m": [[10.0, 40.0], [40.0, 40.0]], "gates": [], "implement": True}
@@ -98,9 +103,7 @@ def test_a_plan_in_which_tractors_touch_is_remarked_on(
     assert "Tractor 1: 1 leg, " in outcome.out
 
 
-def test_a_plan_that_stops_on_its_way_is_refused(
-    headland: Run, saved: tuple[Path, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_a_plan_that_stops_on_its_way_is_refused(headland: Run, saved: Saved, tmp_path: Path) -> None:
     data = json.loads(saved[0].read_text())
     # Both wait for the end of the other's last leg.
     for me, other in ((0, 1), (1, 0)):

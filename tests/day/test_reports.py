@@ -15,13 +15,7 @@ import reports.day.notebook  # noqa: F401
 from reports.day.answer import format_time_of_day
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
-from reports.day.tables import (
-    DAY_CSV_KEYS,
-    JOB_KEYS,
-    build_day_table,
-    format_day_csv,
-    format_day_json,
-)
+from reports.day.tables import DAY_CSV_KEYS, JOB_KEYS, build_day_table, format_day_csv, format_day_json
 from reports.plan.map_figure import render_png, render_svg
 from tests.reports.test_notebook import EVIL, check_shown
 
@@ -104,15 +98,7 @@ def test_keys_and_values(result: DayResult) -> None:
         "summary",
     ]
     assert all(list(job) == [*JOB_KEYS] for job in data["jobs"])
-    assert list(JOB_KEYS[:7]) == [
-        "field",
-        "machine",
-        "strategy",
-        "tractors",
-        "start_s",
-        "end_s",
-        "finish_probability",
-    ]
+    assert list(JOB_KEYS[:7]) == ["field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability"]
     for key in JOB_KEYS:
         value = getattr(JOB, key)
         assert data["jobs"][0][key] == (list(value) if isinstance(value, tuple) else value)

@@ -122,10 +122,7 @@ class TestCertainty:
         for asked in (50.0, 80.0, 95.0):
             seconds, paid = estimate_mean_time_and_cost(
                 self.found, build_hire_terms(36.0, 0.0), self.uncertainty, 5, asked
-            ) or (
-                0,
-                0.0,
-            )
+            ) or (0, 0.0)
             assert float((sample.finish_s <= seconds).mean()) == pytest.approx(0.01 * asked, abs=2.0 / PLANNING_SAMPLES)
             assert (
                 paid

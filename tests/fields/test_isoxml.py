@@ -10,17 +10,7 @@ import pytest
 from fields.documents.reader import list_fields, read_field
 from fields.documents.sources import list_field_files
 from fields.errors import FieldError
-from tests.fields.farm_files import (
-    INNER,
-    OUTER,
-    partfield,
-    pattern,
-    place,
-    points,
-    polygon,
-    taskdata,
-    write_taskdata,
-)
+from tests.fields.farm_files import INNER, OUTER, partfield, pattern, place, points, polygon, taskdata, write_taskdata
 
 AREA_M2 = 300 * 200 - 40 * 40
 AB = points((10, 0), kind="6") + points((10, 200), kind="7")

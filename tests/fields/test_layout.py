@@ -45,12 +45,7 @@ class TestRectangle:
     def test_number_of_lines(self, width: float, expected: int) -> None:
         assert lay_swaths(rectangle(270, width), 3.0, 10.0).line_count == expected
 
-    @given(
-        length=st.floats(120, 400),
-        width=st.floats(20, 100),
-        implement=st.floats(1, 12),
-        headland=st.floats(0, 30),
-    )
+    @given(length=st.floats(120, 400), width=st.floats(20, 100), implement=st.floats(1, 12), headland=st.floats(0, 30))
     @settings(max_examples=count_examples(60))
     def test_closed_form(self, length: float, width: float, implement: float, headland: float) -> None:
         layout = lay_swaths(rectangle(length, width), implement, headland, 90.0)

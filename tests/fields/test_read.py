@@ -256,12 +256,7 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         "header",
-        [
-            {"frame": "feet"},
-            {"frame": "local_metres", "origin_m": [1]},
-            {"crs": "EPSG:28992"},
-            {"origin_m": "x"},
-        ],
+        [{"frame": "feet"}, {"frame": "local_metres", "origin_m": [1]}, {"crs": "EPSG:28992"}, {"origin_m": "x"}],
     )
     def test_damaged_header(self, saved: Any, header: Any) -> None:
         ring = SQUARE_M if header.get("frame") == "local_metres" else SQUARE_DEG
@@ -284,10 +279,7 @@ class TestRoundTrip:
 
     def test_local_metres_come_back_bit_for_bit(self, tmp_path: Path) -> None:
         ring = shapely.Polygon([(0.1, 0.2), (123.456, 1 / 3), (99.9, 77.7)])
-        zones = (
-            GroundZone("asphalt", shapely.box(-5.5, 0, 5, 5)),
-            GroundZone("mud", shapely.box(0, 0, 9, 9)),
-        )
+        zones = (GroundZone("asphalt", shapely.box(-5.5, 0, 5, 5)), GroundZone("mud", shapely.box(0, 0, 9, 9)))
         field = Field("ä ö", ring, entrance=(0.1, 0.2), ground_zones=zones, default_ground="mud", source="here")
         write_field(field, tmp_path / "f.geojson")
         assert read_field(tmp_path / "f.geojson") == field
@@ -327,8 +319,7 @@ class TestSamples:
         assert (field.find_ground_at(-5, -3), field.find_ground_at(135, 35)) == ("asphalt", "soil")
 
     @pytest.mark.parametrize(
-        ("name", "hectares", "holes"),
-        [("denmark", 3.916, 1), ("netherlands", 2.242, 0), ("sweden", 2.193, 0)],
+        ("name", "hectares", "holes"), [("denmark", 3.916, 1), ("netherlands", 2.242, 0), ("sweden", 2.193, 0)]
     )
     def test_parcels_have_their_stated_area(self, name: str, hectares: float, holes: int) -> None:
         field = read_field(name)

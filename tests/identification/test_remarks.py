@@ -55,9 +55,7 @@ def test_short_segments_are_told_and_reverse_is_used() -> None:
     frame["shuttle"] = np.where(np.arange(400) < 290, 1, -1)
     frame.loc[60:69, "easting_m"] = np.nan
     log = build_log(frame, "run", check=False)
-    assert list_remarks(log)[1:] == [
-        "run: 60 rows not used: in segments shorter than 5 s (first in line 2).",
-    ]
+    assert list_remarks(log)[1:] == ["run: 60 rows not used: in segments shorter than 5 s (first in line 2)."]
     short = build_log(table(60), "short")
     assert list_remarks(short) == ["short: 60 rows not used: no segment lasts 5 s (first in line 2)."]
 

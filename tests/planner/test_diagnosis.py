@@ -9,13 +9,7 @@ from planner import HeadlandError, diagnose, replay
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.diagnosis import (
-    MIN_TRACTOR_LENGTH_M,
-    PLAN_FIELD,
-    PLAN_WIDTH_M,
-    diagnose_demo,
-    measure_plan_gain,
-)
+from planner.pipeline.diagnosis import MIN_TRACTOR_LENGTH_M, PLAN_FIELD, PLAN_WIDTH_M, diagnose_demo, measure_plan_gain
 from planner.request.plan_request import PlanRequest
 from vehicle.model.tractor import EffectSetting, Tractor, load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml

@@ -12,10 +12,7 @@ from shapely import affinity
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, _find_fault, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_places import (
-    ObstacleIntrusionCheck,
-    find_contact_places,
-)
+from planner.evaluation.ground.contact_places import ObstacleIntrusionCheck, find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context

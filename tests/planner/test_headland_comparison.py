@@ -18,11 +18,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import (
-    HeadlandChoices,
-    compare_headlands,
-    list_headland_questions,
-)
+from planner.pipeline.comparisons import HeadlandChoices, compare_headlands, list_headland_questions
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest

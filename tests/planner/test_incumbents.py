@@ -9,12 +9,7 @@ import shapely
 
 from fields import Field
 from planner import SerialExecutor, plan
-from planner.evaluation.candidates.evaluate import (
-    Candidate,
-    Outcome,
-    simulate_candidate,
-    simulate_candidates,
-)
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate, simulate_candidates
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.candidates.pruning import (
     MIN_SWATH_WORK_S,

@@ -10,12 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from planner.farm.random_inputs import (
-    RANDOM_INPUTS,
-    UncertaintySettings,
-    build_certain_settings,
-    compute_log_deviation,
-)
+from planner.farm.random_inputs import RANDOM_INPUTS, UncertaintySettings, build_certain_settings, compute_log_deviation
 from planner.farm.settings import NONE_GIVEN, get_default_source
 from planner.risk.leg_graph import TURN_OVER_MORE, TURN_OVER_ONE, WORK_PASS, LegGraph, WaitLink
 from planner.risk.monte_carlo import (

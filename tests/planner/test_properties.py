@@ -11,11 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field, FieldError
-from planner.evaluation.candidates.evaluate import (
-    Candidate,
-    run_candidate,
-    simulate_candidate,
-)
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context

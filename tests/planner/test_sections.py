@@ -168,11 +168,7 @@ def test_what_sections_swept_between_their_rows_is_their_ground(site: Any) -> No
 
 
 @settings(max_examples=count_examples(30), deadline=None)
-@given(
-    sections=st.integers(2, 8),
-    beside_m=st.floats(0.3, 7.0),
-    turn_deg=st.floats(-60.0, 60.0),
-)
+@given(sections=st.integers(2, 8), beside_m=st.floats(0.3, 7.0), turn_deg=st.floats(-60.0, 60.0))
 def test_sections_lose_nothing_and_overlap_less(sections: int, beside_m: float, turn_deg: float) -> None:
     """Of two straight passes at any angle the same ground is worked, less slivers, and never more of it twice."""
     heading = math.radians(turn_deg)

@@ -76,10 +76,7 @@ def levels(plan: Plan, supply: Supply) -> Iterator[tuple[int, list[float], float
 
 @pytest.mark.parametrize(
     "case",
-    [
-        *CASES,
-        *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES),
-    ],
+    [*CASES, *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES)],
     ids=lambda case: " ".join(map(str, case)),
 )
 class TestPlans:

@@ -112,8 +112,7 @@ def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
     driven = simulate_saved_plan(tmp_path / "plan.json")
     assert driven.request == request and driven.run.duration_s == answer.run.duration_s
     comparison = compare_headlands(
-        list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",))),
-        SerialExecutor(),
+        list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",))), SerialExecutor()
     )
     assert comparison.rows[0].field_name == "North"
     assert hash_question(WorkOrder(request)) == hash_question(WorkOrder(request))

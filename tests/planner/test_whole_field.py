@@ -18,11 +18,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field
-from planner.evaluation.candidates.evaluate import (
-    Candidate,
-    Outcome,
-    simulate_candidate,
-)
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m

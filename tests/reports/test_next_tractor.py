@@ -45,10 +45,7 @@ def test_a_fourth_saves_four_minutes() -> None:
             (build_plan(1, 60.0, 50.0, 98.1), build_plan(2, 50.0, 55.0)),
             "1 tractor; a second saves 10 min for 5 EUR, 98.4 % worked.",
         ),
-        (
-            (build_plan(1, 60.0, 50.0, 98.2), build_plan(2, 50.0, 55.0)),
-            "1 tractor; a second saves 10 min for 5 EUR.",
-        ),
+        ((build_plan(1, 60.0, 50.0, 98.2), build_plan(2, 50.0, 55.0)), "1 tractor; a second saves 10 min for 5 EUR."),
     ],
 )
 def test_what_more_tractors_save(plans: tuple[PlanResult, ...], sentence: str) -> None:

@@ -57,13 +57,7 @@ def test_nobody_reads_without_a_token_or_a_login(app: FastAPI, where: str) -> No
     assert client.get("/api/v1/fields", headers=bearer(app, "read")).status_code == 200
 
 
-@pytest.mark.parametrize(
-    "headers",
-    [
-        {"authorization": "Bearer hl_unknown"},
-        {"authorization": "Basic aGw6"},
-    ],
-)
+@pytest.mark.parametrize("headers", [{"authorization": "Bearer hl_unknown"}, {"authorization": "Basic aGw6"}])
 def test_a_token_that_is_none_is_refused_even_with_a_login(shared: Shared, headers: dict[str, str]) -> None:
     assert shared[0].get("/api/v1/fields", headers=headers).status_code == 401
 

@@ -71,10 +71,7 @@ def test_no_form_reverses_farther_than_allowed() -> None:
 
 @pytest.mark.parametrize(
     ("rows", "charge_s"),
-    [
-        ([[5.0, 0.2, 1.0], [3.0, 0.0, 1.0]], 0.0),
-        ([[5.0, 0.2, -1.0], [3.0, 0.0, 1.0]], CURVED_REVERSE_S),
-    ],
+    [([[5.0, 0.2, 1.0], [3.0, 0.0, 1.0]], 0.0), ([[5.0, 0.2, -1.0], [3.0, 0.0, 1.0]], CURVED_REVERSE_S)],
 )
 def test_what_drivers_avoid_is_charged(rows: list[list[float]], charge_s: float) -> None:
     assert compute_awkward_s(np.array(rows)) == pytest.approx(charge_s)

@@ -9,11 +9,7 @@ from vehicle.errors import VehicleError
 from vehicle.model.tractor import PowerLaw, Tractor, load_tractor
 from vehicle.sim.calibration import drive_circle
 from vehicle.trials.sheets.sheet import DriveCheck
-from vehicle.trials.sheets.tractor_check import (
-    check_tractor,
-    drive_half_circle,
-    drive_lane_change,
-)
+from vehicle.trials.sheets.tractor_check import check_tractor, drive_half_circle, drive_lane_change
 
 
 @pytest.fixture(scope="module")

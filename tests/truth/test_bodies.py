@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.truth import fifth, fifth_body, fourth, fourth_body, rolling, sixth, sixth_body, third_body
+from tests.truth import fifth, fifth_body, fourth, rolling, sixth, sixth_body, third_body
 from tests.truth import third_run as run
 from tests.truth.cases import Fault, Law, TruthCase
 from tests.truth.drawing import draw_outside_case
@@ -17,9 +17,9 @@ from tests.truth.fifth_outside import follow_play, swing_rows
 from tests.truth.ground import EG105, measure_curvature, measured_curvature
 from tests.truth.menus import FIFTH, THIRD
 from tests.truth.recorder import Instruments
-from tests.truth.second import EXACT, STEP_S, TRACTORS, Second
+from tests.truth.second import EXACT, TRACTORS, Second
 from tests.truth.test_machines import PACE, RIDES, hold
-from tests.truth.third import Third, calibrate_curve, draw_waves
+from tests.truth.third import Third, draw_waves
 from tests.truth.third_drives import PROGRAMMES
 
 matrix = pytest.mark.matrix
@@ -54,14 +54,6 @@ def test_the_programme_reaches_a_friction_limit_of_the_clear_size_on_both_sides(
         assert most > CLEAR_SIZES["side_slip"]["limit_g"] * rolling.GRAVITY
 
 
-def test_the_drive_line_keeps_its_limits() -> None:
-    rolled = quiet().roll(drive("go", 20.0, constant(0.0), stairs((10.0, 2.2), (10.0, 0.0))))
-    pull, speed = rolled.column(rolling.ACCELERATION), rolled.speed_mps
-    assert np.abs(pull).max() <= 0.7 + 1e-9
-    assert np.abs(np.diff(pull)).max() / STEP_S <= 2.5 + 1e-6
-    assert speed.max() < 2.2 * 1.03 and abs(speed[-1]) < 5e-3
-
-
 def test_the_ground_turns_as_much_as_it_says() -> None:
     """A curvature s remembered over L turns the heading by s sqrt(2 L d) on a way d."""
     turns = [math.degrees(np.ptp(Second({}, seed, receiver=EXACT).roll(hold(0.0)).column(rolling.HEADING)[[0, -1]]))
@@ -76,34 +68,6 @@ def test_the_ground_turns_as_much_as_it_says() -> None:
 def hide(**hidden: object) -> Third:
     """A tractor on ground without ridges, logged exactly; `hidden` are further fields of its case."""
     return Third(TruthCase("mixed", 3, **hidden), Instruments(), 0.0)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("angle", (-20.0, 8.0, 25.0))
-def test_loads_carry_the_weight_and_the_moment_of_a_bend(angle: float) -> None:
-    state = hide().track(hold(angle, 2.5)).states[-1]
-    loads, side = np.zeros(4), state[third_body.AHEAD] * state[third_body.YAW_RATE]
-    third_body.load_wheels(state[third_body.SIDE_PULL], state[third_body.FORWARD_PULL], loads)
-    assert loads.sum() == pytest.approx(third_body.MASS * third_body.GRAVITY, rel=1e-9)
-    moment = 0.5 * third_body.TRACK * (loads[0] - loads[1] + loads[2] - loads[3])
-    assert moment == pytest.approx(third_body.MASS * side * third_body.MASS_HEIGHT, rel=0.01)
-    assert abs(loads[0] - loads[1]) < 0.5 * abs(loads[2] - loads[3])  # the front axle turns about its pivot
-
-
-def test_understeer_is_that_of_tyres_and_axle_loads() -> None:
-    """At small bends: mean angle = wheelbase x curvature + (1 / front - 1 / rear stiffness) x side acceleration / g."""
-    states = [third_body.settle(0.03, speed, 20.0, 0.0) for speed in (0.8, 3.0)]
-    slow, fast = ((state[third_body.YAW_RATE], state[third_body.AHEAD]) for state in states)
-    gradient = third_body.BASE * (slow[0] / slow[1] - fast[0] / fast[1]) / (fast[0] * fast[1] - slow[0] * slow[1])
-    expected = (1.0 / third_body.FRONT_STIFFNESS - 1.0 / third_body.REAR_STIFFNESS) / third_body.GRAVITY
-    assert gradient == pytest.approx(expected, rel=0.1)
-
-
-def test_a_mirrored_drive_differs_by_the_measured_sides_only() -> None:
-    state, mirror = (third_body.settle(sign * 0.2, 2.0, 10.0, 0.4) for sign in (1.0, -1.0))
-    assert state[third_body.YAW_RATE] == pytest.approx(-mirror[third_body.YAW_RATE], rel=1e-9)
-    most = third_body.TABLE_MOST
-    inside = np.abs(np.linspace(-most, most, third_body.TABLE_SIZE)) < 0.35
-    assert all(np.all(np.diff(calibrate_curve(share)[inside]) > 0.0) for share in (0.0, 0.4))
 
 
 def test_wheels_torn_off_their_linkage_go_straight_while_the_sensor_moves() -> None:
@@ -148,25 +112,6 @@ def test_ground_is_the_same_at_the_same_place() -> None:
 
 
 @matrix
-@pytest.mark.parametrize("speed", [0.85, 2.2])
-def test_circles_hardly_change_with_speed(speed: float) -> None:
-    """Front and rear tyres are nearly alike, so a tractor without a fault turns the same at every pace."""
-    for angle in (-12.0, 12.0):
-        bend = RIDES["fourth"]({}, hold(angle, speed)).find_bend()
-        assert bend == pytest.approx(measured_curvature(angle, EG105), rel=0.03)
-
-
-@matrix
-def test_stiff_springs_add_little_to_the_way() -> None:
-    """The way driven is that of speed and heading."""
-    rows = fourth.draw_run(TruthCase("clean", 3), hold(12.0), 0, quiet=True).rows
-    way = np.cumsum(rows[:, fourth_body.SPEED]) * fourth.ROW_S
-    turned = (rows[-1, fourth_body.HEADING] - rows[2400, fourth_body.HEADING]) / (way[-1] - way[2400])
-    bend = measured_curvature(12.0, EG105)
-    assert turned == pytest.approx(bend / math.sqrt(1.0 - (1.1 * bend) ** 2), rel=0.02)
-
-
-@matrix
 def test_laws_govern_their_parameter() -> None:
     tool = drive("tool", 30.0, constant(10.0), 1.4, stairs((15.0, 0.0), (15.0, 1.0)), bearing_deg=0.0)
     bend = drive("bend", 30.0, stairs((10.0, 0.0), (10.0, 10.0), (10.0, -10.0)), 1.4, bearing_deg=30.0)
@@ -198,38 +143,11 @@ def find_bend(rows: np.ndarray, from_s: float = 12.0) -> float:
 
 
 @matrix
-@pytest.mark.parametrize("angle_deg", [2.0, 8.0, 20.0])
-def test_a_slow_circle_has_the_radius_of_its_geometry(angle_deg: float) -> None:
-    """Ackermann: the rear axle's middle at wheelbase / tan(angle), the centre of mass a little further out."""
-    rows = fifth.drive_alone(math.radians(angle_deg), 0.4, 26.0)
-    radius = math.hypot(fifth_body.BASE / math.tan(math.radians(angle_deg)), fifth_body.REAR)
-    assert find_bend(rows) * radius == pytest.approx(1.0, rel=2e-3)
-
-
-@matrix
-def test_a_drive_of_half_as_fast_a_circle_slips_a_quarter() -> None:
-    """What tyres lose grows with the square of speed: alike in front and behind, it stays below a hundredth."""
-    bends = [find_bend(fifth.drive_alone(0.2, speed, 30.0), 16.0) for speed in (0.3, 1.1, 2.2)]
-    slow, fast = (1.0 - bend / bends[0] for bend in bends[1:])
-    assert 0.0 < fast < 0.01 and slow / fast == pytest.approx(0.25, abs=0.06)
-
-
-@matrix
 def test_reverse_circles_and_an_axle_that_stands_askew() -> None:
     assert -find_bend(drive_fifth(keep(10.0, -0.85))) == pytest.approx(measured_curvature(10.0, EG105), rel=1e-2)
     askew = drive_fifth(keep(0.0), outside={"crab_axle": {"run": 0.0, "angle_deg": 1.0}})
     turned = find_bend(askew) - find_bend(drive_fifth(keep(0.0)))
     assert turned == pytest.approx(-math.radians(1.0) / fifth_body.BASE, rel=0.03)
-
-
-@matrix
-def test_energy_and_speed_are_sane() -> None:
-    """No speed beyond the command, none gained while the drive is at rest, and none left at a halt."""
-    rows = drive_fifth(keep(0.0), (HOLD, 10.0, 15.0, 0.0, 0.0, 0.0))
-    speed = rows[:, fifth_body.SPEED]
-    assert speed.max() < 1.03 * PACE
-    assert np.all(np.diff(speed[4400:4900:20]) < 1e-3) and abs(speed[-1]) < 0.01
-    assert np.isfinite(rows).all() and np.abs(rows[:, fifth_body.ROLL]).max() < 0.05
 
 
 @matrix

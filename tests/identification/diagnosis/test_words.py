@@ -11,14 +11,7 @@ from tests.identification.analytic_drives import simulated
 from vehicle.identification.diagnosis.demo_logs import DEMO_PLACE, build_programme, draw_hidden_effect
 from vehicle.identification.diagnosis.diagnose import _ProgressCounter
 from vehicle.identification.diagnosis.log_notes import _describe_file_corrections, _describe_logs
-from vehicle.identification.diagnosis.results import (
-    EQUIVALENT,
-    NAMED,
-    Diagnosis,
-    Finding,
-    Hint,
-    join_clauses,
-)
+from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Diagnosis, Finding, Hint, join_clauses
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
 
