@@ -23,6 +23,7 @@ from typing import Any, cast
 
 from fields.errors import HeadlandError
 from planner.service.errors import ServiceError
+from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS
 
 LOGGER = logging.getLogger(__name__)
 BOOTSTRAP_CODE = (
@@ -40,7 +41,7 @@ SINGLE_THREAD_VARIABLES = {
 }
 """A process with threads cannot be forked safely, and a confined one cannot start any."""
 MOST_ANSWER_BYTES = 64 * 2**20
-LONGEST_SENTENCE_CHARS, LONGEST_PARAMETER_CHARS, LONGEST_FAULT_CHARS = 2000, 60, 4000
+LONGEST_SENTENCE_CHARS, LONGEST_PARAMETER_CHARS = 2000, 60
 READ_FAULT = (
     "This file cannot be read: it triggers a fault of Headland, described in the log of the service; save the "
     "file in another way, and please report it."
@@ -243,7 +244,7 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
 
 def build_refusal(fault: str) -> ServiceError:
     """The refusal for a reading that ended in a fault; its traceback is logged in one line."""
-    LOGGER.error("A reading ended in a fault: %s", ascii(fault[-LONGEST_FAULT_CHARS:]))
+    LOGGER.error("A reading ended in a fault: %s", ascii(fault[-MOST_FAULT_CHARS:]))
     return ServiceError(READ_FAULT)
 
 
