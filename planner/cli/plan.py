@@ -197,8 +197,7 @@ def plan(
     without: Annotated[Optional[list[int]], typer.Option(help=_WITHOUT_HELP, rich_help_panel=WORK)] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
     save: Annotated[
-        Optional[Path],
-        typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT),
+        Optional[Path], typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT)
     ] = None,
     explain: Annotated[
         bool,
@@ -294,11 +293,7 @@ def _simulate_plans(
         tasks = group_candidates(list_candidates(order.request))
         executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
         return plan_order(
-            order,
-            executor=executor,
-            report_stage=bar.report,
-            with_pictures=pictures,
-            simulate_all=every_plan,
+            order, executor=executor, report_stage=bar.report, with_pictures=pictures, simulate_all=every_plan
         )
 
 

@@ -47,7 +47,7 @@ ALARMING_MODULES = (
     "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/readings.py",
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
-    "planner/request/validation_messages.py", "strategies/path_planning/errors.py",
+    "strategies/path_planning/errors.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
     "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py",
