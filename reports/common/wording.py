@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import TypeVar
 
 from fields.units import DAY_S, FOOT_M
 from reports.common.language import US, get_units, translate, translate_count
@@ -77,6 +78,8 @@ LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"
+_FIGURE = re.compile(r"\d+(?:\.\d+)?")
+Named = TypeVar("Named")
 
 
 def format_duration(seconds: float | None) -> str:
@@ -239,6 +242,14 @@ def format_deadline(ranking: PlanRanking) -> str:
     return (
         format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or format_duration(ranking.allowed_s)
     )
+
+
+def group_alike(texts: Iterable[tuple[Named, str]]) -> list[list[tuple[Named, str]]]:
+    """Texts with what they are of, grouped where they are the same but for their figures; in the order of the first."""
+    groups: dict[str, list[tuple[Named, str]]] = {}
+    for named, text in texts:
+        groups.setdefault(_FIGURE.sub("#", text), []).append((named, text))
+    return list(groups.values())
 
 
 def capitalize_first(text: str) -> str:
