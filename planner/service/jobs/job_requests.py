@@ -13,13 +13,11 @@ from planner.errors import RequestError, mark_parameter, strip_unit
 from planner.request.option_checks import check_day_options
 from planner.request.options import RequestOption, list_options
 from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
+from planner.service.settings import LIMITS
 from planner.service.store.job_queue import ResultFile
 
-LONGEST_TEXT_CHARS, MOST_LIST_ENTRIES = 400, 64
-MOST_TOML_CHARS = 400_000
-
-ShortText = Annotated[str, Field(max_length=LONGEST_TEXT_CHARS)]
-ShortTexts = Annotated[list[ShortText], Field(max_length=MOST_LIST_ENTRIES)]
+ShortText = Annotated[str, Field(max_length=LIMITS.longest_text_chars)]
+ShortTexts = Annotated[list[ShortText], Field(max_length=LIMITS.most_list_entries)]
 JobTitle = Annotated[
     str | None, Field(max_length=100, description="What the job is called; by default after its input.")
 ]
@@ -74,7 +72,7 @@ class DayJobRequest(JobRequest):
     Fields, farm, tractors and rain that it names are uploaded files, by their names with or without their endings.
     """
 
-    day: Annotated[str, Field(max_length=MOST_TOML_CHARS, description="The text of a day file (TOML).")]
+    day: Annotated[str, Field(max_length=LIMITS.most_toml_chars, description="The text of a day file (TOML).")]
     farm: ShortText | None = Field(None, description="An uploaded farm instead of the one that the day names.")
     rain: ShortText | None = Field(None, description="Rain instead of the day's; NAME.csv is an uploaded table.")
     certainty: float | None = Field(
