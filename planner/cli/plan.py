@@ -72,7 +72,7 @@ def plan_batch(
     """
     from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
-    from reports.plan.many_fields_page import render_many_fields_page
+    from reports.plan.many_fields import render_many_fields_page
 
     check_output_paths(
         (checkpoint, ".jsonl"),
@@ -220,9 +220,8 @@ def plan(
 
     Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
-    from reports.plan.first_screen import build_first_screen
     from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
-    from reports.plan.ranking_table import build_ranking_table
+    from reports.plan.ranking_table import build_first_screen, build_ranking_table
     from strategies.registry import describe_hidden_strategies
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)

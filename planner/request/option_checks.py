@@ -42,7 +42,7 @@ def check_places(entrance: tuple[float, float] | None, obstacles: Iterable[str],
             f"{mark_parameter('entrance')} is {shorten_value(entrance)}; give two numbers, longitude and latitude."
         )
     if obstacles:
-        from fields.geometry.chosen_obstacles import parse_obstacle_place
+        from fields.geometry.chosen_places import parse_obstacle_place
 
         for text in obstacles:
             parse_obstacle_place(text)

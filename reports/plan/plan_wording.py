@@ -23,9 +23,9 @@ from reports.common.plan_results import (
     get_stated_s,
     is_dearer,
 )
-from reports.common.units import format_area, format_width
 from reports.common.wording import (
     LEAST_COST,
+    format_area,
     format_deadline,
     format_duration,
     format_end_clock,
@@ -33,6 +33,7 @@ from reports.common.wording import (
     format_number,
     format_percent,
     format_tractor_count,
+    format_width,
     join_list,
     round_seconds,
 )
