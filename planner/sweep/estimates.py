@@ -63,7 +63,7 @@ class GroundEstimates:
 
     @property
     def layout(self) -> tuple[float, int]:
-        """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes around the field."""
+        """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes."""
         return self._context.layout.bearing_deg, self._context.layout.headland_passes
 
     def estimate(self, order: WorkOrder) -> PlanResult:

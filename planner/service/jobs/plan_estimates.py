@@ -19,7 +19,6 @@ from typing import Any
 from planner.service.errors import BusyError, ServiceError
 from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
 from planner.service.jobs.input_files import write_inputs
-from planner.service.jobs.workers import WORK_FOLDER
 from planner.service.sandbox.reader_processes import (
     BOOTSTRAP_CODE,
     LOGGER,
@@ -27,7 +26,7 @@ from planner.service.sandbox.reader_processes import (
     extract_reading_value,
     start_python,
 )
-from planner.service.settings import ServiceSettings
+from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
 
 MOST_WAITING_PER_CLIENT = 3
@@ -93,6 +92,10 @@ class _EstimatingProcess:
         self._socket.sendall(json.dumps(order).encode() + b"\n")
         return self._receive_line(LONGEST_ESTIMATE_S)
 
+    def interrupt(self) -> None:
+        """Let who waits for an answer see the end of the process."""
+        self._process.kill()
+
     def end(self) -> None:
         """End it."""
         self._process.kill()
@@ -141,6 +144,9 @@ class PlanEstimator:
     def close(self) -> None:
         """End the process; what waits is dropped."""
         self._queue.close()
+        process = self._process
+        if process is not None:
+            process.interrupt()
         with self._lock:
             self._end_process()
             if self._folder is not None:

@@ -29,7 +29,7 @@ from planner.service.errors import StorageError
 from planner.service.jobs.input_files import write_inputs
 from planner.service.jobs.job_requests import JobContext, JobFunction
 from planner.service.kept_process import KeptProcess, end_with_service
-from planner.service.settings import ServiceSettings
+from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
@@ -39,13 +39,13 @@ T = TypeVar("T")
 LOST_STATUS = 4
 """Exit status of a worker whose job was cancelled or given to another: it stops at once and is started again."""
 CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
-WORK_FOLDER, CACHE_FOLDER = "work", "field-times"
+CACHE_FOLDER = "field-times"
 DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
 WAITING_FOR_DISK = "waits for room on the disk"
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
-SUPERVISE_PERIOD_S, SHORT_LIFE_S, PATIENCE_S = 1.0, 1.0, 10.0
+SUPERVISE_PERIOD_S = 1.0
 
 
 def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
@@ -212,7 +212,7 @@ class WorkerSupervisor:
 
     def __init__(self, settings: ServiceSettings, store: Store) -> None:
         self.settings, self.store = settings, store
-        self._slots = [KeptProcess("", run_worker, SHORT_LIFE_S, PATIENCE_S) for _ in range(settings.workers)]
+        self._slots = [KeptProcess("", run_worker, short_life_s=1.0, patience_s=10.0) for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._was_unwritable = False
         self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)
