@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -12,9 +13,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import pytest
 import sqlalchemy as sa
+import typer
+import yaml
 
+from planner.cli import main
 from planner.service.errors import BusyError, DatabaseError, VersionError
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
@@ -26,6 +31,7 @@ from tests.service.conftest import wait_until
 from tests.service.databases import database
 from tests.service.kinds import KINDS, made
 from tests.service.test_commands import COMMAND
+from tests.service.web_proxies import GUIDE
 
 ROOT = Path(__file__).parents[2]
 OWNERS = {name: None if name == "nobody" else Owner(name, name) for name in ("nobody", "ann", "bob", "eve")}
@@ -61,7 +67,8 @@ def count_carried(store: Store) -> int:
         return session.scalar(sa.select(sa.func.count()).select_from(JobBytesRow)) or 0
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
 def test_nobody_waits_while_two_jobs_of_another_are_begun(store: Store, seed: int) -> None:
     draw, waiting = random.Random(seed), Counter[str]()
     begun_since: dict[str, Counter[str]] = {}
@@ -162,6 +169,7 @@ def test_a_job_whose_worker_is_gone_is_done_once_by_another(shared: Store, remot
     assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)[0][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_workers_that_stall_and_race_never_finish_a_job_twice(shared: Store, remote: RemoteStore, seed: int) -> None:
     jobs = [
@@ -220,6 +228,29 @@ def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> N
         older.close()
         with pytest.raises(VersionError, match="with tables 0006; install"):
             RemoteStore(settings)
+
+
+def test_every_command_of_the_compose_file_is_one() -> None:
+    compose = yaml.safe_load((GUIDE / "compose.yaml").read_text(encoding="utf-8"))
+    services, app = compose["services"], typer.main.get_command(main.app)
+    assert set(services) == {"database", "service", "worker"} and services["worker"]["deploy"]["replicas"] == 2
+    for service in services.values():
+        assert set(service.get("depends_on", {})) <= set(services)
+        assert {each.split(":")[0] for each in service.get("volumes", ())} <= set(compose["volumes"])
+    text = (GUIDE / "compose.yaml").read_text(encoding="utf-8")
+    lines = [services[name]["command"] for name in ("service", "worker")]
+    lines += [each.split() for each in re.findall(r"docker compose run --rm service (.+)", text)]
+    for name, *words in lines:
+        assert isinstance(app, click.Group)
+        context = click.Context(app)
+        command = app.get_command(context, name)
+        while isinstance(command, click.Group):
+            name, *words = words
+            command = command.get_command(context, name)
+        assert command is not None and command.make_context(name, list(words)).params["database"].startswith(
+            "postgresql:"
+        )
+    assert len(lines) == 3
 
 
 @pytest.mark.parametrize(
