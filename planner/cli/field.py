@@ -95,8 +95,8 @@ def write_heights(
     Example: headland field heights runs -o heights.tif
     """
     from fields.terrain.rasters import list_raster_files, render_raster
-    from planner.task_logs.run_heights import build_run_heights
     from planner.task_logs.runs.run_files import list_run_files, load_imported_runs
+    from planner.task_logs.runs.worked_ground import build_run_heights
     from reports.common.text_tables import format_sentence
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}

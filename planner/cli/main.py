@@ -1,5 +1,7 @@
 """The `headland` command: collects the commands and turns errors into one sentence and an exit status.
 
+Two commands are here: `headland guide` (prints a page of the guide) and `headland setup` (compiles all beforehand).
+
 Exit status: 0 done, 1 disk full, out of memory or a fault of Headland, 2 bad input or usage, 3 no feasible plan
 or a tractor file that is not worth saving, 4 a worker of another version than the service, 130 interrupted.
 """
@@ -21,12 +23,12 @@ from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
 from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
+from planner.cli.common.terminal import LOADING, compile_missing, print_renderable, print_sentence
 from planner.cli.comparisons import compare_bearings, compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
 from planner.cli.field import FieldCommand, field
-from planner.cli.first_steps import guide, setup
 from planner.cli.machines import farm, gnss, tractor
 from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
@@ -42,6 +44,51 @@ _NOT_A_NUMBER = re.compile(
     r"Invalid value for '(?P<option>--[\w-]+)': Input should be a valid (?P<kind>integer|number), unable to parse.*"
 )
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
+
+
+def guide(
+    topic: Annotated[Optional[str], typer.Argument(help="A topic; without one, all topics are listed.")] = None,
+    search: Annotated[Optional[str], typer.Option(help="Show the lines that contain all these words.")] = None,
+) -> None:
+    """Print the guide: a topic, the list of topics, or what a search finds.
+
+    Example: headland guide obstacles
+    """
+    from rich.markdown import Markdown
+
+    from planner.guide.guide_pages import list_pages, read_page, search_pages
+
+    if search is not None:
+        lines = [f"- `{match.topic}`, {match.heading}: {match.line}" for match in search_pages(search)]
+        text = "\n".join(lines or ["No page of the guide contains all these words."])
+    elif topic is None:
+        lines = [f"| `{page.topic}` | {page.title} |" for page in list_pages()]
+        text = "\n".join(["| topic | page |", "|---|---|", *lines, "", "`headland guide TOPIC` prints a page."])
+    else:
+        text = read_page(topic).text
+    if sys.stdout.isatty():
+        print_renderable(Markdown(text))
+    else:
+        typer.echo(text)
+
+
+def setup() -> None:
+    """Compile everything for this machine now, on all cores, so that no command waits for it later.
+
+    Example: headland setup
+    """
+    from planner.cli.common.progress import open_stage_bar
+
+    with open_stage_bar(LOADING) as bar:
+        from planner.pipeline.kernels import MORE, PLAN, list_missing_kernels
+
+        missing_count = compile_missing(bar, (PLAN, MORE))
+        count = missing_count - len(list_missing_kernels((PLAN, MORE)))
+    print_sentence(
+        f"Compiled {count} functions for this machine." if missing_count else "Everything is compiled already."
+    )
+
+
 _COMMANDS: dict[str, Callable[..., None]] = {
     "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
     "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,

@@ -42,10 +42,8 @@ VIDEO_HELP = (
     "browsers of all who look load it."
 )
 WORKERS_HELP = "Jobs that are computed at a time, which share the cores; by default 1, or 2 from four cores."
+SERVE_WORKERS_HELP = f"{WORKERS_HELP} 0 leaves all to headland worker."
 MOST_WORKERS = 64
-SHUTDOWN_S = 5
-MAX_FRAME_BYTES = 2**18
-BACKLOG, ACCEPTS_PER_TURN = 1024, 32
 SCOPE_HELP = (
     "read; planner (files and jobs); operator (fleets); robot (drives one tractor, with --fleet and --tractor); admin "
     "(everything). May be repeated; robot cannot be combined."
@@ -73,7 +71,7 @@ def serve(
     ] = "",
     background_zoom: Annotated[int, typer.Option(help="Finest zoom that the address has.")] = 19,
     background_cache_mb: Annotated[int, typer.Option(help="Most MB of tiles kept in the data folder.")] = 200,
-    workers: Annotated[Optional[int], typer.Option(help=f"{WORKERS_HELP} 0 leaves all to headland worker.")] = None,
+    workers: Annotated[Optional[int], typer.Option(help=SERVE_WORKERS_HELP)] = None,
 ) -> None:
     """Plan, watch and drive fleets in a browser; prints the address to open.
 
@@ -172,6 +170,7 @@ def _run_server(settings: ServiceSettings) -> None:
     from planner.service.gateway.connection_limits import ConnectionRegistry, compute_connection_limits
     from planner.service.gateway.connection_protocol import LimitedWebSocket, build_limited_protocol_class
     from planner.service.gateway.request_logs import set_up_logs
+    from planner.service.settings import LIMITS
 
     set_up_logs()
     _require_tokens(settings)
@@ -181,9 +180,10 @@ def _run_server(settings: ServiceSettings) -> None:
     if settings.is_own_machine:
         app.state.logins.make_token = app.state.store.create_browser_token
     config = uvicorn.Config(
-        app, log_config=None, access_log=False, proxy_headers=False, server_header=False, ws=LimitedWebSocket,
-        http=build_limited_protocol_class(connections, app.state.book.is_operator_token), ws_max_size=MAX_FRAME_BYTES,
-        ws_per_message_deflate=False, timeout_graceful_shutdown=SHUTDOWN_S, backlog=ACCEPTS_PER_TURN,
+        app, log_config=None, access_log=False, proxy_headers=False, server_header=False,
+        http=build_limited_protocol_class(connections, app.state.book.is_operator_token), ws=LimitedWebSocket,
+        ws_max_size=LIMITS.most_frame_bytes, ws_per_message_deflate=False, timeout_graceful_shutdown=LIMITS.shutdown_s,
+        backlog=LIMITS.accepts_per_turn,
     )  # fmt: skip
 
     class AnnouncingServer(uvicorn.Server):
@@ -195,7 +195,9 @@ def _run_server(settings: ServiceSettings) -> None:
             gc.collect()
             gc.freeze()
             if sockets and not self.should_exit:
-                sockets[0].listen(BACKLOG)  # those that may wait; uvicorn's backlog is how many it accepts at a time
+                sockets[0].listen(
+                    LIMITS.backlog
+                )  # those that may wait; uvicorn's backlog is how many it accepts at a time
                 self.announcement = asyncio.create_task(self.announce(sockets[0].getsockname()[1]))
 
         async def announce(self, port: int) -> None:
@@ -245,6 +247,7 @@ def _open_socket(settings: ServiceSettings) -> socket.socket:
     import socket
 
     from planner.service.errors import ServiceError
+    from planner.service.settings import LIMITS
 
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     server_socket = socket.socket(family, socket.SOCK_STREAM)
@@ -259,7 +262,7 @@ def _open_socket(settings: ServiceSettings) -> socket.socket:
             f"The service cannot listen on {settings.host} port {settings.port}: {reason}; give another "
             "--port or --host."
         ) from None
-    server_socket.listen(BACKLOG)
+    server_socket.listen(LIMITS.backlog)
     return server_socket
 
 

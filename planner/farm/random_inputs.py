@@ -9,9 +9,7 @@ from pydantic import Field
 
 from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
 
-MAX_CV, MAX_TAIL_CV = 2.0, 20.0
-MAX_STOPS_PER_HOUR = 1000.0
-MAX_BREAKDOWN_INTERVAL_H = 1e6
+MAX_TAIL_CV = 20.0
 MAX_SLIP_PCT = 90.0
 _LOG_SOURCE = "17 logs of one attended forage harvester"
 _TRACTOR_LIVES = (
@@ -32,7 +30,7 @@ RANDOM_INPUTS = tuple(_OFF_VALUES)
 """Names of the random inputs, as reports call them."""
 
 
-def _define_cv(default: float, description: str, source: str, high: float = MAX_CV) -> Any:
+def _define_cv(default: float, description: str, source: str, high: float = 2.0) -> Any:
     return define_number(default, 0.0, high, description, source)
 
 
@@ -52,9 +50,7 @@ class UncertaintySettings(FileSection):
     """
 
     speed_cv: float = _define_cv(
-        0.15,
-        "of the speed of one pass",
-        f"{_LOG_SOURCE}: the mean speed of a pass varies by 0.15 to 0.18 within a job",
+        0.15, "of the speed of one pass", f"{_LOG_SOURCE}: the mean speed of a pass varies by 0.15 to 0.18 within a job"
     )
     job_cv: float = _define_cv(
         0.06,
@@ -79,7 +75,7 @@ class UncertaintySettings(FileSection):
     stops_per_hour: float = define_number(
         1.0,
         0.0,
-        MAX_STOPS_PER_HOUR,
+        1000.0,
         "stops per tractor and hour",
         f"assumed for a robot: a tenth of the 10 an hour in {_LOG_SOURCE}",
     )
@@ -93,9 +89,7 @@ class UncertaintySettings(FileSection):
         MAX_TAIL_CV,
     )
     stop_durations_s: tuple[_Duration, ...] = define_value((), "s of measured stops", "none: the law above")
-    breakdown_hours: float = define_number(
-        290.0, 0.0, MAX_BREAKDOWN_INTERVAL_H, "hours between breakdowns, 0 for none", _TRACTOR_LIVES
-    )
+    breakdown_hours: float = define_number(290.0, 0.0, 1e6, "hours between breakdowns, 0 for none", _TRACTOR_LIVES)
     repair_s: float = _define_duration(7200.0, "s, mean length of a repair", "assumed: someone has to come")
     repair_cv: float = _define_cv(
         1.0, "of the length of a repair", "assumed: as much as an exponential law", MAX_TAIL_CV

@@ -48,10 +48,9 @@ if TYPE_CHECKING:
     from vehicle.energy.draft import DraftRule
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
-DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
 MAX_LENGTH_M = 1000.0  # wider, deeper and farther round than any machine that works a field
 MAX_PRICE = 1e9  # in any currency
-MIN_CLEARANCE_M, MAX_CLEARANCE_M = 0.05, 10.0
+MIN_CLEARANCE_M = 0.05
 MAX_HEADLAND_PASSES = 50
 SOW = "sow"
 HEADLAND_FIRST, HEADLAND_LAST = HEADLAND_ORDERS
@@ -66,7 +65,7 @@ HEADLAND_ORDERS_BY_OPERATION = {
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
 MAX_MARGIN_M = 100.0
-MAX_MOISTURE_PCT, MAX_DEPTH_CM = 100.0, 100.0
+MAX_DEPTH_CM = 100.0
 STRAIGHT, CONTOUR = SWATH_FORMS = "straight", "contour"
 FASTEST, CHEAPEST, SUREST, LEAST_FUEL = OBJECTIVES = "fastest", "cheapest", "surest", "fuel"
 MAX_SEED = 2**53  # JavaScript has no larger whole numbers
@@ -151,7 +150,7 @@ class PlanRequest:
     clearance_m: Annotated[
         Number,
         OptionHelp("Least distance between machines with implements, metres.", MACHINES),
-        NumberLimits("clearance between tractors", "m", low=MIN_CLEARANCE_M, high=MAX_CLEARANCE_M),
+        NumberLimits("clearance between tractors", "m", low=MIN_CLEARANCE_M, high=10.0),
     ] = 0.5
     margin_m: Annotated[
         Number,
@@ -179,10 +178,8 @@ class PlanRequest:
         str, OptionHelp("Kind of turn: auto, u, omega or switch-back.", WORK, choices=("auto", *TURN_KINDS))
     ] = "auto"
     speed_mps: Annotated[
-        Number,
-        OptionHelp("Working speed, km/h.", MACHINES, from_farm=True),
-        _SPEED("working speed"),
-    ] = DEFAULT_SPEED_KMH * MPS_PER_KMH
+        Number, OptionHelp("Working speed, km/h.", MACHINES, from_farm=True), _SPEED("working speed")
+    ] = 5.0 * MPS_PER_KMH  # thesis, section 6.3.1
     turn_speed_mps: Annotated[
         Number | None,
         OptionHelp(
@@ -361,7 +358,7 @@ class PlanRequest:
     moisture_pct: Annotated[
         Number | None,
         OptionHelp("Moisture of the soil, percent of its dry weight; by default at field capacity.", FIELD),
-        NumberLimits("moisture of the soil", "percent", high=MAX_MOISTURE_PCT),
+        NumberLimits("moisture of the soil", "percent", high=100.0),
     ] = None
     rain_mm: Annotated[
         Text | None,

@@ -24,6 +24,7 @@ SELDOM = (
     "headland plan myfarm.geojson --soil", "headland diagnose runs", "headland diagnose --demo",
     "headland diagnose sample", "headland day day.toml", "headland compare-headlands", "headland study",
     "headland plan myfarm.geojson --width 3 --tractors 1-3", "headland plan myfarm.geojson --margin",
+    "headland plan myfarm.geojson --tractor my-eg105.toml",
 )  # fmt: skip
 """Beginnings of the guide's commands that take long: in the matrix alone, as their kind runs in the README or in files
 of its own, and so do their options."""

@@ -6,11 +6,9 @@ from typing import Any
 
 import pytest
 
-from planner.day.optimization.constraint_model import solve_exactly
 from planner.day.optimization.lagrangian_bound import compute_lower_bound
 from planner.day.optimization.problem import HASTE_COST_PER_S, DayProblem, RainOnsets, make_empty_routes, repair_routes
-from planner.day.optimization.set_partitioning import choose_routes
-from planner.day.optimization.solver import compute_least_costs, search_routes, solve_day
+from planner.day.optimization.solver import choose_routes, compute_least_costs, search_routes, solve_day, solve_exactly
 from tests.day.days import DAY, at_random, by_hand, every_day, least_cost
 
 LINE = [[0, 600, 900], [600, 0, 300], [900, 300, 0]]  # two fields on one road; the last place is the depot
@@ -119,7 +117,7 @@ def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch)
     problem = at_random(5, fields=10, fleets=2)
     best = solve_day(problem)
     assert best == solve_day(problem) and best.gap_pct == 0.0
-    monkeypatch.setattr("planner.day.optimization.set_partitioning.MAX_LABELS", 20)
+    monkeypatch.setattr("planner.day.optimization.solver.MAX_LABELS", 20)
     rough = solve_day(problem)
     assert rough.cost >= best.cost - 1e-6
     assert sum(compute_least_costs(problem)) - 1e-6 <= rough.cost * (1.0 - rough.gap_pct / 100.0) <= best.cost + 1e-4

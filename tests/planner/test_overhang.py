@@ -26,8 +26,8 @@ from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate
 
 RECTANGLE = shapely.box(0, 0, 150, 90)
-CHOSEN = (("netherlands", 3.0), ("sweden", 6.0))
-"""Samples and widths that are compared in every run of CI."""
+CHOSEN = (("sweden", 6.0),)
+"""Samples and widths that are compared in every run of CI, where drawn outlines are compared too."""
 CHAMFERED = shapely.Polygon([(6, 0), (150, 0), (150, 90), (0, 90), (0, 6)])
 
 

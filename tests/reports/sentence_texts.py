@@ -23,7 +23,7 @@ REFUSING_PACKAGES = (
 )
 """Where refusals come from that users of the command line and of the page meet most."""
 TELLING_MODULES = (
-    "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_obstacles.py",
+    "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_places.py",
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
     "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
@@ -47,7 +47,7 @@ ALARMING_MODULES = (
     "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/readings.py",
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
-    "planner/request/validation_messages.py", "strategies/path_planning/errors.py",
+    "strategies/path_planning/errors.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
     "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py",

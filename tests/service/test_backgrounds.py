@@ -330,7 +330,7 @@ def test_a_geotiff_of_utm_lies_where_proj_says(tmp_path: Path) -> None:
         make_settings(tmp_path, write_geotiff(tmp_path / "o.tif", "EPSG:32631", (west_m, north_m)))
     )
     facts = background.facts
-    assert facts is not None and 17 <= facts.most_zoom <= 19 and background.kind == "geotiff"
+    assert facts is not None and 17 <= facts.most_zoom <= 19 and facts.kind == "geotiff"
     zoom, side_m = facts.most_zoom, 2 * HALF_WIDTH_M / 2**facts.most_zoom
     into = Transformer.from_crs("EPSG:32631", "EPSG:3857", always_xy=True)
     for east_m, south_m, colour in (

@@ -56,13 +56,13 @@ def move(store: Store) -> Path:
 def test_a_write_is_what_counts_and_it_counts_for_five_seconds(store: Store) -> None:
     now = 100.0
     watch = DatabaseWatch(store, lambda: now)
-    assert not watch.is_writable
+    assert not watch.is_fresh
     for _ in range(2):  # the row is made, then changed
-        assert watch.write_once() and watch.is_writable and watch.last_error is None
+        assert watch.write_once() and watch.is_fresh and watch.last_error is None
     now += STALE_S
-    assert watch.is_writable
+    assert watch.is_fresh
     now += 0.1
-    assert not watch.is_writable and watch.age_s == pytest.approx(STALE_S + 0.1)
+    assert not watch.is_fresh and watch.age_s == pytest.approx(STALE_S + 0.1)
 
 
 def test_a_locked_file_is_no_file_that_can_be_written_to(small: Store) -> None:
@@ -71,7 +71,7 @@ def test_a_locked_file_is_no_file_that_can_be_written_to(small: Store) -> None:
     assert "locked" in str(watch.last_error)
     other.execute("COMMIT")
     other.close()
-    assert watch.write_once() and watch.is_writable
+    assert watch.write_once() and watch.is_fresh
 
 
 @pytest.mark.skipif(os.name == "nt", reason="open files cannot be moved there")
@@ -221,7 +221,7 @@ def test_readiness_and_figures_follow_the_writes(app: FastAPI, client: TestClien
                  "headland_disk_free_bytes"):  # fmt: skip
         assert f"\n{name}" in figures.text, name
     state.watch.close()
-    state.watch._written_at -= STALE_S + 2.0
+    state.watch._succeeded_at -= STALE_S + 2.0
     answer = client.get("/api/v1/ready")
     assert answer.status_code == 503 and "has taken no writes for" in answer.json()["faults"][0]
     assert "headland_ready 0.0" in client.get("/metrics").text

@@ -12,8 +12,8 @@ from fields.terrain.elevation import read_elevation
 from fields.terrain.point_grids import level_tracks
 from fields.terrain.rasters import list_raster_files, render_raster
 from planner.task_logs.log_import import import_runs
-from planner.task_logs.run_heights import build_run_heights
 from planner.task_logs.runs.run_files import load_imported_runs
+from planner.task_logs.runs.worked_ground import build_run_heights
 from tests.fields.terrain.heights import CRS, FIELD, ORIGIN_M, build_plane, hills, lay_passes, project
 
 SURFACE = build_plane(0.05, -0.02)

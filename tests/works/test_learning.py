@@ -17,7 +17,7 @@ from planner.farm.inventory import load_farm
 from planner.farm.value_sources import list_values
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
-from planner.task_logs.farm_learning import TurnSpeedFit, learn_farm_values
+from planner.task_logs.farm_learning import TurnSpeedFit, append_block, learn_farm_values, remove_blocks, set_value
 from planner.task_logs.log_import import import_runs
 from planner.task_logs.observations import (
     compute_variation_coefficient,
@@ -25,7 +25,6 @@ from planner.task_logs.observations import (
     estimate_share,
     estimate_statistic,
 )
-from planner.task_logs.toml_edit import append_block, remove_blocks, set_value
 from tests.works.conftest import HEADER, TURN_S, WIDTH_M, WORK_MPS, binary, main_file
 from vehicle.model.tractor import Implement, load_tractor
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from planner.request.validation_messages import describe_fault, format_location
+from planner.request.validation import describe_fault, format_location
 
 LARGEST_FRAME = 64 * 1024
 VERSION = 1

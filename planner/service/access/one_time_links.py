@@ -16,13 +16,11 @@ from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
 
 from planner.service.errors import BusyError, NotFoundError, TokenError
+from planner.service.settings import LIMITS
 from planner.service.store.tables import ResultRow
 
 LOGIN_COOKIE = "headland_login"
 LOGIN_PATH = "/login"
-MOST_LOGINS = 100
-LOGIN_VALID_S = 30 * 24 * 3600.0
-VIEW_VALID_S, MOST_VIEWS = 60.0, 1000
 
 
 class BrowserLogins:
@@ -56,10 +54,10 @@ class BrowserLogins:
         self.code = secrets.token_urlsafe(24)
         now = self._clock()
         self._valid_until = {cookie: until for cookie, until in self._valid_until.items() if until > now}
-        while len(self._valid_until) >= MOST_LOGINS:
+        while len(self._valid_until) >= LIMITS.most_logins:
             del self._valid_until[min(self._valid_until, key=lambda cookie: self._valid_until[cookie])]
         cookie = secrets.token_urlsafe(32)
-        self._valid_until[cookie] = now + LOGIN_VALID_S
+        self._valid_until[cookie] = now + LIMITS.login_valid_s
         if self.on_used is not None:
             self.on_used(self.code)
         return cookie
@@ -79,7 +77,7 @@ class BrowserLogins:
         response.set_cookie(
             LOGIN_COOKIE,
             self.redeem_code(code),
-            max_age=int(LOGIN_VALID_S),
+            max_age=int(LIMITS.login_valid_s),
             httponly=True,
             samesite="strict",
             secure=self.secure,
@@ -99,9 +97,9 @@ class OneTimeViews:
         now, name = self._clock(), secrets.token_urlsafe(24)
         with self._lock:
             self._views = {key: each for key, each in self._views.items() if each[0] > now}
-            if len(self._views) >= MOST_VIEWS:
-                raise BusyError(f"{MOST_VIEWS} views are not looked at yet; ask again in a minute.")
-            self._views[name] = (now + VIEW_VALID_S, result)
+            if len(self._views) >= LIMITS.most_views:
+                raise BusyError(f"{LIMITS.most_views} views are not looked at yet; ask again in a minute.")
+            self._views[name] = (now + LIMITS.view_valid_s, result)
         return name
 
     def take_view(self, name: str) -> ResultRow:

@@ -127,10 +127,6 @@ class Caller:
             "it, or make a copy of your own."
         )
 
-    def can_see_fleet(self, fleet: str) -> bool:
-        """Whether lists show a fleet to the caller: a robot sees its own only."""
-        return self.has_right(READ, fleet)
-
 
 def require_right(
     right: str, *, fleet_parameter: str | None = None, allows_own_fleet: bool = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import math
 import threading
 import time
@@ -14,13 +13,15 @@ from concurrent.futures import Future
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.service.errors import DatabaseError, ServiceError, TokenError
+from planner.service.settings import LIMITS
+from planner.service.store.database_watch import PERIOD_S, TIMEOUT_S, DatabaseThread
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import Revocation
 from planner.service.store.tables import TokenRow
 from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_token
 
-REFRESH_PERIOD_S, SHORTEST_REFRESH_PERIOD_S, REFRESH_TIMEOUT_S, STALE_S = 1.0, 0.2, 2.0, 5.0
-LONGEST_TOKEN_CHARS = 200
+SHORTEST_PERIOD_S = PERIOD_S / 5
+REFRESH_TIMEOUT_S = TIMEOUT_S
 OPERATOR_SCOPES = frozenset({"operator", "admin"})
 UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
 UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
@@ -33,7 +34,7 @@ REVOKED_UNTIL_RESTART = (
 EXPIRED_LINK_TOKEN = "The token of this link has expired; link again with another one."
 
 
-class TokenCache:
+class TokenCache(DatabaseThread):
     """The tokens of a store by their SHA-256, as they were when the database last answered.
 
     A thread reads them every second from `start` to `close`. While the database does not answer, known tokens stay
@@ -41,38 +42,19 @@ class TokenCache:
     """
 
     def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
-        self._store, self._clock = store, clock
+        super().__init__("headland-tokens", self.refresh, clock)
+        self._store = store
         self._rows: dict[str, TokenRow] = {}
         self._revoked: set[str] = set()
-        self._refreshed_at = -math.inf
         self._waiting: list[Future[None]] = []
         self._lock, self._refresh_lock = threading.Lock(), threading.Lock()
-        self._refresh_requested, self._closing = threading.Event(), threading.Event()
-        self._thread: threading.Thread | None = None
-        self.last_error: str | None = None
-
-    @property
-    def age_s(self) -> float:
-        """Seconds since the tokens were last read; infinite before the first time."""
-        return self._clock() - self._refreshed_at
-
-    def start(self) -> None:
-        """Start reading; returns when all tokens are read, or after two seconds."""
-        if self._thread is None:
-            self._closing.clear()
-            self._thread = threading.Thread(target=self._refresh_forever, name="headland-tokens", daemon=True)
-            first_refresh = self._request_refresh()
-            self._thread.start()
-            with contextlib.suppress(TimeoutError):
-                first_refresh.result(REFRESH_TIMEOUT_S)
+        self._refresh_requested = threading.Event()
 
     def close(self) -> None:
         """Stop reading."""
         self._closing.set()
         self._refresh_requested.set()
-        if self._thread is not None:
-            self._thread.join(REFRESH_TIMEOUT_S)
-            self._thread = None
+        super().close()
 
     def find_token(self, token_text: str) -> TokenRow | None:
         """The token of a text, from memory only: never waits. None for an unknown or expired one."""
@@ -89,7 +71,7 @@ class TokenCache:
 
         Raises TokenError for an unknown or expired token.
         """
-        can_be_new = token_text.startswith(TOKEN_PREFIX) and len(token_text) <= LONGEST_TOKEN_CHARS
+        can_be_new = token_text.startswith(TOKEN_PREFIX) and len(token_text) <= LIMITS.longest_token_chars
         if can_be_new and hash_token(token_text) not in self._rows:
             if self._thread is None:
                 await asyncio.to_thread(self.refresh)
@@ -98,7 +80,7 @@ class TokenCache:
                     await asyncio.wait_for(asyncio.wrap_future(self._request_refresh()), REFRESH_TIMEOUT_S)
         row = self._rows.get(hash_token(token_text))
         if row is None:
-            raise TokenError(UNREACHABLE_DATABASE if self.age_s > STALE_S else UNKNOWN_TOKEN, parameter="token")
+            raise TokenError(UNKNOWN_TOKEN if self.is_fresh else UNREACHABLE_DATABASE, parameter="token")
         if has_expired(row):
             raise TokenError(EXPIRED_TOKEN.format(expires=row.expires), parameter="token")
         return row
@@ -136,14 +118,11 @@ class TokenCache:
             try:
                 rows = {row.sha256: row for row in self._store.list_tokens()}
             except (SQLAlchemyError, ServiceError, OSError) as error:
-                words = " ".join(str(getattr(error, "orig", None) or error).split())[:200]
-                if self.last_error is None:  # logged once, not every second
-                    logging.getLogger(__name__).error("Tokens cannot be read; known ones stay valid: %s", words)
-                self.last_error = words
+                self.note_error("Tokens cannot be read; known ones stay valid: %s", error)
             else:
                 with self._lock:  # what was revoked while they were read stays revoked
                     self._rows = {sha256: row for sha256, row in rows.items() if sha256 not in self._revoked}
-                self._refreshed_at, self.last_error = self._clock(), None
+                self.note_success()
             finally:
                 for future in waiting:
                     if future.set_running_or_notify_cancel():
@@ -153,7 +132,7 @@ class TokenCache:
     def find_invalid_tokens(self, token_digests: Iterable[str]) -> dict[str, str]:
         """Of these tokens, by SHA-256, the revoked and expired ones, each with the sentence that ends its link."""
         rows, reasons = self._rows, {}
-        if self._refreshed_at == -math.inf:
+        if math.isinf(self.age_s):
             return {}
         for sha256 in token_digests:
             row = rows.get(sha256)
@@ -169,13 +148,11 @@ class TokenCache:
         self._refresh_requested.set()
         return future
 
-    def _refresh_forever(self) -> None:
-        while not self._closing.is_set():
-            self._refresh_requested.clear()
-            try:
-                self.refresh()
-            except Exception:  # if this thread ended, no token could be revoked any more
-                logging.getLogger(__name__).exception("Reading the tokens")
-            # However many unknown texts arrive, the database is read at most five times a second.
-            self._closing.wait(SHORTEST_REFRESH_PERIOD_S)
-            self._refresh_requested.wait(REFRESH_PERIOD_S - SHORTEST_REFRESH_PERIOD_S)
+    def pause(self) -> None:
+        """Wait until somebody asks for a reading, or a second; overrides DatabaseThread.pause.
+
+        However many unknown texts arrive, the database is read at most five times a second.
+        """
+        self._closing.wait(SHORTEST_PERIOD_S)
+        self._refresh_requested.wait(PERIOD_S - SHORTEST_PERIOD_S)
+        self._refresh_requested.clear()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from typing import Annotated
@@ -51,20 +51,28 @@ from planner.service.gateway.responses import (
     build_error_response,
     build_refusal_response,
 )
-from planner.service.settings import find_version
+from planner.service.settings import LIMITS, find_version
 from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
 COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
-JOB_COUNT_PERIOD_S = 5.0
 JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
-TOKENS_STALE_S = 5.0
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
-LARGEST_EVENT_ID = 2**53
+
+
+class MeasuredMetrics(Collector):
+    """Metrics that a function measures whenever they are read."""
+
+    def __init__(self, measure: Callable[[], Iterable[Metric]]) -> None:
+        self.measure = measure
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        return self.measure()
 
 
 class ServiceMetrics:
@@ -93,6 +101,10 @@ class ServiceMetrics:
         self.loop_lag_s = gauge("headland_loop_lag_seconds", "By how much the last step of the fleets came late.")
         self.jobs, self._jobs_counted_s = gauge("headland_jobs", "Jobs by state.", ("status",)), float("-inf")
 
+    def add_measured(self, measure: Callable[..., Iterable[Metric]], *sources: object) -> None:
+        """Add metrics that a function measures of its sources whenever they are read."""
+        self.registry.register(MeasuredMetrics(partial(measure, *sources)))
+
     def observe_request(self, method: str, status: int, seconds: float) -> None:
         """Count an answered request."""
         method = method if method in COUNTED_METHODS else "other"
@@ -105,7 +117,7 @@ class ServiceMetrics:
 
     def update_job_counts(self, store: Store) -> None:
         """Count the jobs in the database where the last count is old; call this in a thread. Raises DBAPIError."""
-        if time.monotonic() - self._jobs_counted_s < JOB_COUNT_PERIOD_S:
+        if time.monotonic() - self._jobs_counted_s < LIMITS.job_count_period_s:
             return
         self._jobs_counted_s = time.monotonic()
         counts = store.count_jobs()
@@ -113,72 +125,48 @@ class ServiceMetrics:
             self.jobs.labels(state).set(counts.get(state, 0))
 
 
-class FleetMetrics(Collector):
+def measure_fleets(hub: FleetSessions) -> Iterable[Metric]:
     """Links, time since the last report of each tractor, and alarms, by fleet."""
-
-    def __init__(self, hub: FleetSessions) -> None:
-        self.hub = hub
-
-    def collect(self) -> Iterable[Metric]:
-        """The metrics, for prometheus_client."""
-        links = GaugeMetricFamily("headland_links", "Links that are open.", labels=("fleet", "role"))
-        ages = GaugeMetricFamily(
-            "headland_report_age_seconds",
-            "Seconds since the last report of a linked tractor.",
-            labels=("fleet", "tractor"),
-        )
-        alarms = GaugeMetricFamily("headland_alarms", "Alarms that are on.", labels=("fleet", "level"))
-        now = time.monotonic()
-        for id, fleet in list(self.hub.by_id.items()):
-            roles = [client.role for client in fleet.clients]
-            for role in sorted(set(roles)):
-                links.add_metric((id, role), roles.count(role))
-            for number in sorted(fleet.tractors):
-                heard_s = now - fleet.manager.states[number].last_contact_s
-                ages.add_metric((id, str(number + 1)), max(heard_s, 0.0))
-            levels = [alarm.level for alarm in fleet.manager.alarms.list_alarms() if not alarm.over]
-            for level in sorted(set(levels)):
-                alarms.add_metric((id, level), levels.count(level))
-        return links, ages, alarms
+    links = GaugeMetricFamily("headland_links", "Links that are open.", labels=("fleet", "role"))
+    ages = GaugeMetricFamily(
+        "headland_report_age_seconds", "Seconds since the last report of a linked tractor.", labels=("fleet", "tractor")
+    )
+    alarms = GaugeMetricFamily("headland_alarms", "Alarms that are on.", labels=("fleet", "level"))
+    now = time.monotonic()
+    for id, fleet in list(hub.by_id.items()):
+        roles = [client.role for client in fleet.clients]
+        for role in sorted(set(roles)):
+            links.add_metric((id, role), roles.count(role))
+        for number in sorted(fleet.tractors):
+            heard_s = now - fleet.manager.states[number].last_contact_s
+            ages.add_metric((id, str(number + 1)), max(heard_s, 0.0))
+        levels = [alarm.level for alarm in fleet.manager.alarms.list_alarms() if not alarm.over]
+        for level in sorted(set(levels)):
+            alarms.add_metric((id, level), levels.count(level))
+    return links, ages, alarms
 
 
-class StoreMetrics(Collector):
+def measure_store(store: Store, watch: DatabaseWatch, bodies: BodyBudget) -> Iterable[Metric]:
     """Database, room on the disk, and bodies under way."""
-
-    def __init__(self, store: Store, watch: DatabaseWatch, bodies: BodyBudget) -> None:
-        self.store, self.watch, self.bodies = store, watch, bodies
-
-    def collect(self) -> Iterable[Metric]:
-        """The metrics, for prometheus_client."""
-        values = {
-            "headland_database_write_age_seconds": ("Since a write went through.", self.watch.age_s),
-            "headland_database_write_seconds": ("How long the last write took.", self.watch.last_write_s),
-            "headland_bodies_bytes": ("Large bodies under way.", self.bodies.held_bytes),
-            "headland_bodies_limit_bytes": ("Room for large bodies.", self.bodies.most_bytes),
-        }
-        with suppress(OSError):
-            free_bytes = shutil.disk_usage(self.store.settings.data).free
-            values["headland_disk_free_bytes"] = ("Room on the disk of the data folder.", free_bytes)
-        return [GaugeMetricFamily(name, text, value=value) for name, (text, value) in values.items()]
+    values = {
+        "headland_database_write_age_seconds": ("Since a write went through.", watch.age_s),
+        "headland_database_write_seconds": ("How long the last write took.", watch.last_write_s),
+        "headland_bodies_bytes": ("Large bodies under way.", bodies.held_bytes),
+        "headland_bodies_limit_bytes": ("Room for large bodies.", bodies.most_bytes),
+    }
+    with suppress(OSError):
+        free_bytes = shutil.disk_usage(store.settings.data).free
+        values["headland_disk_free_bytes"] = ("Room on the disk of the data folder.", free_bytes)
+    return [GaugeMetricFamily(name, text, value=value) for name, (text, value) in values.items()]
 
 
-class ConnectionMetrics(Collector):
+def measure_connections(connections: ConnectionRegistry) -> Iterable[Metric]:
     """Open connections, and those that were closed unfinished."""
-
-    def __init__(self, connections: ConnectionRegistry) -> None:
-        self.connections = connections
-
-    def collect(self) -> Iterable[Metric]:
-        """The metrics, for prometheus_client."""
-        opened = GaugeMetricFamily(
-            "headland_connections", "Open connections other than links.", value=len(self.connections)
-        )
-        closed = GaugeMetricFamily(
-            "headland_connections_closed", "Unfinished connections closed, by why.", labels=("why",)
-        )
-        for why, count in sorted(self.connections.closed_by_reason.items()):
-            closed.add_metric((why,), count)
-        return opened, closed
+    opened = GaugeMetricFamily("headland_connections", "Open connections other than links.", value=len(connections))
+    closed = GaugeMetricFamily("headland_connections_closed", "Unfinished connections closed, by why.", labels=("why",))
+    for why, count in sorted(connections.closed_by_reason.items()):
+        closed.add_metric((why,), count)
+    return opened, closed
 
 
 health_router = ApiRouter(tags=["service"])
@@ -240,7 +228,7 @@ async def show_metrics(request: Request) -> Response:
         return build_refusal_response(error)
     metrics: ServiceMetrics = state.metrics
     faults = list_service_faults(request)
-    if state.book.age_s <= TOKENS_STALE_S:
+    if state.book.is_fresh:
         with suppress(SQLAlchemyError, HeadlandError):
             await run_in_threadpool(metrics.update_job_counts, state.store)
     metrics.loop_lag_s.set(state.hub.lag_s)
@@ -254,9 +242,9 @@ def list_service_faults(request: Request) -> list[str]:
     state = request.app.state
     book: TokenCache = state.book
     faults = []
-    if book.age_s > TOKENS_STALE_S:
+    if not book.is_fresh:
         faults.append(DATABASE_DOWN.format(age_s=min(book.age_s, 1e6)))
-    elif not state.watch.is_writable:
+    elif not state.watch.is_fresh:
         faults.append(NOTHING_WRITTEN.format(age_s=min(state.watch.age_s, 1e6)))
     try:
         state.store.blobs.check_disk_space(0)
@@ -274,7 +262,7 @@ events_router = ApiRouter(tags=["events"])
 def list_events(
     store: StoreAccess,
     _caller: ReadAccess,
-    since: Annotated[int, Query(ge=0, le=LARGEST_EVENT_ID, description="Only events of a higher number.")] = 0,
+    since: Annotated[int, Query(ge=0, le=LIMITS.largest_event_id, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
 ) -> ItemList[EventInfo]:
     """Events after a number, the oldest first, at most 1000; for more, ask again from the last number."""
@@ -309,7 +297,9 @@ def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> N
     """Make a token; its text is shown only once."""
     store: Store = request.app.state.store
     text, row = store.create_token(body.name, body.scopes, fleet=body.fleet, tractor=body.tractor, expires=body.expires)
-    _refresh_token_cache(request)
+    book: TokenCache | None = getattr(request.app.state, "book", None)
+    if book is not None:  # a separate control process reads the tokens itself
+        book.refresh()
     info = TokenInfo.model_validate(row)
     store.add_event(None, caller.name, "token made", info.model_dump(exclude_none=True, exclude={"created"}))
     return NewToken(**info.model_dump(), token=text)
@@ -325,10 +315,3 @@ async def revoke_token(request: Request, caller: AdminAccess, name: str) -> None
         await request.app.state.book.revoke_token(name, caller.name)
     finally:
         await request.app.state.hub.check_tokens()
-
-
-def _refresh_token_cache(request: Request) -> None:
-    """Read the tokens again in this process; a separate control process does so itself."""
-    token_cache: TokenCache | None = getattr(request.app.state, "book", None)
-    if token_cache is not None:
-        token_cache.refresh()

@@ -28,14 +28,9 @@ from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
-from planner.service.api.administration import ConnectionMetrics, FleetMetrics, ServiceMetrics, StoreMetrics
+from planner.service.api.administration import ServiceMetrics, measure_connections, measure_fleets, measure_store
 from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import (
-    JOB_KIND_BY_PATH,
-    all_jobs_router,
-    build_jobs_router,
-    exports_router,
-)
+from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, exports_router
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
@@ -53,7 +48,7 @@ from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
-from planner.service.settings import ServiceSettings, find_version
+from planner.service.settings import LIMITS, ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
 from planner.service.store.database_watch import DatabaseWatch
 from planner.service.store.service_store import Store
@@ -77,12 +72,10 @@ DOCS_SCRIPT = (
 docs_router = APIRouter(include_in_schema=False)
 API_PREFIX = "/api/v1"
 TOKENS_PATH = f"{API_PREFIX}/tokens"
-SWEEP_PERIOD_S = 3600.0
 API_DESCRIPTION = (
     "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
 )
-Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
-OFFICE_NICENESS, BACKLOG = 5, 1024
+AppPart = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
 
 @docs_router.get("/docs")
@@ -111,7 +104,7 @@ def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> Fast
 
     Files are read in processes of their own, or with `reads_inline` in this one. Raises DatabaseError.
     """
-    app = _build_app(settings, _run_whole_lifespan)
+    app = _build_app(settings, _run_office, _run_control)
     _set_up_control_state(app, reads_inline=reads_inline)
     _set_up_back_office_state(app)
     app.router.routes.extend(_build_routes())
@@ -122,10 +115,10 @@ def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> Fast
 
 def create_control_app(settings: ServiceSettings, office: BackOffice, connections: ConnectionRegistry) -> FastAPI:
     """The app of the control process. Raises DatabaseError."""
-    app = _build_app(settings, _run_control_lifespan, openapi_url=None)
+    app = _build_app(settings, _run_forwarding, _run_control, openapi_url=None)
     _set_up_control_state(app, reads_inline=False)
     app.state.office = office
-    app.state.metrics.registry.register(ConnectionMetrics(connections))
+    app.state.metrics.add_measured(measure_connections, connections)
     ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
     app.router.routes.extend(_build_routes(has_office=False))
 
@@ -144,7 +137,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
 
 def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
     """The app of the office, which answers only requests with the secret. Raises DatabaseError."""
-    app = _build_app(settings, _run_office_lifespan)
+    app = _build_app(settings, _run_readers, _run_office)
     app.state.reader = FileReader(settings, app.state.store)
     _set_up_back_office_state(app)
     app.router.routes.extend(_build_routes(has_control=False))
@@ -181,10 +174,20 @@ def list_back_office_routers() -> list[APIRouter]:
 
 
 def _build_app(
-    settings: ServiceSettings, lifespan: Lifespan, openapi_url: str | None = f"{API_PREFIX}/openapi.json"
+    settings: ServiceSettings, *parts: AppPart, openapi_url: str | None = f"{API_PREFIX}/openapi.json"
 ) -> FastAPI:
+    """An app whose parts run, the first one around the others, from its start to its end."""
+
+    @contextlib.asynccontextmanager
+    async def run_parts(app: FastAPI) -> AsyncIterator[None]:
+        async with contextlib.AsyncExitStack() as stack:
+            stack.callback(app.state.store.close)
+            for part in parts:
+                await stack.enter_async_context(part(app))
+            yield
+
     app = FastAPI(
-        title="Headland", version=find_version(), description=API_DESCRIPTION, lifespan=lifespan,
+        title="Headland", version=find_version(), description=API_DESCRIPTION, lifespan=run_parts,
         openapi_url=openapi_url, docs_url=None, redoc_url=None, swagger_ui_oauth2_redirect_url=None,
     )  # fmt: skip
     app.state.settings = settings
@@ -205,8 +208,8 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     shutil.rmtree(state.settings.data / BODIES_FOLDER, ignore_errors=True)  # those of a service that was killed
     state.greetings = ConnectionRegistry(PENDING_LIMITS)
     state.metrics = ServiceMetrics()
-    state.metrics.registry.register(FleetMetrics(state.hub))
-    state.metrics.registry.register(StoreMetrics(state.store, state.watch, state.bodies))
+    state.metrics.add_measured(measure_fleets, state.hub)
+    state.metrics.add_measured(measure_store, state.store, state.watch, state.bodies)
     state.hub.on_stop = partial(state.metrics.count_stop, "link")
     app.add_route(LOGIN_PATH, administration.log_in_browser, methods=["GET"], include_in_schema=False)
     app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
@@ -243,31 +246,22 @@ def _add_middleware(app: FastAPI) -> None:
 
 
 @contextlib.asynccontextmanager
-async def _run_whole_lifespan(app: FastAPI) -> AsyncIterator[None]:
-    async with _run_office(app), _run_control(app):
-        yield
-    app.state.store.close()
-
-
-@contextlib.asynccontextmanager
-async def _run_control_lifespan(app: FastAPI) -> AsyncIterator[None]:
+async def _run_forwarding(app: FastAPI) -> AsyncIterator[None]:
     app.state.office.start()
     try:
-        async with _run_control(app):
-            yield
+        yield
     finally:
         await app.state.forward.close()
         await app.state.office.stop()
-        app.state.store.close()
 
 
 @contextlib.asynccontextmanager
-async def _run_office_lifespan(app: FastAPI) -> AsyncIterator[None]:
-    async with _run_office(app):
-        app.state.reader.start_processes()
+async def _run_readers(app: FastAPI) -> AsyncIterator[None]:
+    app.state.reader.start_processes()
+    try:
         yield
-    app.state.reader.close()
-    app.state.store.close()
+    finally:
+        app.state.reader.close()
 
 
 @contextlib.asynccontextmanager
@@ -301,7 +295,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
 async def _sweep_forever(store: Store) -> None:
     """Delete the bytes of refused uploads and deleted files from time to time."""
     while True:
-        await asyncio.sleep(SWEEP_PERIOD_S)
+        await asyncio.sleep(LIMITS.sweep_period_s)
         with contextlib.suppress(DBAPIError):
             await asyncio.to_thread(sweep_unnamed_bytes, store)
 
@@ -311,15 +305,15 @@ def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connect
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.umask(0o077)
     if hasattr(os, "nice"):
-        os.nice(OFFICE_NICENESS)  # stops and links come before files and jobs
+        os.nice(LIMITS.niceness)  # stops and links come before files and jobs
     set_up_logs()
     end_with_service()
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.bind((LOOPBACK_HOST, 0))
-    listener.listen(BACKLOG)
+    listener.listen(LIMITS.backlog)
     config = uvicorn.Config(
         create_back_office_app(settings, secret), log_config=None, access_log=False, proxy_headers=False,
-        server_header=False, ws="none", timeout_graceful_shutdown=2, timeout_keep_alive=60, backlog=BACKLOG,
+        server_header=False, ws="none", timeout_graceful_shutdown=2, timeout_keep_alive=60, backlog=LIMITS.backlog,
     )  # fmt: skip
 
     class PortReportingServer(uvicorn.Server):

@@ -21,14 +21,14 @@ from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import EXAMPLE_FARM, InputCollector
 from planner.service.jobs.job_requests import PLAN_OPTIONS
+from planner.service.settings import LIMITS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import list_tractor_names
 
 FormKind = Literal["day", "farm"]
-MOST_FORM_CHARS, MOST_CHANGES, LONGEST_VALUE_CHARS = 100_000, 50, 1000
 KeyName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Position = Annotated[int, Field(ge=0, le=999)]
-ValueText = Annotated[str, Field(max_length=LONGEST_VALUE_CHARS)]
+ValueText = Annotated[str, Field(max_length=LIMITS.longest_value_chars)]
 WholeNumber = Annotated[int, Field(ge=-(10**9), le=10**9)]
 PlainValue = bool | WholeNumber | float | ValueText | Annotated[list[ValueText], Field(max_length=100)]
 
@@ -53,8 +53,8 @@ class FormChange(ApiRequest):
 class FormRequest(ApiRequest):
     """The text of a day or farm file (TOML), and values to change in it."""
 
-    text: Annotated[str, Field(max_length=MOST_FORM_CHARS)]
-    changes: Annotated[list[FormChange], Field(default_factory=list, max_length=MOST_CHANGES)]
+    text: Annotated[str, Field(max_length=LIMITS.most_form_chars)]
+    changes: Annotated[list[FormChange], Field(default_factory=list, max_length=LIMITS.most_changes)]
 
 
 class FormFault(ApiModel):

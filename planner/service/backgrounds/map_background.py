@@ -9,7 +9,6 @@ import contextlib
 import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -38,32 +37,30 @@ from planner.service.backgrounds.tile_grid import (
 from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache, TileServer, is_address
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
-from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 
 MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
 PICTURE_FORMATS = ("png", "jpg", "jpeg", "webp")
 MOST_TEXT_CHARS = 400
-MOST_PIXELS_PER_TILE = 2**26
-"""Pixels of a GeoTIFF without overviews that one tile may cover; more would take too long."""
 DegreeBounds = tuple[float, float, float, float]
 MOST_METRES = 1e8
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
 
-@dataclass(frozen=True)
-class FileFacts:
-    """What a file says of itself: attribution, zooms and bounds (west, south, east, north in degrees)."""
+class BackgroundInfo(ApiModel):
+    """The background of maps: where its tiles come from, whose they are, their zooms, and the bounds in degrees (west,
+    south, east, north)."""
 
-    attribution: str
-    least_zoom: int
-    most_zoom: int
-    bounds_deg: DegreeBounds | None
+    kind: Literal["none", "address", "mbtiles", "geotiff"] = "none"
+    attribution: str = ""
+    least_zoom: int = 0
+    most_zoom: int = 0
+    tile_px: int = TILE_PX
+    bounds_deg: Sequence[float] | None = None
 
 
 class MbtilesFile:
     """Tiles in an SQLite file (MBTiles 1.3), opened for reading only."""
-
-    kind: Literal["mbtiles"] = "mbtiles"
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -84,7 +81,7 @@ class MbtilesFile:
             raise TileError(f"A tile of {self.path.name} is no picture or larger than {MOST_TILE_BYTES // 2**20} MB.")
         return found[1]
 
-    def _read_facts(self) -> FileFacts:
+    def _read_facts(self) -> BackgroundInfo:
         with self._open_database() as database:
             pairs = database.execute("SELECT name, value FROM metadata").fetchmany(1_000)
             least, most = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
@@ -98,7 +95,10 @@ class MbtilesFile:
         if not (isinstance(least, int) and isinstance(most, int) and 0 <= least <= most):
             raise ServiceError(f"{self.path.name} has no tiles; give another file.", parameter="background")
         attribution = values.get("attribution", "")[:MOST_TEXT_CHARS]
-        return FileFacts(attribution, least, min(most, HIGHEST_ZOOM), _parse_bounds(values.get("bounds", "")))
+        return BackgroundInfo(
+            kind="mbtiles", attribution=attribution, least_zoom=least, most_zoom=min(most, HIGHEST_ZOOM),
+            bounds_deg=_parse_bounds(values.get("bounds", "")),
+        )  # fmt: skip
 
     @contextlib.contextmanager
     def _open_database(self) -> Iterator[sqlite3.Connection]:
@@ -113,8 +113,6 @@ class MbtilesFile:
 
 class GeoTiffFile:
     """A GeoTIFF of 8 bits, grey or in colours, drawn anew for every tile; needs the library rasterio."""
-
-    kind: Literal["geotiff"] = "geotiff"
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -152,7 +150,7 @@ class GeoTiffFile:
         colours = bands[:3] if len(bands) > 3 else np.repeat(bands[:1], 3, axis=0)
         return encode_png(np.ascontiguousarray(np.moveaxis(np.vstack([colours, alpha[None]]), 0, -1)))
 
-    def _read_facts(self) -> FileFacts:
+    def _read_facts(self) -> BackgroundInfo:
         from rasterio.enums import ColorInterp
         from rasterio.warp import transform_bounds
 
@@ -172,8 +170,9 @@ class GeoTiffFile:
         # The first zoom whose pixels are no larger than those of the picture.
         zoom = int(np.ceil(np.log2(2.0 * HALF_WIDTH_M / (TILE_PX * max(pixel_m, 1e-3)))))
         finest = min(max(zoom, 0), HIGHEST_ZOOM)
-        widest = int(np.log2(MOST_PIXELS_PER_TILE / TILE_PX**2) / 2)
-        return FileFacts("", 0 if has_overviews else max(0, finest - widest), finest, tuple(bounds))
+        widest = int(np.log2(LIMITS.most_pixels_per_tile / TILE_PX**2) / 2)
+        least = 0 if has_overviews else max(0, finest - widest)
+        return BackgroundInfo(kind="geotiff", least_zoom=least, most_zoom=finest, bounds_deg=tuple(bounds))
 
     @contextlib.contextmanager
     def _open_picture(self) -> Iterator[Any]:
@@ -215,20 +214,18 @@ def _parse_bounds(text: str) -> DegreeBounds | None:
 
 
 class MapBackground:
-    """The background of maps, with its `kind` and `facts`. Raises ServiceError for settings that cannot be."""
+    """The background of maps, with its `facts`. Raises ServiceError for settings that cannot be."""
 
     def __init__(self, settings: ServiceSettings) -> None:
-        self.kind: Literal["none", "address", "mbtiles", "geotiff"] = "none"
-        self.facts = FileFacts("", 0, 0, None)
         self._source = _open_source(settings)
-        if self._source is None:
-            return
-        self.kind, attribution = self._source.kind, " ".join(settings.background_attribution.split())
+        self.facts = BackgroundInfo()
         if isinstance(self._source, TileServer):
-            self.facts = FileFacts("", 0, settings.background_zoom, None)
-        else:
+            self.facts = BackgroundInfo(kind="address", most_zoom=settings.background_zoom)
+        elif self._source is not None:
             self.facts = self._source.facts
-        self.facts = replace(self.facts, attribution=attribution[:MOST_TEXT_CHARS] or self.facts.attribution)
+        attribution = " ".join(settings.background_attribution.split())[:MOST_TEXT_CHARS]
+        if self._source is not None and attribution:
+            self.facts = self.facts.model_copy(update={"attribution": attribution})
 
     async def read_tile(self, tile: Tile) -> tuple[bytes, str] | None:
         """The bytes of a tile and their media type, None where there is none. Raises TileError."""
@@ -270,22 +267,11 @@ def _open_source(settings: ServiceSettings) -> TileServer | MbtilesFile | GeoTif
 background_router = ApiRouter(prefix="/background", tags=["background"])
 
 
-class BackgroundInfo(ApiModel):
-    """The background of maps: where its tiles come from, whose they are, their zooms, and the bounds in degrees."""
-
-    kind: Literal["none", "address", "mbtiles", "geotiff"]
-    attribution: str
-    least_zoom: int
-    most_zoom: int
-    tile_px: int
-    bounds_deg: Sequence[float] | None
-
-
 @background_router.get("", operation_id="read_background")
 def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
     """The background of maps; `kind` is none where the service has none."""
     background: MapBackground = request.app.state.background
-    return BackgroundInfo(kind=background.kind, tile_px=TILE_PX, **asdict(background.facts))
+    return background.facts
 
 
 @background_router.get(

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from fields.geometry.geodesy import find_utm_crs, project
 from planner.service.errors import ServiceError
+from planner.service.settings import LIMITS
 
 MERCATOR, WGS84 = "EPSG:3857", "EPSG:4326"
 HALF_WIDTH_M = math.pi * 6_378_137.0
@@ -28,7 +29,6 @@ DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
 MOST_LATITUDE_DEG = 84.0
 FloatArray = npt.NDArray[np.float64]
 MOST_TILE_BYTES = 2 * 2**20
-MOST_SIDE_PX = 1024
 MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
 
 
@@ -142,10 +142,10 @@ def identify_tile(content: bytes) -> str:
         raise TileError(
             "The background sent something other than a PNG, JPEG or WebP picture; check its address."
         ) from None
-    if max(width, height) > MOST_SIDE_PX:
+    if max(width, height) > LIMITS.most_side_px:
         raise TileError(
             f"A tile of the background has {width} x {height} pixels; use a server whose tiles have at most "
-            f"{MOST_SIDE_PX} x {MOST_SIDE_PX}."
+            f"{LIMITS.most_side_px} x {LIMITS.most_side_px}."
         )
     return MEDIA_BY_FORMAT[name]
 

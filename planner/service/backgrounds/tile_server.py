@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
@@ -33,6 +33,7 @@ from planner.service.backgrounds.tile_grid import (
     identify_tile,
 )
 from planner.service.errors import ServiceError, StorageError
+from planner.service.settings import LIMITS
 from planner.service.store.disk_storage import check_disk_space
 
 if TYPE_CHECKING:
@@ -48,16 +49,11 @@ NAMES = {
 BRACES = re.compile(r"\{([^{}]*)\}")
 LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
 HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
-MOST_ADDRESS_CHARS = 1_000
 CACHE_FOLDER = "background-tiles"
-KEPT_SHARE = 0.9
-"""Share of the limit that is left after tiles were deleted, so that this is not done for every tile."""
 USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
-CONNECT_TIMEOUT_S, TILE_TIMEOUT_S, QUEUE_TIMEOUT_S = 5.0, 15.0, 30.0
-MOST_FETCHES = 4
-FRESH_S, PAUSE_S = 30 * 86_400.0, 20.0
+CONNECT_TIMEOUT_S, TILE_TIMEOUT_S = 5.0, 15.0
+PAUSE_S = 20.0
 """Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
-MOST_REMEMBERED = 5_000
 NOTHING_STATUSES = (204, 404)
 
 
@@ -105,8 +101,8 @@ def is_address(text: str) -> bool:
 def _check_text(template: str) -> None:
     if not template.isascii() or not template.isprintable() or " " in template or "\\" in template:
         raise _refuse(template, "has characters that an address cannot have", "write them as % codes")
-    if len(template) > MOST_ADDRESS_CHARS:
-        raise _refuse(template, f"has {len(template)} characters", f"use at most {MOST_ADDRESS_CHARS}")
+    if len(template) > LIMITS.most_address_chars:
+        raise _refuse(template, f"has {len(template)} characters", f"use at most {LIMITS.most_address_chars}")
     if not template.startswith(("https://", "http://")):
         raise _refuse(template, "is not an address of the web", f"give one such as {EXAMPLE}")
     for name in BRACES.findall(template):
@@ -189,7 +185,7 @@ class TileCache:
         kept = self._list_kept()
         total = sum(status.st_size for _, status in kept)
         for path, status in sorted(kept, key=lambda one: one[1].st_atime):
-            if total <= KEPT_SHARE * self._most_bytes:
+            if total <= LIMITS.kept_share * self._most_bytes:
                 break
             path.unlink(missing_ok=True)
             total -= status.st_size
@@ -202,14 +198,12 @@ class TileCache:
 class TileServer:
     """Tiles by an address, from the cache or the server; several requests for one tile fetch it once."""
 
-    kind: Literal["address"] = "address"
-
     def __init__(self, address: TileAddress, cache: TileCache) -> None:
         self.address, self._cache = address, cache
         self._client: httpx2.AsyncClient | None = None
         self._running: dict[Tile, asyncio.Task[bytes | None]] = {}
         self._failed: dict[Tile, tuple[float, TileError | None]] = {}
-        self._slots = asyncio.Semaphore(MOST_FETCHES)
+        self._slots = asyncio.Semaphore(LIMITS.most_fetches)
 
     async def close(self) -> None:
         """End all requests."""
@@ -225,7 +219,7 @@ class TileServer:
         A kept tile is used even where it is old and the server cannot be reached.
         """
         kept = await run_in_threadpool(self._cache.read_tile, tile)
-        if kept is not None and kept[1] < FRESH_S:
+        if kept is not None and kept[1] < LIMITS.fresh_s:
             return kept[0]
         try:
             return await self._fetch_shared(tile)
@@ -253,7 +247,7 @@ class TileServer:
 
     async def _fetch_and_keep(self, tile: Tile) -> bytes | None:
         try:
-            async with asyncio.timeout(QUEUE_TIMEOUT_S), self._slots:
+            async with asyncio.timeout(LIMITS.queue_timeout_s), self._slots:
                 content = await self._fetch_tile(tile)
         except TimeoutError:
             self._remember_failure(tile, error := TileError(f"The tile server {self.address.host} is too slow now."))
@@ -268,7 +262,7 @@ class TileServer:
         return content
 
     def _remember_failure(self, tile: Tile, error: TileError | None) -> None:
-        if len(self._failed) >= MOST_REMEMBERED:
+        if len(self._failed) >= LIMITS.most_remembered:
             self._failed.clear()
         self._failed[tile] = time.monotonic(), error
 
@@ -317,6 +311,6 @@ class TileServer:
             self._client = httpx2.AsyncClient(
                 follow_redirects=False, trust_env=False, headers=headers | {"accept-encoding": "identity"},
                 timeout=httpx2.Timeout(TILE_TIMEOUT_S, connect=CONNECT_TIMEOUT_S),
-                limits=httpx2.Limits(max_connections=MOST_FETCHES),
+                limits=httpx2.Limits(max_connections=LIMITS.most_fetches),
             )  # fmt: skip
         return self._client

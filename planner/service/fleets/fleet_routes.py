@@ -24,18 +24,17 @@ from planner.fleet.session import inbound_frames, outbound_messages
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
 from planner.request.option_texts import parse_clock
-from planner.request.validation_messages import describe_fault, format_location
+from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
 from planner.service.errors import BusyError, NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files
 from planner.service.gateway.bodies import BODIES_FOLDER, spool_body
 from planner.service.gateway.request_gate import LARGE_BODY_KEY
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
-from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store, open_store
 from planner.service.store.store_part import check_name
 
-LONGEST_PLAN = 30_000_000
 RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
 INBOUND_FRAMES: tuple[type[inbound_frames.InboundFrame], ...] = (
     inbound_frames.ConnectFrame,
@@ -65,7 +64,7 @@ class FleetRequest(ApiRequest):
     """
 
     name: Annotated[str, Field(min_length=1, max_length=80)]
-    plan: Annotated[str, Field(min_length=1, max_length=LONGEST_PLAN)]
+    plan: Annotated[str, Field(min_length=1, max_length=LIMITS.longest_plan_chars)]
     result: Annotated[str, Field(max_length=120)] = "plan.json"
     field: Annotated[str, Field(max_length=80)] | None = None
     tractor: Annotated[str, Field(max_length=80)] | None = None
@@ -262,7 +261,7 @@ async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> ItemList[
     """All fleets; a robot sees only its own."""
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
     return ItemList[FleetAnswer](
-        items=[_build_answer(sessions, label) for label in labels if who.can_see_fleet(label.id)]
+        items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)]
     )
 
 

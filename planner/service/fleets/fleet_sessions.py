@@ -33,15 +33,12 @@ from planner.pipeline.executors import LocalPool
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
 from planner.service.fleets.video_addresses import VideoAddresses
+from planner.service.settings import LIMITS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 
 STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S, TOKEN_PERIOD_S = 0.05, 1.0, 1.0, 1.0
-END_TIMEOUT_S = 20.0  # for which a stopping service waits for its database
 DELETED_TEXT = "This fleet was deleted."
-MOST_FLEETS = 20
-MOST_LINKS_PER_TOKEN, MOST_LINKS = 50, 200
-WORK_ATTEMPTS = 2
 EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = 2, 3, 10  # columns of recorded rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with its file suffix."""
@@ -127,7 +124,7 @@ class FleetSessions:
         for session in self.by_id.values():
             session.proposals.cancel_replanning()
         with contextlib.suppress(Exception):  # an unreachable database must not prevent stopping
-            async with asyncio.timeout(END_TIMEOUT_S):
+            async with asyncio.timeout(LIMITS.end_timeout_s):
                 for session in list(self.by_id.values()):
                     await self.save(session)
         self._writer.shutdown(wait=False, cancel_futures=True)
@@ -140,7 +137,7 @@ class FleetSessions:
 
         If that process is killed, another one tries again. Raises WorkerError if that is killed too.
         """
-        for _ in range(WORK_ATTEMPTS):
+        for _ in range(LIMITS.work_attempts):
             pool = self._pool = self._pool or LocalPool(1)
             try:
                 return await asyncio.wrap_future(pool.submit(function, *arguments))
@@ -171,7 +168,7 @@ class FleetSessions:
         BusyError for too many fleets, and what `build` raises.
         """
         async with self._creating:
-            if len(self.by_id) >= MOST_FLEETS:
+            if len(self.by_id) >= LIMITS.most_fleets:
                 raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
             # Prepared plans take about as much memory as their texts: together no more than one upload.
             room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
@@ -188,10 +185,10 @@ class FleetSessions:
         clients = [each for session in self.by_id.values() for each in session.clients]
         other_clients = [each for each in clients if each.role != TRACTOR]
         own_count = sum(each.token == client.token for each in other_clients)
-        if own_count >= MOST_LINKS_PER_TOKEN:
+        if own_count >= LIMITS.most_links_per_token:
             whose = "this token" if client.token else "logged-in browsers"
             raise BusyError(f"{own_count} links of {whose} are open, the most allowed; close one first.")
-        if len(other_clients) >= MOST_LINKS and client.role != CONTROL:
+        if len(other_clients) >= LIMITS.most_links and client.role != CONTROL:
             raise BusyError(f"{len(other_clients)} viewing links are open, the most allowed; close one first.")
 
     def add(self, session: FleetSession) -> None:

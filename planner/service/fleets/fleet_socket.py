@@ -30,6 +30,7 @@ from planner.service.gateway.connection_limits import (
     ConnectionRegistry,
     RateLimiter,
 )
+from planner.service.settings import LIMITS
 
 CONNECT_TIMEOUT_S = 10.0
 CROWDED_TEXT = "Too many links have not sent connect yet; link again and send it at once."
@@ -37,8 +38,6 @@ PENDING_LIMITS = ConnectionLimits(per_address=128, total=512, header_s=CONNECT_T
 """Of links that have not sent connect yet."""
 REFUSED_CODE, REPLACED_CODE = 1008, 4001
 NORMAL_CODES = (1000, 1001)
-LONGEST_CONNECT = 4096
-FRAMES_IN_A_ROW = 20  # frames of one client, after which others have their turn
 MOST_REFUSED = 10  # frames of a viewer before its link ends
 FRAME_RATES = {TRACTOR: (200.0, 600.0), CONTROL: (60.0, 240.0)}  # per second, and at once
 WATCHER_FRAME_RATES = (5.0, 20.0)
@@ -105,8 +104,10 @@ async def link_client(websocket: WebSocket, id: str) -> None:
 async def _await_connect(websocket: WebSocket, fleet: str) -> FleetClient:
     """Wait for connect and identify the client. Raises HeadlandError, ValidationError, TimeoutError."""
     text = await asyncio.wait_for(_receive_text(websocket), CONNECT_TIMEOUT_S)
-    if text is not None and len(text) > LONGEST_CONNECT:
-        raise ServiceError(f"The connect frame has {len(text)} characters; at most {LONGEST_CONNECT} are allowed.")
+    if text is not None and len(text) > LIMITS.longest_connect_chars:
+        raise ServiceError(
+            f"The connect frame has {len(text)} characters; at most {LIMITS.longest_connect_chars} are allowed."
+        )
     connect = inbound_frames.CONNECT.validate_json(text if text is not None else b"")
     who = await identify_socket(websocket, connect.token)
     who.check_right(RIGHTS.get(connect.role, "read"), fleet, connect.tractor)
@@ -160,7 +161,7 @@ async def _receive(websocket: WebSocket, session: FleetSession, client: FleetCli
         taken += 1
         while not client.outbox.ended and (wait_s := allowance.take_token()) > 0.0:
             await asyncio.sleep(wait_s)  # frames that are not read yet stay with the sender
-        if taken % FRAMES_IN_A_ROW == 0:
+        if taken % LIMITS.frames_in_a_row == 0:
             await asyncio.sleep(0)  # one client must not occupy the loop
         try:
             text = await _receive_text(websocket)

@@ -25,6 +25,7 @@ from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, I
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.job_requests import DiagnosisJobRequest
 from planner.service.jobs.submission import submit_job
+from planner.service.settings import LIMITS
 from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
@@ -34,7 +35,6 @@ DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor
 FINDING = "finding"
 DIAGNOSE_AFTER_S = 90.0  # of driving after a doubt is certain: a track and a turn show more than a track alone
 TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
-SHOWN_CORRECTIONS = 600  # ten minutes
 
 
 class TwinDiagnosis:
@@ -235,7 +235,7 @@ def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: 
             answer.doubt = {"since_s": round(doubt.since_s, 1), "like": doubt.effect_id, "amount": amount}
             answer.doubt |= {"times": ratio, "words": doubt.words}
         if with_corrections:
-            columns = {name: values[-SHOWN_CORRECTIONS:] for name, values in twin.corrections.items()}
+            columns = {name: values[-LIMITS.shown_corrections :] for name, values in twin.corrections.items()}
             columns["heading_deg"] = np.degrees(columns.pop("heading_rad"))
             answer.corrections = {
                 name: [round(float(v), 4) for v in values if math.isfinite(v)] for name, values in columns.items()

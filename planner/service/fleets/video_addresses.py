@@ -19,11 +19,10 @@ from planner.service.access.browser_policy import STANDARD_PORT
 from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.gateway.responses import ApiRequest, ApiRouter
+from planner.service.settings import LIMITS
 
 SETTINGS_KEY = "videos"
 LONGEST_ADDRESS_CHARS = 500
-MOST_ORIGIN_CHARS = 1000
-"""Of all hosts together: answers name each twice in their policy, and proxies may refuse headers of 4 kB."""
 GATEWAY_SCHEMES = ("rtsp", "rtsps", "rtmp", "rtmps", "udp", "srt")
 PARAMETER = "address"
 ALLOW_HOST = "headland serve --video-host, or give a path of this service's host"
@@ -47,10 +46,10 @@ class VideoAddresses:
 
     def __init__(self, hosts: Iterable[str] = ()) -> None:
         self.allowed_origins = {_parse_host(host) for host in hosts}
-        if len(" ".join(self.allowed_origins)) > MOST_ORIGIN_CHARS:
+        if len(" ".join(self.allowed_origins)) > LIMITS.most_origin_chars:
             raise ServiceError(
-                f"The video hosts have more than {MOST_ORIGIN_CHARS} characters, for which answers have no room; let "
-                "one gateway serve several videos.",
+                f"The video hosts have more than {LIMITS.most_origin_chars} characters, for which answers have no "
+                "room; let one gateway serve several videos.",
                 parameter="video_host",
             )
         self._by_fleet: dict[str, dict[int, str]] = {}

@@ -25,7 +25,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
 from planner.service.gateway.responses import build_error_response
 from planner.service.kept_process import KeptProcess
-from planner.service.settings import ServiceSettings
+from planner.service.settings import LIMITS, ServiceSettings
 
 if TYPE_CHECKING:
     import httpx2
@@ -34,14 +34,12 @@ if TYPE_CHECKING:
 SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER = b"x-headland-secret", b"x-headland-who", b"x-headland-client"
 HOP_HEADERS = b"connection keep-alive proxy-connection te trailer transfer-encoding upgrade".split()
 UNFORWARDED_HEADERS = {*HOP_HEADERS, SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER}
-MOST_REQUESTS_PER_CLIENT, MOST_REQUESTS_IN_ALL = 32, 256
-RESPONSE_TIMEOUT_S = 300.0
 READ_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 OFFICE_STARTING = "Files, jobs and pages are starting; try again in a few seconds. Fleets and stops work."
 TRY_AGAIN = {"retry-after": "3", "connection": "close"}
 UNREADABLE_ADDRESS = "The address cannot be read; write it in letters, digits and % codes."
 OFFICE_LOST = "The process for files, jobs and pages ended during this request; try again."
-OFFICE_POLL_S, SHORT_LIFE_S, PATIENCE_S = 0.2, 5.0, 30.0
+OFFICE_POLL_S = 0.2
 LOOPBACK_HOST = "127.0.0.1"
 
 
@@ -75,11 +73,11 @@ class OfficeForwarder:
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
         # Requests are counted by token, or by address without one.
         client = caller.token_sha256 if caller is not None and caller.token_sha256 else _get_address(scope)
-        is_own_limit = self._running_requests[client] >= MOST_REQUESTS_PER_CLIENT
-        if is_own_limit or self._running_requests.total() >= MOST_REQUESTS_IN_ALL:
-            requests = f"{MOST_REQUESTS_IN_ALL} requests of all"
+        is_own_limit = self._running_requests[client] >= LIMITS.most_requests_per_client
+        if is_own_limit or self._running_requests.total() >= LIMITS.most_requests:
+            requests = f"{LIMITS.most_requests} requests of all"
             if is_own_limit:
-                requests = f"{MOST_REQUESTS_PER_CLIENT} of your requests"
+                requests = f"{LIMITS.most_requests_per_client} of your requests"
             message = f"{requests} are under way; wait for one to end, then ask again."
             await build_error_response(429, message, {"retry-after": "1", "connection": "close"})(scope, receive, send)
             return
@@ -120,8 +118,8 @@ class OfficeForwarder:
         import httpx2
 
         if self._client is None:
-            limits = httpx2.Limits(max_connections=MOST_REQUESTS_IN_ALL, max_keepalive_connections=16)
-            timeout = httpx2.Timeout(RESPONSE_TIMEOUT_S, connect=5.0)
+            limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
+            timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
             self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
         return self._client
 
@@ -191,7 +189,7 @@ class BackOffice:
         self.settings, self.secret = settings, secrets.token_urlsafe(32)
         self.url: str | None = None
         self.starts = 0
-        self._kept_process = KeptProcess("headland-office", run, SHORT_LIFE_S, PATIENCE_S)
+        self._kept_process = KeptProcess("headland-office", run, short_life_s=5.0, patience_s=30.0)
         self._task: asyncio.Task[None] | None = None
 
     @property

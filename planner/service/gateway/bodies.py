@@ -9,13 +9,11 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
-from planner.service.settings import ServiceSettings
+from planner.service.settings import LIMITS, ServiceSettings
 from planner.service.store.disk_storage import translate_disk_full
 
 BODIES_FOLDER = "bodies"
 UNCOUNTED_BYTES = 64 * 1024  # of each body; orders to fleets are no longer, and never wait for uploads of others
-UPLOADS_AT_A_TIME, SHARE_OF_CLIENT = 4, 0.5
-"""Largest uploads that the budget has room for, and the part of it that one client may have: two of them."""
 WRITTEN_BYTES = 2**18  # written at a time
 
 
@@ -23,7 +21,7 @@ class BodyBudget:
     """Bytes of bodies that are under way, of all clients and of each."""
 
     def __init__(self, settings: ServiceSettings) -> None:
-        self.most_bytes = UPLOADS_AT_A_TIME * settings.upload_bytes
+        self.most_bytes = LIMITS.uploads_at_a_time * settings.upload_bytes
         self._by_client: Counter[str] = Counter()
 
     @property
@@ -47,7 +45,9 @@ class BodyBudget:
     def has_room(self, client: str, added_bytes: int) -> bool:
         """Whether a body of a client may grow by so many bytes."""
         of_client = self._by_client[client] + added_bytes
-        is_within = of_client <= SHARE_OF_CLIENT * self.most_bytes and self.held_bytes + added_bytes <= self.most_bytes
+        is_within = (
+            of_client <= LIMITS.share_of_client * self.most_bytes and self.held_bytes + added_bytes <= self.most_bytes
+        )
         return added_bytes <= 0 or is_within
 
 

@@ -13,17 +13,10 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-MOST_PER_ADDRESS, MOST_CONNECTIONS = 256, 1024
-HEADER_TIMEOUT_S, BODY_GRACE_S, STALLED_TIMEOUT_S = 10.0, 30.0, 60.0
-SLOWEST_BYTES_PER_S = 512.0
-LONGEST_BODY_S = 1800.0
-REPORT_PERIOD_S = 60.0
+from planner.service.settings import LIMITS
+
 GREETED_SCOPE_KEY = "headland.greeted"
 """Key of the ASGI scope of a link for the function to call once its first frame was accepted."""
-RESERVED_FILES = 256  # file descriptors kept back for links, the database and files
-
-
-MOST_TRACKED_KEYS = 10_000
 
 
 class RateLimiter:
@@ -44,7 +37,7 @@ class RateLimiter:
         is_taken = remaining >= 1.0
         self._remaining[key] = (remaining - 1.0 if is_taken else remaining, now)
         self._remaining.move_to_end(key)
-        if len(self._remaining) > MOST_TRACKED_KEYS:
+        if len(self._remaining) > LIMITS.most_tracked_keys:
             self._remaining.popitem(last=False)  # the key seen least recently has most of its tokens back
         return 0.0 if is_taken else (1.0 - remaining) / self._per_s
 
@@ -63,14 +56,19 @@ class OpenConnection:
 
 @dataclass
 class ConnectionLimits:
-    """Limits on the number of connections and on how slowly they may send (seconds, bytes per second)."""
+    """Limits on the number of connections and on how slowly they may send (seconds, bytes per second).
 
-    per_address: int = MOST_PER_ADDRESS
-    total: int = MOST_CONNECTIONS
-    header_s: float = HEADER_TIMEOUT_S
-    body_s: float = BODY_GRACE_S
-    stalled_s: float = STALLED_TIMEOUT_S
-    slowest_bytes_per_s: float = SLOWEST_BYTES_PER_S
+    A head takes at most `header_s`. A body may take `body_s`, then it must come at `slowest_bytes_per_s` and end
+    within `longest_body_s`. Who does not take an answer is waited for `stalled_s`.
+    """
+
+    per_address: int = 256
+    total: int = 1024
+    header_s: float = 10.0
+    body_s: float = 30.0
+    stalled_s: float = 60.0
+    slowest_bytes_per_s: float = 512.0
+    longest_body_s: float = 1800.0
 
 
 @dataclass
@@ -128,10 +126,10 @@ class ConnectionRegistry:
         self.remove_connection(connection)
         self.closed_by_reason[reason] += 1
         self._unreported += 1
-        if self.clock() - self._reported_s >= REPORT_PERIOD_S:
+        if self.clock() - self._reported_s >= LIMITS.report_period_s:
             logging.getLogger(__name__).warning(
                 "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the "
-                "earliest.", self._unreported, connection.address, reason, REPORT_PERIOD_S,
+                "earliest.", self._unreported, connection.address, reason, LIMITS.report_period_s,
             )  # fmt: skip
             self._reported_s, self._unreported = self.clock(), 0
         connection.close()
@@ -143,7 +141,10 @@ class ConnectionRegistry:
         lasted_s = self.clock() - connection.begun_s
         if lasted_s < self.limits.body_s:
             return False
-        return lasted_s > LONGEST_BODY_S or connection.received_bytes < lasted_s * self.limits.slowest_bytes_per_s
+        return (
+            lasted_s > self.limits.longest_body_s
+            or connection.received_bytes < lasted_s * self.limits.slowest_bytes_per_s
+        )
 
     def _close_oldest_idle(self, rows: OrderedDict[OpenConnection, None]) -> bool:
         """Close the oldest idle connection; whether there was one."""
@@ -179,5 +180,6 @@ def compute_connection_limits() -> ConnectionLimits:
     if soft == resource.RLIM_INFINITY or soft < most_files:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, hard))
         soft = most_files
-    total = max(16, min(MOST_CONNECTIONS, (soft - RESERVED_FILES) // 2))
-    return ConnectionLimits(per_address=min(MOST_PER_ADDRESS, max(8, total // 2)), total=total)
+    most = ConnectionLimits()
+    total = max(16, min(most.total, (soft - LIMITS.reserved_files) // 2))
+    return ConnectionLimits(per_address=min(most.per_address, max(8, total // 2)), total=total)

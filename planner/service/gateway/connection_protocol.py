@@ -25,24 +25,18 @@ from planner.service.gateway.connection_limits import (
     RateLimiter,
     compute_network_key,
 )
+from planner.service.settings import LIMITS
 
 TURN_S = 0.005
-MOST_PER_TURN, FEWEST_PER_TURN = 4, 1
-LATE_TURN_S = 0.010  # a turn that is later than this shows an overloaded event loop
-MOST_URGENT_PER_S = 20.0
+MOST_PER_TURN = 4
 
 Admit = Callable[[], None]
 REQUEST, ANSWER = "request", "answer"  # timers of a connection
 BODY_CHECK_PERIOD_S = 5.0
-MOST_HEAD_BYTES = 64 * 1024
 END_OF_HEAD = re.compile(rb"\r?\n\r?\n")
 BEARER_HEADER = re.compile(rb"\nauthorization:[ \t]*bearer[ \t]+(hl_[\w-]{1,200})[ \t]*\r?\n", re.IGNORECASE)
 RankToken = Callable[[str], "bool | None"]
 """Whether the holder of a token operates fleets, and so goes first; None for an unknown token."""
-MOST_CONTROL_FRAMES_PER_S = 50  # pings and fragments of one link
-MOST_UNSENT_BYTES = 2**18  # bytes that the other end of a link has not taken yet
-PARSE_SLICE_BYTES, PARSE_PAUSE_S = 8 * 1024, 0.002  # bytes of a link parsed at a time, and the pause between
-CLOSE_TIMEOUT_S = 1.0  # in which a link must answer a close frame
 
 
 @dataclass(slots=True, eq=False)
@@ -56,7 +50,8 @@ class RequestScheduler:
     """Admits requests at once while there are few, else in turns. For use in one event loop."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._urgent_limiter = clock, RateLimiter(MOST_URGENT_PER_S, MOST_URGENT_PER_S, clock)
+        self._clock = clock
+        self._urgent_limiter = RateLimiter(LIMITS.most_urgent_per_s, LIMITS.most_urgent_per_s, clock)
         self._waiting: OrderedDict[str, deque[QueueTicket]] = OrderedDict()
         self._budget, self._turn_due_s = float(MOST_PER_TURN), 0.0
         self._timer: asyncio.TimerHandle | None = None
@@ -87,8 +82,8 @@ class RequestScheduler:
 
     def _admit_next_requests(self) -> None:
         """Admit the next few; stop when nobody waits."""
-        late = self._clock() - self._turn_due_s > LATE_TURN_S
-        self._budget = float(FEWEST_PER_TURN if late else MOST_PER_TURN)
+        late = self._clock() - self._turn_due_s > LIMITS.late_turn_s
+        self._budget = float(LIMITS.fewest_per_turn if late else MOST_PER_TURN)
         while self._budget >= 1.0 and self._waiting:
             admit = self._take_next()
             if admit is not None:
@@ -157,7 +152,7 @@ class LimitedProtocol(H11Protocol):
             self._parse_and_time(lambda: super(LimitedProtocol, self).data_received(data))
             return
         self._buffered += data
-        is_long = len(self._buffered) > MOST_HEAD_BYTES
+        is_long = len(self._buffered) > LIMITS.most_head_bytes
         if self._ticket is not None or is_long:
             self.flow.pause_reading()
         if self._ticket is None and (is_long or END_OF_HEAD.search(self._buffered)):
@@ -204,7 +199,7 @@ class LimitedProtocol(H11Protocol):
 
     def _admit_or_queue(self, admit: Callable[[], None]) -> None:
         """Admit an operator's request now, any other in its turn."""
-        match = BEARER_HEADER.search(self._buffered, 0, MOST_HEAD_BYTES)
+        match = BEARER_HEADER.search(self._buffered, 0, LIMITS.most_head_bytes)
         token = match[1].decode() if match else ""
         is_operator = self.rank_token(token) if token else None
         self._has_known_token = is_operator is not None
@@ -278,7 +273,7 @@ class LimitedWebSocket(WebSocketsSansIOProtocol):
 
     def register_connection(self, connections: ConnectionRegistry, connection: OpenConnection) -> None:
         """Stay in the registry until `leave_place`, so that others may displace the link."""
-        self._registration, self.close_timeout = (connections, connection), CLOSE_TIMEOUT_S
+        self._registration, self.close_timeout = (connections, connection), LIMITS.close_timeout_s
 
     def unregister_connection(self) -> None:
         """The first frame was accepted, or the link is gone."""
@@ -303,11 +298,12 @@ class LimitedWebSocket(WebSocketsSansIOProtocol):
             self._unparsed = b""
             return
         if not self.read_paused:
-            next_slice, self._unparsed = self._unparsed[:PARSE_SLICE_BYTES], self._unparsed[PARSE_SLICE_BYTES:]
+            size = LIMITS.parse_slice_bytes
+            next_slice, self._unparsed = self._unparsed[:size], self._unparsed[size:]
             super().data_received(next_slice)
         if self._unparsed:
             self.transport.pause_reading()
-            self.loop.call_later(PARSE_PAUSE_S, self._parse_slice)
+            self.loop.call_later(LIMITS.parse_pause_s, self._parse_slice)
         elif not self.read_paused and not self.transport.is_closing():
             self.transport.resume_reading()
 
@@ -332,8 +328,8 @@ class LimitedWebSocket(WebSocketsSansIOProtocol):
         second = int(self.loop.time())
         self._control_frames = self._control_frames + 1 if second == self._second else 1
         self._second = second
-        is_taking = self.transport.get_write_buffer_size() <= MOST_UNSENT_BYTES
-        if self._control_frames <= MOST_CONTROL_FRAMES_PER_S and is_taking:
+        is_taking = self.transport.get_write_buffer_size() <= LIMITS.most_unsent_bytes
+        if self._control_frames <= LIMITS.most_control_frames_per_s and is_taking:
             return True
         self.transport.abort()
         return False

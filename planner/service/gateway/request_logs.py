@@ -14,10 +14,10 @@ from datetime import UTC, datetime
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from planner.service.settings import LIMITS
+
 REQUEST_ID: contextvars.ContextVar[str | None] = contextvars.ContextVar("request_id", default=None)
 REQUEST_ID_HEADER = b"x-request-id"
-REPEAT_PERIOD_S, MOST_REPEATS, MOST_TRACKED_MESSAGES = 60.0, 5, 500
-LONGEST_MESSAGE_CHARS = 2000
 ObserveRequest = Callable[[str, int, float], None]
 
 
@@ -34,8 +34,9 @@ class LogfmtFormatter(logging.Formatter):
         if (request := REQUEST_ID.get()) is not None:
             parts["request"] = request
         words = " ".join(f"{name}={value}" for name, value in parts.items())
-        if len(message) > LONGEST_MESSAGE_CHARS:  # keep the beginning and the end
-            message = f"{message[: LONGEST_MESSAGE_CHARS // 4]} ... {message[-3 * LONGEST_MESSAGE_CHARS // 4 :]}"
+        most_chars = LIMITS.longest_message_chars
+        if len(message) > most_chars:  # keep the beginning and the end
+            message = f"{message[: most_chars // 4]} ... {message[-3 * most_chars // 4 :]}"
         return f"{words} message={json.dumps(message, ensure_ascii=False)}"
 
 
@@ -51,14 +52,14 @@ class RepeatFilter(logging.Filter):
         """Overrides logging.Filter.filter; the last message that passes says that further ones are left out."""
         key, now = (record.name, str(record.msg)[:200]), self._clock()
         since, count = self._counts.get(key, (now, 0))
-        if now - since >= REPEAT_PERIOD_S:
+        if now - since >= LIMITS.repeat_period_s:
             since, count = now, 0
-        if len(self._counts) >= MOST_TRACKED_MESSAGES:
+        if len(self._counts) >= LIMITS.most_tracked_messages:
             self._counts.clear()
         self._counts[key] = since, count + 1
-        if count + 1 == MOST_REPEATS:
-            record.msg = f"{record.msg} (this is not logged again within {REPEAT_PERIOD_S:.0f} s)"
-        return count < MOST_REPEATS
+        if count + 1 == LIMITS.most_repeats:
+            record.msg = f"{record.msg} (this is not logged again within {LIMITS.repeat_period_s:.0f} s)"
+        return count < LIMITS.most_repeats
 
 
 def set_up_logs(level: int = logging.WARNING) -> None:

@@ -18,7 +18,7 @@ from starlette.routing import Match
 
 from planner.errors import HeadlandError, render_refusal, strip_unit
 from planner.request.parameter_names import quote_label
-from planner.request.validation_messages import describe_fault, format_location
+from planner.request.validation import describe_fault, format_location
 from planner.service.errors import ServiceError, StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.service_store import Store

@@ -30,18 +30,14 @@ from planner.service.jobs.input_files import write_inputs
 from planner.service.jobs.workers import WORK_FOLDER
 from planner.service.sandbox.confined_reading import list_readings
 from planner.service.sandbox.reader_processes import ReadOrder, build_refusal, choose_reader, extract_reading_value
-from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
 
 T = TypeVar("T")
-READ_SLOTS, MOST_WAITING_PER_CLIENT, MOST_WAITING = 4, 8, 200
+MOST_WAITING_PER_CLIENT = 8
 LONGEST_WAIT_S = 120.0
 
 _WaitingPiece = tuple[float, "Future[Any]", Callable[[], Any]]
-LONGEST_READ_S, SHORTEST_READ_S, READ_S_PER_MEGABYTE = 60.0, 10.0, 5.0
-"""At most, for up to a megabyte, and for every further one."""
-LEAST_MEMORY_BYTES, MOST_MEMORY_BYTES = 512 * 2**20, 2 * 2**30
-MOST_CACHED_SUMMARIES = 100
 _WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
 
@@ -55,7 +51,10 @@ class FairQueue:
     """
 
     def __init__(
-        self, slots: int = READ_SLOTS, most_per_client: int = MOST_WAITING_PER_CLIENT, most_waiting: int = MOST_WAITING
+        self,
+        slots: int = LIMITS.read_slots,
+        most_per_client: int = MOST_WAITING_PER_CLIENT,
+        most_waiting: int = LIMITS.most_waiting,
     ) -> None:
         self._slots, self._most_per_client, self._most_waiting = slots, most_per_client, most_waiting
         self._lock, self._threads = threading.Lock(), ThreadPoolExecutor(slots, thread_name_prefix="reading")
@@ -162,7 +161,7 @@ class FileReader:
             result = self._read_in_folder(reading, inputs, arguments, options)
             if key:
                 with self._lock:
-                    if len(self._cache) >= MOST_CACHED_SUMMARIES:
+                    if len(self._cache) >= LIMITS.most_cached_summaries:
                         self._cache.clear()
                     self._cache[key] = result
             return result
@@ -208,7 +207,7 @@ class FileReader:
                 except Exception:
                     raise build_refusal(traceback.format_exc()) from None
             size_bytes = sum(each.stat().st_size for each in Path(folder).rglob("*") if each.is_file())
-            seconds = LONGEST_READ_S if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
+            seconds = LIMITS.longest_read_s if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)
             return extract_reading_value(self._processes.read_order(order), seconds, self._memory_bytes)
 
@@ -222,7 +221,10 @@ def build_client_queue_key(request: HTTPConnection, caller: Caller) -> str:
 
 def compute_read_timeout_s(size_bytes: int) -> float:
     """Time limit for reading files of this total size, seconds; small files get little."""
-    return min(LONGEST_READ_S, SHORTEST_READ_S + READ_S_PER_MEGABYTE * max(0.0, size_bytes / MEGABYTE_BYTES - 1.0))
+    return min(
+        LIMITS.longest_read_s,
+        LIMITS.shortest_read_s + LIMITS.read_s_per_megabyte * max(0.0, size_bytes / MEGABYTE_BYTES - 1.0),
+    )
 
 
 def compute_reading_memory_limit_bytes() -> int:
@@ -230,5 +232,5 @@ def compute_reading_memory_limit_bytes() -> int:
     try:
         total_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
-        return MOST_MEMORY_BYTES
-    return max(LEAST_MEMORY_BYTES, min(MOST_MEMORY_BYTES, total_bytes // 8))
+        return LIMITS.most_memory_bytes
+    return max(LIMITS.least_memory_bytes, min(LIMITS.most_memory_bytes, total_bytes // 8))

@@ -9,17 +9,15 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from planner.errors import RequestError, mark_parameter, strip_unit
-from planner.request.option_checks import check_day_options
+from planner.errors import mark_parameter, strip_unit
+from planner.request.option_checks import check_day_options, check_demo_options
 from planner.request.options import RequestOption, list_options
 from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
+from planner.service.settings import LIMITS
 from planner.service.store.job_queue import ResultFile
 
-LONGEST_TEXT_CHARS, MOST_LIST_ENTRIES = 400, 64
-MOST_TOML_CHARS = 400_000
-
-ShortText = Annotated[str, Field(max_length=LONGEST_TEXT_CHARS)]
-ShortTexts = Annotated[list[ShortText], Field(max_length=MOST_LIST_ENTRIES)]
+ShortText = Annotated[str, Field(max_length=LIMITS.longest_text_chars)]
+ShortTexts = Annotated[list[ShortText], Field(max_length=LIMITS.most_list_entries)]
 JobTitle = Annotated[
     str | None, Field(max_length=100, description="What the job is called; by default after its input.")
 ]
@@ -74,7 +72,7 @@ class DayJobRequest(JobRequest):
     Fields, farm, tractors and rain that it names are uploaded files, by their names with or without their endings.
     """
 
-    day: Annotated[str, Field(max_length=MOST_TOML_CHARS, description="The text of a day file (TOML).")]
+    day: Annotated[str, Field(max_length=LIMITS.most_toml_chars, description="The text of a day file (TOML).")]
     farm: ShortText | None = Field(None, description="An uploaded farm instead of the one that the day names.")
     rain: ShortText | None = Field(None, description="Rain instead of the day's; NAME.csv is an uploaded table.")
     certainty: float | None = Field(
@@ -110,27 +108,9 @@ class DiagnosisJobRequest(JobRequest):
 
     def check_options(self) -> None:
         """Raise RequestError for both or neither of logs and demonstration, as the command does."""
-        if self.demo == bool(self.logs):
-            raise RequestError(
-                f"Give {mark_parameter('logs')}, or {mark_parameter('demo')} for a demonstration; not both, not "
-                "neither."
-            )
-        for name, value in (("fixes", self.fix), ("mapping", self.mapping)):
-            if self.demo and value:
-                raise RequestError(
-                    f"{mark_parameter(name)} converts log files; leave it out with {mark_parameter('demo')}."
-                )
-        if self.demo and self.as_driven:
-            raise RequestError(
-                f"{mark_parameter('as_driven')} takes a size from logs; leave it out with {mark_parameter('demo')}."
-            )
-        demo_options: dict[str, Any] = {"seed": self.seed, "hide": self.hide}
-        for name, value in demo_options.items():
-            if value is not None and not self.demo:
-                raise RequestError(
-                    f"{mark_parameter(name)} {value} belongs to the demonstration; add {mark_parameter('demo')} or "
-                    "leave it out."
-                )
+        conversions = {mark_parameter("fixes"): self.fix, mark_parameter("mapping"): self.mapping}
+        own = {"seed": self.seed, "hide": self.hide}
+        check_demo_options(self.demo, self.logs, conversions, own, self.as_driven)
 
 
 REQUEST_MODELS: dict[str, type[JobRequest]] = {

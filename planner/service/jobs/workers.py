@@ -47,7 +47,7 @@ WAITING_FOR_DISK = "waits for room on the disk"
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
-SUPERVISE_PERIOD_S, SHORT_LIFE_S, PATIENCE_S = 1.0, 1.0, 10.0
+SUPERVISE_PERIOD_S = 1.0
 
 
 def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
@@ -222,7 +222,7 @@ class WorkerSupervisor:
 
     def __init__(self, settings: ServiceSettings, store: JobStore) -> None:
         self.settings, self.store = settings, store
-        self._slots = [KeptProcess("", run_worker, SHORT_LIFE_S, PATIENCE_S) for _ in range(settings.workers)]
+        self._slots = [KeptProcess("", run_worker, short_life_s=1.0, patience_s=10.0) for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._was_unwritable = False
         self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)

@@ -29,7 +29,7 @@ from planner.service.sandbox.confinement import confine_process, list_library_fo
 MEMORY_ANSWER = b'{"memory": true}'
 MOST_FAULT_CHARS = 4000
 MOST_ORDER_BYTES = 16 * 1024  # bytes of an order without what is to be read
-READER_NICENESS = 5  # links and stops come before readings
+READER_NICENESS = 5  # links and stops come before readings, as before the office (planner.service.settings)
 KILL_GRACE_S = 0.5
 
 

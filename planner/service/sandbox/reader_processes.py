@@ -23,6 +23,7 @@ from typing import Any, cast
 
 from fields.errors import HeadlandError
 from planner.service.errors import ServiceError
+from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS
 
 LOGGER = logging.getLogger(__name__)
 BOOTSTRAP_CODE = (
@@ -40,7 +41,7 @@ SINGLE_THREAD_VARIABLES = {
 }
 """A process with threads cannot be forked safely, and a confined one cannot start any."""
 MOST_ANSWER_BYTES = 64 * 2**20
-LONGEST_SENTENCE_CHARS, LONGEST_PARAMETER_CHARS, LONGEST_FAULT_CHARS = 2000, 60, 4000
+LONGEST_SENTENCE_CHARS, LONGEST_PARAMETER_CHARS = 2000, 60
 READ_FAULT = (
     "This file cannot be read: it triggers a fault of Headland, described in the log of the service; save the "
     "file in another way, and please report it."
@@ -72,10 +73,6 @@ class ReadOutcome:
     is_late: bool = False
 
 
-class ForkServerGoneError(Exception):
-    """The fork server is gone."""
-
-
 @dataclass
 class _ForkServer:
     """A running fork server, and whether it is ready."""
@@ -92,7 +89,7 @@ class _ForkServer:
         self.control.settimeout(START_TIMEOUT_S)
         message = self.control.recv(65_536)
         if not message:
-            raise ForkServerGoneError
+            raise ConnectionResetError
         _log_missing_protections(json.loads(message)["missing"])
         self.is_ready = True
 
@@ -131,7 +128,7 @@ class ForkingReader:
             server = self._get_server()
             try:
                 return self._send_order(server, order)
-            except (ForkServerGoneError, OSError, ValueError):
+            except (OSError, ValueError):  # it is gone, or no longer itself
                 with self._lock:
                     if self._server is server:
                         self._server = None
@@ -171,7 +168,7 @@ class ForkingReader:
             answer = _receive_all(local_socket, deadline_s)
             content = _receive_all(report, deadline_s + READ_GRACE_S)
         if not content and not answer:
-            raise ForkServerGoneError
+            raise ConnectionResetError
         end: dict[str, Any] = json.loads(content) if content else {"code": None, "peak_kb": 0, "late": False}
         return ReadOutcome(answer, end["code"], end["peak_kb"], end["late"])
 
@@ -247,7 +244,7 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
 
 def build_refusal(fault: str) -> ServiceError:
     """The refusal for a reading that ended in a fault; its traceback is logged in one line."""
-    LOGGER.error("A reading ended in a fault: %s", ascii(fault[-LONGEST_FAULT_CHARS:]))
+    LOGGER.error("A reading ended in a fault: %s", ascii(fault[-MOST_FAULT_CHARS:]))
     return ServiceError(READ_FAULT)
 
 

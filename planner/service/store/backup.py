@@ -25,7 +25,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
-from planner.service.settings import DATABASE_FILE, find_version
+from planner.service.settings import DATABASE_FILE, LIMITS, find_version
 from planner.service.store.database import (
     SELECT_VERSION,
     Database,
@@ -40,7 +40,6 @@ from planner.service.store.store_part import BYTES_FOLDER, format_utc_now_ms
 from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
 
 MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
-MOST_MANIFEST_BYTES = 64 * 2**20
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
 SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
 COPY_BATCH_ROWS, PART_BYTES = 500, 2**20
@@ -310,7 +309,7 @@ def _read_checked_manifest(archive: zipfile.ZipFile, file: Path) -> BackupManife
     odd = next((info for info in parts.values() if info.compress_type not in COMPRESSION_METHODS), None)
     if odd is not None:
         raise _build_refusal(file, f"no backup of Headland: {odd.filename[:60]!r} is packed another way")
-    if parts[MANIFEST_FILE].file_size > MOST_MANIFEST_BYTES:
+    if parts[MANIFEST_FILE].file_size > LIMITS.most_manifest_bytes:
         raise _build_refusal(file, f"damaged: its {MANIFEST_FILE} has {parts[MANIFEST_FILE].file_size} bytes")
     try:
         manifest = parse_manifest(archive.read(MANIFEST_FILE))

@@ -13,6 +13,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
+from planner.service.settings import LIMITS
 from planner.service.store.store_part import (
     StorePart,
     check_name,
@@ -25,7 +26,6 @@ from planner.service.store.tables import JobRow, Owner, ResultRow, TurnRow
 
 QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
 UNFINISHED_STATUSES = (QUEUED, RUNNING)
-MOST_LISTED_JOBS = 500
 LONGEST_PROGRESS_CHARS = 200
 
 ResultFile = tuple[str, bytes, str]
@@ -112,8 +112,8 @@ class JobStore(StorePart):
             if search.strip():
                 names = session.execute(sa.select(JobRow.number, JobRow.name).where(*filters).order_by(JobRow.number))
                 numbers = [number for number, name in names if is_found(name, search)]
-                filters = (JobRow.number.in_(numbers[-MOST_LISTED_JOBS:]),)
-            query = sa.select(JobRow).where(*filters).order_by(JobRow.number.desc()).limit(MOST_LISTED_JOBS)
+                filters = (JobRow.number.in_(numbers[-LIMITS.most_listed_jobs :]),)
+            query = sa.select(JobRow).where(*filters).order_by(JobRow.number.desc()).limit(LIMITS.most_listed_jobs)
             return list(session.scalars(query))
 
     def count_jobs(self) -> dict[str, int]:

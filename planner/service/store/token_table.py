@@ -14,6 +14,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
+from planner.service.settings import LIMITS
 from planner.service.store.store_part import (
     Revocation,
     StorePart,
@@ -30,7 +31,7 @@ SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
 FORMER_SCOPE = "control"
 TOKEN_PREFIX = "hl_"
 NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
-MOST_TRACTORS, LONGEST_LIFE_DAYS = 999, 3660
+MOST_TRACTORS = 999
 PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
 PERIOD_UNITS = {"m": "minutes", "h": "hours", "d": "days"}
 
@@ -199,7 +200,7 @@ def parse_expiry(text: str) -> str | None:
             "2027-01-31T18:00:00Z, or never.",
             parameter="expires",
         )
-    if not begin < end <= begin + timedelta(days=LONGEST_LIFE_DAYS):
+    if not begin < end <= begin + timedelta(days=LIMITS.longest_life_days):
         shown = format_time(end)
         raise ServiceError(
             f"The end {text[:40]!r} is {shown}; choose one that is to come, within ten years, or never.",
