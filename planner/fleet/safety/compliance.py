@@ -19,7 +19,7 @@ from planner.fleet.model.tractor_state import (
     TractorReport,
     TractorState,
 )
-from planner.fleet.safety.credible_motion import compute_doubt_m
+from planner.fleet.safety.credible_motion import FARTHEST_M
 from planner.fleet.safety.motion_prediction import compute_stopping_time_s
 
 REPEAT_STOP_S = 1.0  # between two orders to stand
@@ -27,10 +27,6 @@ ORDER_DELAY_S = 0.5  # from the order to a report of one that has heard it, over
 REPORT_GAP_S = 0.25  # between two reports of a tractor that reports without a break
 NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
-
-
-CREPT_M = compute_doubt_m(math.inf, 0.0, 0.0)
-"""Farther from where it stood no receiver shows a tractor that stands."""
 
 
 def note_standing(state: TractorState) -> None:
@@ -48,7 +44,7 @@ def is_driving_on(state: TractorState) -> bool:
     report = state.report
     if report is None or not state.standing_ordered:
         return False
-    has_crept = state.stood_at is not None and math.dist(state.stood_at, (report.x_m, report.y_m)) > CREPT_M
+    has_crept = state.stood_at is not None and math.dist(state.stood_at, (report.x_m, report.y_m)) > FARTHEST_M
     if report.speed_mps < MOVING_MPS and not state.is_moving_unreported and not has_crept:
         return False
     if report.mode == MANUAL:

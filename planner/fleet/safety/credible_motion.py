@@ -41,6 +41,8 @@ FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at le
 REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.2 s to 64 s, pairs of witnesses
 NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
+FARTHEST_M = NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M**2 + UNCORRECTED_M**2))
+"""What two unrelated errors of a receiver differ by at most: it shows nobody who stands farther from where it stood."""
 KEPT_S, KEPT_COUNT, STRIDE = 0.2, 320, 4
 LONGEST_STEP_S = 1.0  # between two reports over which speed is steady; a link that is silent for longer is broken
 SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake, over longer gaps
@@ -90,7 +92,6 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
     found[:] = -1
     if not is_on_leg:
         counts[1] = counts[0]
-    longest_m = compute_limit_m(math.inf, 0.0)
     back = 0
     while back < min(counts[0], len(kept)):
         back += max(back // STRIDE, 1)  # longer times need not be told apart as finely
@@ -114,7 +115,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
             sums[RAW_POSITION + 1] - sums[DRIVEN + 1] - then[RAW_POSITION + 1] + then[DRIVEN + 1],
         )
-        if found[0] < 0 and raw_m > longest_m + spread_m + FIX_AGE_S * pace_mps:
+        if found[0] < 0 and raw_m > FARTHEST_M + spread_m + FIX_AGE_S * pace_mps:
             found[0] = place
     if counts[0] == 0 or sums[TIME] - kept[(counts[0] - 1) % len(kept), TIME] >= KEPT_S - 1e-6:
         kept[counts[0] % len(kept)] = sums
