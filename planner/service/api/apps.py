@@ -29,9 +29,8 @@ from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, One
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
 from planner.service.api.administration import ServiceMetrics, measure_connections, measure_fleets, measure_store
-from planner.service.api.estimate_routes import estimate_router
 from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, exports_router
+from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, plans_router
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
@@ -170,7 +169,7 @@ def _build_kind_routers() -> tuple[APIRouter, ...]:
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     return [
-        *_build_kind_routers(), estimate_router, exports_router, form_router, all_jobs_router, background_router,
+        *_build_kind_routers(), plans_router, form_router, all_jobs_router, background_router,
         fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
     ]  # fmt: skip
 

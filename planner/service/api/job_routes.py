@@ -1,9 +1,10 @@
-"""Routes for plans, days and diagnoses: submit, watch, cancel, delete, results, views and exports for terminals."""
+"""Routes for plans, days and diagnoses: submit, watch, cancel, delete, results, views, exports and estimates."""
 
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
@@ -12,6 +13,7 @@ from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParameter, build_download
 from planner.service.gateway.responses import (
+    ApiModel,
     ApiRouter,
     ItemList,
     JobInfo,
@@ -21,7 +23,9 @@ from planner.service.gateway.responses import (
     document_file,
 )
 from planner.service.jobs.file_reading import build_client_queue_key
-from planner.service.jobs.job_requests import REQUEST_MODELS
+from planner.service.jobs.input_files import collect_inputs
+from planner.service.jobs.job_requests import PLAN_JOB_MODEL, REQUEST_MODELS
+from planner.service.jobs.plan_estimates import PlanEstimator
 from planner.service.jobs.submission import submit_job
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow, ResultRow
@@ -39,8 +43,9 @@ EXPORT_ANSWER = document_file(
     "The file, or a ZIP of several", {ZIP_MEDIA_TYPE, *(form.media_type for form in GUIDANCE_FORMATS)}
 )
 
-exports_router = ApiRouter(tags=["plans"])
+plans_router = ApiRouter(tags=["plans"])
 all_jobs_router = ApiRouter(tags=["jobs"])
+EstimateRequest: Any = PLAN_JOB_MODEL
 JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
 RESULT_ANSWER = document_file(
     "The file", ("application/json", "application/toml", "image/png", "text/csv", "text/html")
@@ -48,7 +53,7 @@ RESULT_ANSWER = document_file(
 INLINE_MEDIA_TYPES = ("text/html", "image/png")
 
 
-@exports_router.get(
+@plans_router.get(
     "/plans/{id}/results/{name}/export",
     response_class=Response,
     responses=EXPORT_ANSWER,
@@ -179,3 +184,45 @@ def describe_job(job: JobRow) -> JobInfo:
     values = {key: getattr(job, key) for key in JobInfo.model_fields.keys() - {"progress", "results"}}
     progress, results = JobProgress.model_validate(job), [each.name for each in job.results]
     return JobInfo(**values, progress=progress, results=results)
+
+
+class EstimatedPlan(ApiModel):
+    """The plan of one number of tractors, estimated; where it is not possible, `reason` says why.
+
+    `done_s` is the end of field work, seconds after the start by the clock, and `end` the same as hh:mm where there is
+    a start; `finished_s` has the time for ground that is left as well.
+    """
+
+    tractors: int
+    feasible: bool
+    reason: str | None = None
+    time_s: float | None = None
+    finished_s: float | None = None
+    done_s: float | None = None
+    end: str | None = None
+    cost: float | None = None
+    worked_pct: float | None = None
+    in_time: bool | None = None
+
+
+class EstimateInfo(ApiModel):
+    """Plans by their number of tractors, the one to take, and the layout: bearing in degrees, headland passes.
+
+    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one.
+    """
+
+    recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")
+    plans: list[EstimatedPlan]
+    currency: str | None
+    width: float
+    bearing: float
+    headland_passes: int
+    is_layout_borrowed: bool
+
+
+@plans_router.post("/estimates", operation_id="estimate_plan")
+async def estimate_plan(request: Request, caller: PlanAccess, body: EstimateRequest) -> EstimateInfo:
+    """Estimate plans without driving them; nothing is stored. It takes what a plan job takes."""
+    estimator: PlanEstimator = request.app.state.estimator
+    values, inputs = await run_in_threadpool(collect_inputs, request.app.state.store, body)
+    return EstimateInfo(**await estimator.estimate(build_client_queue_key(request, caller), values, inputs))
