@@ -91,6 +91,13 @@ def _read_axis(option: RequestOption, given: Any) -> Axis:
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
+    unknown = next((value for value in written if option.rules.choices and value not in option.rules.choices), None)
+    if unknown is not None:
+        raise RequestError(
+            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use "
+            f"{', '.join(option.rules.choices)}.",
+            parameter=option.parameter,
+        )
     if len(written) > MOST_VALUES:
         raise RequestError(f"{mark_parameter(option.parameter)} has {len(written)} values; give {MOST_VALUES} at most.")
     if option.parameter == "tractors":

@@ -1,16 +1,19 @@
-"""Plans estimated and not driven: tours found once for the ground and a number of tractors, their times by speed.
+"""Plans estimated: tours found and driven once for the ground and a number of tractors, their times by speed.
 
-What is not in an estimate is waiting for each other, and what moves take that a drive refuses.
+The drive is at one speed of the sweep. By how much it takes longer than its tours alone, as tractors wait for each
+other and moves are refused, is taken for all speeds: as long as all move likewise, who meets whom does not change.
 """
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.evaluation.candidates.energy_figures import list_energy_figures
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import add_clock_times, compute_cost
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
 from planner.evaluation.context import PlanningContext
@@ -24,6 +27,7 @@ from reports.common.plan_results import PlanResult
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
 from strategies.programmes.site_moves import SiteMoves
+from strategies.registry import get_strategy
 from strategies.split_field import STRATEGY
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 
@@ -45,6 +49,7 @@ class GroundEstimates:
         self._context = context
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
+        self._drive_factors = dict[tuple[int, str], float]()
         self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
 
     def estimate(self, order: WorkOrder) -> PlanResult:
@@ -57,7 +62,8 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                timed.append(self._time_tours(context, sketch))
+                alone, factor = self._time_tours(context, sketch), self._drive_factors[count, headland]
+                timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
@@ -74,6 +80,8 @@ class GroundEstimates:
                 sketch = sketch_plans(context, STRATEGY, tractors)[0]
                 idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
                 self._sketches[key] = sketch if idle is None else _refuse_idle(tractors)
+                alone_s = float(self._time_tours(context, sketch).times.tractor_s.max())
+                self._drive_factors[key] = 1.0 if idle is not None else _drive_s(context, tractors, alone_s) / alone_s
             except StrategyError as refusal:
                 self._sketches[key] = refusal
         return self._sketches[key]
@@ -104,6 +112,21 @@ class GroundEstimates:
 def prepare_ground(order: WorkOrder) -> GroundEstimates:
     """The ground of an order, laid out as for a plan; raises HeadlandError."""
     return GroundEstimates(prepare_context(order))
+
+
+def _drive_s(context: PlanningContext, tractors: int, default_s: float) -> float:
+    """Seconds of the quickest plan of all strategies as driven, split-field first; the default where none can be.
+
+    Those whose sketch takes longer than what was driven before are left out.
+    """
+    best_s = math.inf
+    for name in dict.fromkeys((STRATEGY.name, *context.request.strategies)):
+        with suppress(StrategyError):
+            sketch = sketch_plans(context, get_strategy(name), tractors)[0]
+            if max(sketch.tractor_s) < best_s:
+                driven = run_candidate(context, Candidate(name, tractors))
+                best_s = min(best_s, math.inf if driven.reason else driven.run.duration_s)
+    return best_s if math.isfinite(best_s) else default_s
 
 
 def _refuse_idle(tractors: int) -> StrategyError:

@@ -173,6 +173,15 @@ class Sweep:
         """The number of combinations, with several fields on each."""
         return len(self._points) * len(self.fields)
 
+    @property
+    def done(self) -> int:
+        """How many of them are known so far."""
+        return sum(map(len, self._found))
+
+    def build_point_order(self, numbers: Sequence[int]) -> WorkOrder:
+        """The order of a combination on the first field, to be driven in full."""
+        return self.build_order(self.fields[0], self._get_parameters(numbers))
+
     def run(
         self,
         executor: Executor | None = None,
@@ -197,9 +206,8 @@ class Sweep:
             for place, number, plan in iter_plans(every, executor, cache, describe_refusal):
                 found = self._found[owners[place]]
                 found[number] = plan
-                done = sum(map(len, self._found))
-                if progress is not None and (len(found) == len(self._points) or done % PROGRESS_STEP == 0):
-                    progress(done, self.total)
+                if progress is not None and (len(found) == len(self._points) or self.done % PROGRESS_STEP == 0):
+                    progress(self.done, self.total)
 
     def build_result(self) -> SweepResult:
         """The plans known so far; of several fields those that are known of all. Raises HeadlandError for a field."""
@@ -216,7 +224,7 @@ class Sweep:
         return SweepResult(
             field_name=" + ".join(field.name for field in read) if len(read) < 4 else f"{len(read)} fields",
             area_ha=math.fsum(areas_ha),
-            options=tuple(SweptOption(name_column(one), one.option.name, one.written) for one in self.axes),
+            options=tuple(build_option(one) for one in self.axes),
             plans=tuple(SweptPlan(self._points[number], plan) for number, plan in zip(numbers, plans, strict=True)),
             total=len(self._points),
             currency=None if first.cost_terms is None else first.cost_terms.prices.currency,
@@ -224,11 +232,18 @@ class Sweep:
             allowed_s=request.time_limit_s,
             is_priced=first.cost_terms is not None or request.price_per_hour is not None,
             by_field=by_field if len(read) > 1 else {},
-            command=(*self.command, *(self.fields if len(self.fields) == 1 else ())),
+            command=(*self.command, *self.fields),
         )
 
     def _get_parameters(self, numbers: Sequence[int]) -> dict[str, Any]:
         return {axis.parameter: axis.values[number] for axis, number in zip(self.axes, numbers, strict=True)}
+
+
+def build_option(axis: Axis) -> SweptOption:
+    """An axis as reports know it."""
+    option, limits = axis.option, axis.option.limits
+    label = option.name.replace("_", " ") if limits is None or not limits.label else limits.label
+    return SweptOption(name_column(axis), option.name, axis.written, label, "" if limits is None else limits.unit)
 
 
 def name_column(axis: Axis) -> str:

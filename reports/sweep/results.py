@@ -18,11 +18,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SweptOption:
-    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values."""
+    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values.
+
+    `label` and `unit` are what people call it.
+    """
 
     key: str
     flag: str
     values: tuple[Any, ...]
+    label: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
