@@ -15,9 +15,8 @@ from fields.errors import FieldError
 from fields.formats.features import build_feature
 from fields.formats.geojson import HEADER_KEY
 from fields.geometry.field import Field
-from fields.geometry.field_lines import FENCE, OPEN_EDGE
+from fields.geometry.field_lines import FENCE, OPEN_EDGE, OVERHANG
 from fields.geometry.obstacles import AREA, LINE, POINT, Obstacle
-from fields.geometry.open_edges import OVERHANG
 from fields.raw_document import LOCAL_METRES, WGS84
 
 HEIGHT_COMPANIONS = (".prj", ".tfw", ".shx", ".dbf", ".cpg")

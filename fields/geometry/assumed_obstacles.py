@@ -42,7 +42,7 @@ ASSUMED_RADIUS_M = {
 MAX_SHORT_LINE_M = 10.0  # no guidance line is shorter
 MAX_UNKNOWN_FEATURES = 20
 """More points in a field that nothing is known of are measurements; nobody draws so many obstacles without names."""
-MAX_ENTRANCE_INSIDE_M = 5.0
+MAX_ENTRANCE_INSIDE_M = 5.0  # tolerance for entrances drawn by hand
 UNKNOWN_KINDS = {POINT: "point", LINE: "line"}
 
 

@@ -15,14 +15,18 @@ from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.coordinates import MIN_FIELD_AREA_M2
-from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_opening
-from fields.geometry.geodesy import project
+from fields.geometry.field_lines import (
+    MAX_OVERHANG_M,
+    EdgeOverhang,
+    GuidanceLine,
+    HeadlandEdge,
+    check_fence_opening,
+    compute_overhang_region,
+)
+from fields.geometry.geodesy import FloatArray, project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
-from fields.geometry.open_edges import MAX_OVERHANG_M, EdgeOverhang, compute_overhang_region
 from fields.geometry.overlays import subtract_area
 from fields.geometry.tolerances import EDGE_M
-
-FloatArray = npt.NDArray[np.float64]
 
 MIN_REPORTED_M2 = 1.0
 HOLE_NAME = "a hole of the field"

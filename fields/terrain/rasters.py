@@ -36,7 +36,8 @@ those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and 
 """
 MIN_SKEW = 1e-6
 """Sine of the angle between rows and columns, below which cells lie on a line."""
-USUAL_NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+NO_DATA = -9999.0
+USUAL_NO_DATA = (NO_DATA, -32768.0, -32767.0, -99999.0)
 """Marks of no data that files use without declaring them."""
 MAX_HEIGHT_M = 1e30
 """Beyond this a number is no height but a mark for no data, such as -3.4e38."""
@@ -269,7 +270,7 @@ def _parse_ascii_grid(path: str) -> Raster:
             f"{quote_path(path)} has {len(cells)} heights, but {rows} rows and {columns} columns by its first lines; "
             "it is cut off or garbled, so export it again."
         )
-    cells[cells == header.get("nodata_value", -9999.0)] = np.nan
+    cells[cells == header.get("nodata_value", NO_DATA)] = np.nan
     to_place = np.array([[width, 0.0, west], [0.0, -depth, south + rows * depth]])
     crs = _read_projection(path)
     unit_m, remarks = _choose_unit("", crs, path)
@@ -323,7 +324,6 @@ def _read_projection(path: str) -> str | None:
     return read_text(chosen, "a .prj file", ElevationError).strip() or None
 
 
-NO_DATA = -9999.0
 HEIGHT_DECIMALS = 3
 
 

@@ -96,8 +96,12 @@ def compare_headlands(
     from planner.pipeline.comparisons import HeadlandChoices, list_headland_questions
     from planner.pipeline.comparisons import compare_headlands as compare
     from planner.pipeline.many_fields import share_obstacles
-    from reports.plan.headland_page import render_headland_page
-    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
+    from reports.plan.headland_report import (
+        build_headland_table,
+        format_headland_csv,
+        format_headland_json,
+        render_headland_page,
+    )
 
     form = AnswerForm(json, csv)
     if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:

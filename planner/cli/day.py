@@ -79,8 +79,7 @@ def plan_day_file(
     json: AsJson = False,
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV, a row per field, instead of the tables.")] = False,
     cache: Annotated[
-        Optional[Path],
-        typer.Option("--cache", help="Folder for simulated field times; it may be deleted at any time."),
+        Optional[Path], typer.Option("--cache", help="Folder for simulated field times; it may be deleted at any time.")
     ] = None,
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,
     field_minutes: Annotated[
@@ -125,8 +124,7 @@ def plan_day_file(
 
 @day.command()
 def new(
-    file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")],
-    force: ForceOption = False,
+    file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")], force: ForceOption = False
 ) -> None:
     """Write an example of a day file, to be adapted.
 
@@ -179,10 +177,7 @@ def _compute_day_plan(
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()
-    with (
-        executor_choice.open_executor(max(unknown_count, 1)) as executor,
-        open_stage_bar("Simulating fields") as bar,
-    ):
+    with executor_choice.open_executor(max(unknown_count, 1)) as executor, open_stage_bar("Simulating fields") as bar:
         return plan_day(
             prepared,
             cache=store,

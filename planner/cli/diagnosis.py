@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -24,6 +24,7 @@ from planner.cli.common.terminal import (
     print_sentence,
 )
 from planner.errors import RequestError
+from planner.request.option_checks import check_demo_options
 
 if TYPE_CHECKING:
     from planner.pipeline.log_ground import HeightFile
@@ -111,7 +112,8 @@ def diagnose(
 
     limit_linear_algebra_threads()
 
-    _check_demo_options(demo, logs, seed, hide, {"--fix": fix, "--mapping": mapping, "--column": column}, as_driven)
+    conversions = {"--fix": fix, "--mapping": mapping, "--column": column}
+    check_demo_options(demo, logs, conversions, {"seed": seed, "hide": hide}, as_driven)
     columns = _choose_mapping(mapping, column)
     heights = _choose_heights(elevation, elevation_crs, crs, demo)
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
@@ -149,23 +151,6 @@ def _render_report(
         (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
         (None if next_plan is None else next_drive, lambda: next_plan or ""),
     )
-
-
-def _check_demo_options(
-    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, conversions: dict[str, Any], as_driven: bool
-) -> None:
-    """Raise RequestError for both or neither of logs and --demo, and for an option that would be ignored."""
-
-    if demo == bool(logs):
-        raise RequestError("Give either log files or --demo.")
-    for name, value in conversions.items():
-        if demo and value:
-            raise RequestError(f"{name} converts log files; leave it out with --demo.")
-    if demo and as_driven:
-        raise RequestError("--as-driven takes the size from log files; leave it out with --demo.")
-    for name, value in (("--seed", seed), ("--hide", hide)):
-        if value is not None and not demo:
-            raise RequestError(f"{name} {value} needs the demonstration; add --demo or leave out {name}.")
 
 
 def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str | None, demo: bool) -> HeightFile | None:

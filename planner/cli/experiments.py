@@ -67,7 +67,7 @@ def drive(
     Example: headland drive --steer 25 --ground mud --model nonlinear --png circle.png
     """
     from reports.trials.report import format_drive_json
-    from vehicle.trials.sheets.steered_drive import (
+    from vehicle.trials.sheets.fixed_steering import (
         SteeredDriveRequest,
         build_drive_sheet,
         describe_drive,

@@ -76,8 +76,7 @@ gnss = create_group("GNSS errors: make a table from static fixes.\n\nExample: he
 def fit(
     fixes: Annotated[Path, typer.Argument(help="CSV of static fixes: x_m, y_m or longitude, latitude.")],
     output: Annotated[
-        Optional[Path],
-        typer.Option("--output", "-o", help="Write the table to this file instead of the screen."),
+        Optional[Path], typer.Option("--output", "-o", help="Write the table to this file instead of the screen.")
     ] = None,
 ) -> None:
     """Make the table of errors from static fixes of a receiver (section 2.3.1 of the thesis).
@@ -240,8 +239,7 @@ farm = create_group("The farm file: tractors, implements, prices, times.\n\nExam
 
 @farm.command("new")
 def write_farm_example(
-    file: Annotated[Path, typer.Argument(help="The file to write, such as farm.toml.")],
-    force: ForceOption = False,
+    file: Annotated[Path, typer.Argument(help="The file to write, such as farm.toml.")], force: ForceOption = False
 ) -> None:
     """Write an example of a farm file, to be adapted.
 
@@ -266,10 +264,7 @@ def print_farm_example() -> None:
 
 
 @farm.command("check")
-def check_farm(
-    file: Annotated[str, typer.Argument(help="A farm file.")],
-    json: AsJson = False,
-) -> None:
+def check_farm(file: Annotated[str, typer.Argument(help="A farm file.")], json: AsJson = False) -> None:
     """Show every value in use of a farm file: given, or the default with its source.
 
     Example: headland farm check farm.toml

@@ -72,7 +72,7 @@ def plan_batch(
     """
     from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
-    from reports.plan.many_fields_page import render_many_fields_page
+    from reports.plan.many_fields import render_many_fields_page
 
     check_output_paths(
         (checkpoint, ".jsonl"),
@@ -197,8 +197,7 @@ def plan(
     without: Annotated[Optional[list[int]], typer.Option(help=_WITHOUT_HELP, rich_help_panel=WORK)] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
     save: Annotated[
-        Optional[Path],
-        typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT),
+        Optional[Path], typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT)
     ] = None,
     explain: Annotated[
         bool,
@@ -221,9 +220,8 @@ def plan(
 
     Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
-    from reports.plan.first_screen import build_first_screen
     from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
-    from reports.plan.ranking_table import build_ranking_table
+    from reports.plan.ranking_table import build_first_screen, build_ranking_table
     from strategies.registry import describe_hidden_strategies
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)
@@ -296,11 +294,7 @@ def simulate_plans(
         tasks = group_candidates(list_candidates(order.request))
         executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
         return plan_order(
-            order,
-            executor=executor,
-            report_stage=bar.report,
-            with_pictures=pictures,
-            simulate_all=every_plan,
+            order, executor=executor, report_stage=bar.report, with_pictures=pictures, simulate_all=every_plan
         )
 
 

@@ -18,13 +18,7 @@ from planner.cli.common.outputs import (
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 
 
-def compare(
-    plan: PlanArgument,
-    runs: RunsArgument,
-    html: Html = None,
-    png: Png = None,
-    json: AsJson = False,
-) -> None:
+def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png = None, json: AsJson = False) -> None:
     """Compare a plan with the logs of the work: time by activity, length, overlap, missed ground, largest differences.
 
     Runs in other fields are left out. The map shows planned and driven lines.
@@ -58,12 +52,10 @@ def learn(
     runs: RunsArgument,
     farm: Annotated[Path, typer.Option(help="The farm file to update (headland farm new writes one).")],
     output: Annotated[
-        Optional[Path],
-        typer.Option("--out", "-o", help="Write to this file and leave the farm file unchanged."),
+        Optional[Path], typer.Option("--out", "-o", help="Write to this file and leave the farm file unchanged.")
     ] = None,
     implement: Annotated[
-        Optional[str],
-        typer.Option(help="The implement of the logs; by default the one of their width."),
+        Optional[str], typer.Option(help="The implement of the logs; by default the one of their width.")
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace values that the file has already.")] = False,
     json: AsJson = False,

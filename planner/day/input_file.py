@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from fields.errors import MAX_FAULTS
-from fields.geometry.chosen_obstacles import parse_obstacle_place
+from fields.geometry.chosen_places import parse_obstacle_place
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from fields.text_files import explain_parse_error, read_text

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-import reports.day.notebook  # noqa: F401  # how a day is shown
+import reports.day.page  # noqa: F401  # how a day is shown
 from fields.documents.reader import read_field
-from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
-from fields.geometry.entrances import set_entrance
+from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
 from fields.text_files import quote_path
 from planner.day.field_times import (

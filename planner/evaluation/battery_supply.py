@@ -14,7 +14,7 @@ from planner.request.plan_request import PlanRequest
 from planner.request.service_points import locate_service_point
 from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
 from strategies.program.driving_rules import DrivingRules
-from vehicle.energy.leg_meter import build_leg_meter
+from vehicle.energy.run_energy import build_leg_meter
 from vehicle.model.tractor import Tractor
 
 DETOUR_FACTOR = 1.5  # of the straight line from the farthest corner of the field to the place

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.geometry.entrances import check_entrance, move_entrance_to_outline
+from fields.geometry.chosen_places import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
 from fields.geometry.field_parts import cut_field_part
 from fields.layout.bearings import find_handedness

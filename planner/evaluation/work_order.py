@@ -11,8 +11,7 @@ from typing import Any
 import shapely
 
 from fields.documents.reader import FieldSource, read_field
-from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
-from fields.geometry.entrances import set_entrance
+from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter

@@ -50,9 +50,7 @@ class UncertaintySettings(FileSection):
     """
 
     speed_cv: float = _define_cv(
-        0.15,
-        "of the speed of one pass",
-        f"{_LOG_SOURCE}: the mean speed of a pass varies by 0.15 to 0.18 within a job",
+        0.15, "of the speed of one pass", f"{_LOG_SOURCE}: the mean speed of a pass varies by 0.15 to 0.18 within a job"
     )
     job_cv: float = _define_cv(
         0.06,

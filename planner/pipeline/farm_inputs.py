@@ -80,9 +80,11 @@ class GivenOptions:
             )
         given = list_given_parameters(PlanRequest, self.given_names)
         if self.continued is not None:
-            self.continued.check_supply(self.farm is not None)
             given |= {"tractors", "start_s"}
         order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
+        if self.continued is not None:
+            is_farm = self.farm is not None
+            order = replace(order, supply=self.continued.choose_supply(order.supply, is_from_farm=is_farm))
         if self.continued is not None and self.farm is None and "tractor" not in given:
             order = replace(order, tractor=self.continued.tractor, implement=self.continued.implement)
         return replace(order, done=self.done, without=self.without)

@@ -28,7 +28,14 @@ from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.work_order import DoneSource, DoneWork, WorkOrder, match_plan_time
 from planner.pipeline.fingerprint import hash_file
-from planner.pipeline.outputs.saved_plans import has_tank, read_done_ground, read_machines, read_request, rerun_plan
+from planner.pipeline.outputs.saved_plans import (
+    has_unknown_tank,
+    read_done_ground,
+    read_machines,
+    read_request,
+    read_supply,
+    rerun_plan,
+)
 from planner.request.option_texts import format_clock, format_later_clock
 from planner.request.plan_request import PlanRequest
 from planner.task_logs.formats import point_shapefiles
@@ -120,7 +127,7 @@ def continue_order(order: WorkOrder) -> WorkOrder:
     continued = None if order.from_road else read_continued_plan(order.done, order.without)
     if continued is None:
         return order
-    continued.check_supply(order.supply is not None)
+    order = replace(order, supply=continued.choose_supply(order.supply))
     request = order.request
     given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
     if order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
@@ -182,26 +189,36 @@ def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
 
 @dataclass(frozen=True)
 class ContinuedPlan:
-    """What a saved plan asked for, from the time on at which it is left, its machines, and whether they have tanks."""
+    """What a saved plan asked for, from the time on at which it is left, its machines, and what these carry.
+
+    Earlier Headlands saved that there is a tank, but not how large: then `has_unknown_tank`.
+    """
 
     file: str
     request: PlanRequest
     tractor: Tractor
     implement: Implement
-    has_tank: bool
+    supply: Supply | None
+    has_unknown_tank: bool
 
     def complete_request(self, request: PlanRequest, given: Collection[str]) -> PlanRequest:
         """The request of this plan, with the `given` parameters of another in place of its own."""
         return replace(self.request, **{name: getattr(request, name) for name in given})
 
-    def check_supply(self, is_known: bool) -> None:
-        """Refuse to go on without knowing what is carried: the farm's implement says so, and no saved plan."""
-        if self.has_tank and not is_known:
+    def choose_supply(self, given: Supply | None, *, is_from_farm: bool = False) -> Supply | None:
+        """What is carried: what is given, or what a farm's implement says, else what the plan says.
+
+        Raises RequestError where none of them does and there is a tank.
+        """
+        if given is not None or is_from_farm:
+            return given
+        if self.has_unknown_tank:
             raise RequestError(
                 f"The implement of the plan {quote_path(self.file)} has a tank, and the plan does not say how large; "
                 f"add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
                 parameter="farm",
             )
+        return self.supply
 
 
 def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> ContinuedPlan | None:
@@ -216,7 +233,8 @@ def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = 
     left = len(_list_machines_left(saved, without))
     start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
     later = replace(request, tractors=(left,), start_s=start_s)
-    return ContinuedPlan(match["file"], later, *read_machines(saved, request), has_tank(saved, request))
+    machines, is_unknown = read_machines(saved, request), has_unknown_tank(saved, request)
+    return ContinuedPlan(match["file"], later, *machines, read_supply(saved), is_unknown)
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -22,7 +22,7 @@ from pydantic import TypeAdapter
 from fields.documents.reader import FieldSummary, describe_listing, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
 from fields.formats.features import ALL_FIELDS
-from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
+from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from fields.units import DAY_S, MPS_PER_KMH
@@ -42,7 +42,7 @@ def check_places(entrance: tuple[float, float] | None, obstacles: Iterable[str],
             f"{mark_parameter('entrance')} is {shorten_value(entrance)}; give two numbers, longitude and latitude."
         )
     if obstacles:
-        from fields.geometry.chosen_obstacles import parse_obstacle_place
+        from fields.geometry.chosen_places import parse_obstacle_place
 
         for text in obstacles:
             parse_obstacle_place(text)
@@ -150,6 +150,34 @@ def check_day_options(samples: int, certainty_pct: float | None) -> None:
         )
     if not 1 <= samples <= MAX_SAMPLES:
         raise RequestError(f"{mark_parameter('samples')} is {samples}; use 1 to {MAX_SAMPLES}.")
+
+
+def check_demo_options(
+    demo: bool,
+    logs: Sequence[str] | None,
+    conversions: Mapping[str, object],
+    own: Mapping[str, object],
+    as_driven: bool,
+) -> None:
+    """Raise RequestError for both or neither of logs and a demonstration, and for an option that would be ignored.
+
+    `conversions` are of log files, by what they are called; `own` are those of the demonstration, by parameter.
+    """
+    if demo == bool(logs):
+        raise RequestError(f"Give either log files or {mark_parameter('demo')}.")
+    for name, value in conversions.items():
+        if demo and value:
+            raise RequestError(f"{name} converts log files; leave it out with {mark_parameter('demo')}.")
+    if demo and as_driven:
+        raise RequestError(
+            f"{mark_parameter('as_driven')} takes the size from log files; leave it out with {mark_parameter('demo')}."
+        )
+    for name, value in own.items():
+        if value is not None and not demo:
+            raise RequestError(
+                f"{mark_parameter(name)} {value} needs the demonstration; add {mark_parameter('demo')} or leave out "
+                f"{mark_parameter(name)}."
+            )
 
 
 def check_ground(soil: str | None, moisture_pct: float | None, rain_mm: str | None, et0_mm: float | None) -> None:

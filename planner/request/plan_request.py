@@ -178,9 +178,7 @@ class PlanRequest:
         str, OptionHelp("Kind of turn: auto, u, omega or switch-back.", WORK, choices=("auto", *TURN_KINDS))
     ] = "auto"
     speed_mps: Annotated[
-        Number,
-        OptionHelp("Working speed, km/h.", MACHINES, from_farm=True),
-        _SPEED("working speed"),
+        Number, OptionHelp("Working speed, km/h.", MACHINES, from_farm=True), _SPEED("working speed")
     ] = 5.0 * MPS_PER_KMH  # thesis, section 6.3.1
     turn_speed_mps: Annotated[
         Number | None,

@@ -1,23 +1,85 @@
-"""Figures in words: durations, counts, prices, areas, lists and clock times."""
+"""Figures in words, with their units as the reader wants them: durations, counts, prices, areas, lists, clock times.
+
+Units are metric, or as in the United States (ft, ac, mph, gal). Values are metric everywhere; only screens and pages
+show others. JSON, CSV and inputs are always metric.
+"""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import TypeVar
 
-from fields.units import DAY_S
-from reports.common.language import translate, translate_count
+from fields.units import DAY_S, FOOT_M
+from reports.common.language import US, get_units, translate, translate_count
 from reports.common.plan_results import PlanRanking
-from reports.common.units import NO_VALUE as NO_VALUE
-from reports.common.units import format_area as format_area
+
+ACRE_M2 = 4046.8564224
+NO_VALUE = "-"
+_LEAST_ACRES = 0.1  # less is in square feet
+_LEAST_HA_M2 = 1000.0  # less is in square metres
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is measured: its metric unit, that of the United States, and the size of the latter in the former."""
+
+    metric_unit: str
+    us_unit: str
+    us_size: float
+
+    @property
+    def unit(self) -> str:
+        """The unit of the reader."""
+        return self.us_unit if is_us() else self.metric_unit
+
+    def convert(self, value: float | None) -> float | None:
+        """A metric value in the unit of the reader."""
+        return value / self.us_size if value is not None and is_us() else value
+
+    def convert_rate(self, rate: float | None) -> float | None:
+        """What is counted per metric unit, per unit of the reader."""
+        return rate * self.us_size if rate is not None and is_us() else rate
+
+    def format(self, value: float | None, decimals: int = 0) -> str:
+        """A metric value with the unit of the reader; a dash where it is missing or not finite."""
+        shown = self.convert(value)
+        return NO_VALUE if shown is None or not math.isfinite(shown) else f"{shown:.{decimals}f} {self.unit}"
+
+
+FIELD_AREA = Quantity("ha", "ac", ACRE_M2 / 10_000.0)
+SMALL_AREA = Quantity("m2", "ft2", FOOT_M**2)
+VOLUME = Quantity("l", "gal", 3.785411784)  # gallons of the United States
+LENGTH = Quantity("m", "ft", FOOT_M)
+SPEED = Quantity("km/h", "mph", 1.609344)
+
+
+def format_width(metres: float) -> str:
+    """A working width, without decimals that say nothing: ``3 m`` or ``9.8 ft``."""
+    return LENGTH.format(metres, 1) if is_us() else f"{metres:g} m"
+
+
+def format_area(m2: float) -> str:
+    """An area in hectares, or in square metres where it is small; in acres or square feet."""
+    least_m2 = _LEAST_ACRES * ACRE_M2 if is_us() else _LEAST_HA_M2
+    return FIELD_AREA.format(m2 / 10_000.0, 2) if m2 >= least_m2 else SMALL_AREA.format(m2)
+
+
+def is_us() -> bool:
+    """Whether the reader wants units of the United States."""
+    return get_units() == US
+
 
 SURE_SHARE = 0.995  # a probability that is written as 100 % is not said again
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"
+_FIGURE = re.compile(r"\d+(?:\.\d+)?")
+Named = TypeVar("Named")
 
 
 def format_duration(seconds: float | None) -> str:
@@ -180,6 +242,14 @@ def format_deadline(ranking: PlanRanking) -> str:
     return (
         format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or format_duration(ranking.allowed_s)
     )
+
+
+def group_alike(texts: Iterable[tuple[Named, str]]) -> list[list[tuple[Named, str]]]:
+    """Texts with what they are of, grouped where they are the same but for their figures; in the order of the first."""
+    groups: dict[str, list[tuple[Named, str]]] = {}
+    for named, text in texts:
+        groups.setdefault(_FIGURE.sub("#", text), []).append((named, text))
+    return list(groups.values())
 
 
 def capitalize_first(text: str) -> str:

@@ -1,4 +1,4 @@
-"""A day as pictures (work over time, fields and roads) and as one page that loads nothing from elsewhere."""
+"""A day as pictures (work over time, fields and roads), as one page that loads nothing, and in a notebook."""
 
 from __future__ import annotations
 
@@ -10,26 +10,30 @@ import numpy as np
 from fields.units import HOUR_S
 from reports.common import palette
 from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES
-from reports.common.notebook import create_figure
-from reports.common.rendering import render_template
+from reports.common.notebook import ResultView, ShownTable, build_view, create_figure, encode_figure, render_fragment
+from reports.common.rendering import EXPORT_DECIMALS, make_json_safe, render_template
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.schedule_results import DayResult, MapPlace, get_stated_leaves_s, get_stated_start_s
 from reports.day.tables import (
+    build_job_entry,
     build_job_table,
     describe_day_columns,
     describe_optimality_gap,
+    format_day_csv,
+    format_day_json,
     list_machine_rows,
     list_money_rows,
     sort_by_field,
 )
 from reports.plan.drive_geometry import bound_points, choose_round_length_m
-from reports.plan.map_figure import encode_svg_base64, escape_figure_formula
+from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
+from reports.plan.ranking_export import flatten_entry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
+    from pandas import DataFrame
 
 ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
@@ -41,6 +45,8 @@ GANTT_LEGEND = (
     "Pale: breaks (above), hours of the field (below)."
 )
 NARROWEST_LABELLED_BAR = 0.045  # of the width: what a bar must have for its name
+MOST_JOBS = 30  # in a fragment; to_pandas has all
+DAY_INCHES = (PAGE_INCHES, 4.0)
 
 
 def draw_gantt(result: DayResult) -> Figure:
@@ -261,3 +267,42 @@ def _list_day_facts(result: DayResult) -> list[tuple[str, str]]:
         *([("All in time", f"{format_percent(probability)} %")] if probability is not None else []),
         *((f"{label}, {result.currency}", money) for label, money in list_money_rows(result)),
     ]
+
+
+@build_view.register
+def build_day_view(day: DayResult) -> ResultView:
+    """A day: its answer, work over time, and the jobs."""
+    return ResultView(
+        summary=lambda: " ".join(list_day_sentences(day)),
+        html=lambda: render_day_fragment(day),
+        table=lambda: build_jobs_frame(day),
+        draw=lambda axes: draw_machine_day(axes, day),
+        figure_inches=DAY_INCHES,
+        files={
+            ".json": lambda: format_day_json(day),
+            ".csv": lambda: format_day_csv(day),
+            ".html": lambda: render_day_page(day),
+            ".png": lambda: render_png(draw_gantt(day)),
+        },
+    )
+
+
+def render_day_fragment(day: DayResult) -> str:
+    """The answer, work over time, the jobs in the order of the fields, and what is not done."""
+    jobs = sort_by_field(day)
+    left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
+    tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
+    if day.unworked_fields:
+        rows = [(one.field, one.reason) for one in day.unworked_fields]
+        tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
+    first, *others = list_day_sentences(day)
+    sentences = [*others, describe_optimality_gap(day), *day.remarks]
+    return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
+
+
+def build_jobs_frame(day: DayResult) -> DataFrame:
+    """A row per job with the values of the JSON; an interval has a column for each end."""
+    import pandas as pd
+
+    entries = [flatten_entry(make_json_safe(build_job_entry(job), EXPORT_DECIMALS)) for job in day.jobs]
+    return pd.DataFrame(entries)

@@ -1,4 +1,4 @@
-"""A replayed run as JSON, a table, a picture and a page."""
+"""A replayed run as JSON, a table, a picture, a page and in a notebook."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy as np
 
 from reports.common import palette
 from reports.common.effect_names import format_effect_with_id
-from reports.common.notebook import create_figure, draw_legend
-from reports.common.rendering import format_json, render_template
+from reports.common.notebook import ResultView, ShownTable, create_figure, draw_legend, encode_figure, render_fragment
+from reports.common.rendering import format_json, make_json_safe, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, join_list
 from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors
-from reports.plan.map_figure import encode_svg_base64
+from reports.plan.map_figure import encode_svg_base64, render_png
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
     from rich.console import Group
 
 
@@ -174,3 +175,35 @@ def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
         "rows": list_error_rows_by_horizon(replayed),
     }
     return render_template("replay.html.j2", content)
+
+
+def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultView:
+    """A replayed run with the remarks on its log: errors by length of the pieces, and the two paths."""
+    return ResultView(
+        summary=lambda: f"{replayed.name} against {replayed.tractor}. {describe_replay(replayed)}",
+        html=lambda: _render_replay_fragment(replayed, remarks),
+        table=lambda: build_errors_frame(replayed),
+        draw=lambda axes: draw_replayed_path(axes, replayed),
+        files={
+            ".json": lambda: format_replay_json(replayed, remarks),
+            ".html": lambda: render_replay_page(replayed, remarks),
+            ".png": lambda: render_png(draw_replay(replayed)),
+        },
+    )
+
+
+def _render_replay_fragment(replayed: ReplayResult, remarks: Sequence[str]) -> str:
+    table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows_by_horizon(replayed))
+    title = f"{replayed.name} against {replayed.tractor}"
+    picture = encode_figure(draw_replay(replayed))
+    return render_fragment(
+        title, [describe_replay(replayed), *remarks], [table], picture, "Measured and simulated path, angle and speed"
+    )
+
+
+def build_errors_frame(replayed: ReplayResult) -> DataFrame:
+    """A row per length of the pieces: `horizon_s`, `cross_cm`, `along_cm`, `heading_deg`."""
+    import pandas as pd
+
+    rows = [{"horizon_s": horizon, **make_json_safe(vars(error))} for horizon, error in replayed.errors.items()]
+    return pd.DataFrame(rows, columns=["horizon_s", "cross_cm", "along_cm", "heading_deg"], dtype="float64")

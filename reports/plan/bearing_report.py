@@ -10,8 +10,7 @@ from rich.text import Text
 from reports.common.language import translate
 from reports.common.rendering import EXPORT_DECIMALS, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.units import VOLUME
-from reports.common.wording import NO_VALUE, format_duration, format_number
+from reports.common.wording import NO_VALUE, VOLUME, format_duration, format_number
 from reports.plan.comparison import Comparison, ComparisonRow
 from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from reports.common.language import translate
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.units import FIELD_AREA, VOLUME
-from reports.common.wording import NO_VALUE, format_number, join_list
+from reports.common.wording import FIELD_AREA, NO_VALUE, VOLUME, format_number, join_list
 from reports.plan.plan_wording import format_ground_place
 
 

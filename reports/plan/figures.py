@@ -22,9 +22,9 @@ from reports.common.plan_results import (
     get_stated_s,
 )
 from reports.common.text_tables import FittedTable, TableColumn
-from reports.common.units import VOLUME
 from reports.common.wording import (
     NO_VALUE,
+    VOLUME,
     format_area_or_dash,
     format_duration,
     format_number,

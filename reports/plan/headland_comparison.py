@@ -18,7 +18,7 @@ from reports.common.plan_results import (
     get_stated_end_s,
     get_stated_s,
 )
-from reports.common.units import format_area, format_width
+from reports.common.wording import format_area, format_width
 from reports.plan.comparison import Comparison, ComparisonRow
 from reports.plan.plan_wording import describe_part, format_ground_place
 

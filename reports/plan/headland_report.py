@@ -1,4 +1,4 @@
-"""A comparison of headlands for people and programs: sentences, table, JSON and CSV."""
+"""A comparison of headlands for people and programs: sentences, table, JSON, CSV and a page that loads nothing."""
 
 from __future__ import annotations
 
@@ -9,10 +9,26 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    format_csv,
+    format_csv_cell,
+    format_json,
+    make_json_safe,
+    render_template,
+)
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.units import FIELD_AREA, SMALL_AREA, VOLUME
-from reports.common.wording import NO_VALUE, format_money, format_number, format_price
+from reports.common.wording import (
+    FIELD_AREA,
+    NO_VALUE,
+    SMALL_AREA,
+    VOLUME,
+    format_duration,
+    format_money,
+    format_number,
+    format_price,
+    insert_non_breaking_spaces,
+)
 from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
     YEAR_KEYS,
@@ -25,6 +41,7 @@ from reports.plan.headland_comparison import (
     list_missing,
     name_choice,
 )
+from reports.plan.plan_wording import describe_machines
 from reports.plan.ranking_export import build_part_entry, build_plan_entry
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
@@ -97,13 +114,19 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
         )
     alike = [one for one in others if compute_extra_cost(one, best) <= ALIKE_SHARE * best.charged_cost_per_year]
     if alike:
+        least = format_money(compute_extra_cost(alike[-1], best), comparison.currency)
+        others_alike = (
+            translate("{way} costs the same within {extra}", way=name_choice(alike[0]), extra=least)
+            if len(alike) == 1
+            else translate("{count} other ways cost the same within {extra}", count=len(alike), extra=least)
+        )
         return translate(
             "Worth it on {fields}: {way}: {saving} less than {dearest}, the dearest; {alike}.",
             fields=where,
             way=way,
             saving=_describe_saving(dearest, best, comparison),
             dearest=name_choice(dearest),
-            alike=_describe_alike(alike, best, comparison),
+            alike=others_alike,
         )
     values = {
         "fields": where,
@@ -119,14 +142,6 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
         more=_describe_saving(dearest, best, comparison),
         dearest=name_choice(dearest),
     )
-
-
-def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, comparison: HeadlandComparison) -> str:
-    """That other ways cost nearly the same as the best."""
-    extra = format_money(compute_extra_cost(alike[-1], best), comparison.currency)
-    if len(alike) == 1:
-        return translate("{way} costs the same within {extra}", way=name_choice(alike[0]), extra=extra)
-    return translate("{count} other ways cost the same within {extra}", count=len(alike), extra=extra)
 
 
 def _get_energy_per_year(totals: HeadlandTotals) -> float | None:
@@ -227,14 +242,24 @@ def tabulate_ways(
     comparison: HeadlandComparison, totals: Sequence[HeadlandTotals], best: HeadlandTotals | None
 ) -> FittedTable:
     """A row per way, the best in bold; fuel only where it is known of all ways."""
+
+    def format_extra(one: HeadlandTotals) -> str:  # only where both work on as many fields
+        if best is None or len(one.driven) != len(best.driven):
+            return NO_VALUE
+        return translate("best") if one is best else f"+{format_price(max(compute_extra_cost(one, best), 0.0))}"
+
     unit, small_unit = comparison.currency or translate("Cost"), SMALL_AREA.unit
     energy = (_build_year_column(_get_energy_unit(comparison)), lambda one: format_number(_get_energy_per_year(one), 0))
+    driven = [one for one in comparison.totals if one.driven]
+    has_energy = bool(driven) and any(
+        all(getattr(one, key) is not None for one in driven) for key in ("fuel_l", "energy_kwh")
+    )
     figures: list[tuple[TableColumn, Callable[[HeadlandTotals], str]]] = [
         (TableColumn(translate("Headland"), is_text=True, is_unbroken=True), name_choice),
         (TableColumn(f"{unit}/{FIELD_AREA.unit}"), _format_rate),
-        (TableColumn(translate("More")), lambda one: _format_extra(one, best)),
+        (TableColumn(translate("More")), format_extra),
         (_build_year_column("h"), lambda one: format_hours(one.year["hours_per_year"])),
-        *([energy] if _has_fuel(comparison) else []),
+        *([energy] if has_energy else []),
         (_build_year_column(unit), lambda one: format_price(one.year["cost_per_year"])),
         (_build_figure_column(translate("Missed {unit}", unit=small_unit)), lambda one: _format_ground(one.missed_m2)),
         (_build_figure_column(translate("Overlap {unit}", unit=small_unit), drop_order=2),
@@ -257,13 +282,6 @@ def _format_ground(m2: float) -> str:
     return format_number(SMALL_AREA.convert(m2), 0)
 
 
-def _format_extra(totals: HeadlandTotals, best: HeadlandTotals | None) -> str:
-    """What a way costs more than the best, only where both work on as many fields."""
-    if best is None or len(totals.driven) != len(best.driven):
-        return NO_VALUE
-    return translate("best") if totals is best else f"+{format_price(max(compute_extra_cost(totals, best), 0.0))}"
-
-
 def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
     """A column of figures whose heading stands in two lines where there is little room, the second from its last words.
 
@@ -275,15 +293,6 @@ def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
 def _build_year_column(unit: str) -> TableColumn:
     heading = translate("{unit}/year", unit=unit)
     return TableColumn(heading, heading.replace("/", "/\n"))
-
-
-def _has_fuel(comparison: HeadlandComparison) -> bool:
-    """Whether the fuel, or the electricity, of every way that works is known."""
-    driven = [one for one in comparison.totals if one.driven]
-    return bool(driven) and any(
-        all(amount is not None for amount in amounts)
-        for amounts in ([one.fuel_l for one in driven], [one.energy_kwh for one in driven])
-    )
 
 
 def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
@@ -418,3 +427,74 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
         values = make_json_safe(values, EXPORT_DECIMALS)
         rows.append([format_csv_cell(values.get(key)) for key in head])
     return format_csv([head, *rows])
+
+
+def render_headland_page(comparison: HeadlandComparison) -> str:
+    """The page as HTML text."""
+    names = list(comparison.field_names.values())
+    fields = tabulate_fields(comparison)
+    head, rows = _tabulate(comparison, comparison.totals, comparison.best)
+    rankings = [each.ranking for each in comparison.rows if each.ranking is not None]
+    maps = [each.map for each in comparison.rows if each.map is not None]
+    return render_template(
+        "headland_comparison.html.j2",
+        {
+            "title": f"Headlands compared: {names[0] if len(names) == 1 else f'{len(names)} fields'}",
+            "machines": "; ".join(dict.fromkeys(filter(None, map(describe_machines, rankings)))),
+            "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
+            "head": head,
+            "rows": rows,
+            "help": f"{describe_figures(comparison)} Times are h:mm:ss.",
+            "field_head": [column.heading for column in fields.columns],
+            "field_rows": [{"best": False, "cells": cells} for cells in fields.rows],
+            "cut_off": list_cut_off(comparison),
+            "missing": list_missing(comparison),
+            "fields": [_build_section(comparison, field) for field in comparison.fields],
+            "has_missed": any(one["missed"] for one in maps),
+            "has_driven_over": any(one["driven_over"] for one in maps),
+            "remarks": list(dict.fromkeys(remark for one in rankings for remark in one.field_remarks)),
+        },
+    )
+
+
+def _tabulate(
+    comparison: HeadlandComparison, totals: Sequence[HeadlandTotals], best: HeadlandTotals | None
+) -> tuple[list[str], list[dict[str, Any]]]:
+    """Headings and rows of a table of ways."""
+    table = tabulate_ways(comparison, totals, best)
+    rows = [{"best": one is best, "cells": cells} for one, cells in zip(totals, table.rows, strict=True)]
+    return [column.heading for column in table.columns], rows
+
+
+def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]:
+    """One field: its table and its maps, the best way first."""
+    totals = comparison.totals_by_field[field]
+    driven = [one for one in totals if one.driven]
+    best = driven[0] if driven else None
+    return {
+        "name": comparison.field_names[field],
+        "area": format_number(best.area_ha, 2) if best else "",
+        "rows": _tabulate(comparison, totals, best)[1],
+        "cards": [
+            {
+                "name": name_choice(one),
+                "best": one is best,
+                "map": one.plans[0].map,
+                "text": insert_non_breaking_spaces(", ".join(_list_card_figures(one, comparison))),
+            }
+            for one in driven
+            if one.plans[0].map is not None
+        ],
+    }
+
+
+def _list_card_figures(totals: HeadlandTotals, comparison: HeadlandComparison) -> list[str]:
+    return [
+        format_duration(totals.time_s),
+        format_cost_per_ha(totals, comparison),
+        *([] if totals.fuel_l is None else [f"{totals.fuel_l:.0f} l"]),
+        *([] if totals.energy_kwh is None else [f"{totals.energy_kwh:.0f} kWh"]),
+        f"missed {totals.missed_m2:.0f} m2",
+        f"overlap {totals.overlap_m2:.0f} m2",
+        f"driven over {totals.over_finished_m2:.0f} m2",
+    ]

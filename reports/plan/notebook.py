@@ -24,7 +24,6 @@ from reports.common.rendering import make_json_safe
 from reports.common.wording import format_duration, format_minutes, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
-from reports.plan.first_screen import build_answer_table, choose_first_plans, count_other_plans, write_legend
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_export import (
@@ -36,6 +35,7 @@ from reports.plan.ranking_export import (
     format_study_json,
 )
 from reports.plan.ranking_page import render_plan_page
+from reports.plan.ranking_table import build_answer_table, choose_first_plans, count_other_plans, write_legend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,9 +22,9 @@ from reports.common.plan_results import (
     get_stated_s,
     is_dearer,
 )
-from reports.common.units import format_area, format_width
 from reports.common.wording import (
     LEAST_COST,
+    format_area,
     format_deadline,
     format_duration,
     format_end_clock,
@@ -33,6 +32,8 @@ from reports.common.wording import (
     format_number,
     format_percent,
     format_tractor_count,
+    format_width,
+    group_alike,
     join_list,
     round_seconds,
 )
@@ -48,7 +49,6 @@ BY_COUNT_HELP = (
     "Median time and 95 %: field work takes no longer in half and in 95 % of the samples, with late starts, stops and "
     "breakdowns."
 )
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -124,13 +124,10 @@ def list_refused(ranking: PlanRanking) -> list[PlanResult]:
 
 def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
     """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
-    groups: dict[str, list[tuple[str, PlanResult]]] = {}
-    for plan in plans:
-        reason = (plan.reason or "no reason was given").strip()
-        groups.setdefault(_NUMBER.sub("#", reason), []).append((reason, plan))
+    groups = group_alike((plan, (plan.reason or "no reason was given").strip()) for plan in plans)
     return [
-        RefusalGroup(group[0][0], tuple(plan for _, plan in group), len({reason for reason, _ in group}) > 1)
-        for group in sorted(groups.values(), key=len, reverse=True)
+        RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
+        for group in sorted(groups, key=len, reverse=True)
     ]
 
 
@@ -147,12 +144,8 @@ def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
 
     Where plans of several strategies, or with other figures, have the same remark, it has the number of plans.
     """
-    groups: dict[str, list[tuple[PlanResult, str]]] = {}
-    for plan in plans:
-        for part in plan.remarks:
-            groups.setdefault(_NUMBER.sub("#", part), []).append((plan, part))
     sentences = []
-    for members in groups.values():
+    for members in group_alike((plan, part) for plan in plans for part in plan.remarks):
         first, remark = members[0]
         has_one_text = all(part == remark for _, part in members)
         if has_one_text and all(plan.strategy == first.strategy for plan, _ in members):

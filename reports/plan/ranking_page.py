@@ -36,7 +36,6 @@ from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
-from reports.plan.first_screen import choose_first_plans
 from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
@@ -55,6 +54,7 @@ from reports.plan.plan_wording import (
     list_refused,
     name_refused_plans,
 )
+from reports.plan.ranking_table import choose_first_plans
 
 _PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
 """Where headings may be broken on narrow paper."""

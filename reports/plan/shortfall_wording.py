@@ -6,8 +6,7 @@ import math
 
 from reports.common.language import translate, translate_sentence
 from reports.common.plan_results import PlanRanking, PullFigures, Shortfall
-from reports.common.units import SPEED, format_width
-from reports.common.wording import format_deadline, format_number, join_list
+from reports.common.wording import SPEED, format_deadline, format_number, format_width, join_list
 
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:

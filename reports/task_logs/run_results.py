@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
+from reports.common.plan_drives import Points as Points
 
-Points = npt.NDArray[np.float64]
 WORKING, TURNING, TRANSIT, STANDING, UNLOGGED = "working", "turning", "ways", "standing", "not logged"
 ACTIVITY_KINDS = (WORKING, TURNING, TRANSIT, STANDING, UNLOGGED)
 """Activities of a machine, in the order of tables."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
@@ -11,10 +10,9 @@ from rich.console import Group, RenderableType
 from fields.units import KMH_PER_MPS
 from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent
+from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, group_alike
 from reports.task_logs.run_results import ImportedRun, LearnedOutcome
 
-_NUMBER_PATTERN = re.compile(r"\d+(?:\.\d+)?")
 _RUN_COLUMNS = (
     TableColumn("Run", is_text=True), TableColumn("Date", is_unbroken=True),
     TableColumn("Field", is_text=True, drop_order=1), TableColumn("Time", is_unbroken=True), TableColumn("ha"),
@@ -64,11 +62,7 @@ def _build_total_row(runs: Sequence[ImportedRun]) -> tuple[str, ...]:
 
 def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
     """Remarks on the runs; a remark on several runs, figures apart, is one line with a count."""
-    notes_by_pattern: dict[str, list[tuple[ImportedRun, str]]] = {}
-    for run in runs:
-        for note in run.notes:
-            notes_by_pattern.setdefault(_NUMBER_PATTERN.sub("#", note), []).append((run, note))
-    for members in notes_by_pattern.values():
+    for members in group_alike((run, note) for run in runs for note in run.notes):
         run, note = members[0]
         if len(members) == 1:
             yield f"{run.name}: {note}."

@@ -1,8 +1,8 @@
 """The battery of an electric tractor as what it carries: used by driving and work, charged or changed at service stops.
 
-Every need is that of vehicle.energy.leg_meter with a share on top for what an estimate cannot know. A stop charges what
-the work up to the next stop needs, so all stops of a tractor together charge what its work takes beyond the first full
-battery; a battery that is changed is full again.
+Every need is that of vehicle.energy.run_energy with a share on top for what an estimate cannot know. A stop charges
+what the work up to the next stop needs, so all stops of a tractor together charge what its work takes beyond the first
+full battery; a battery that is changed is full again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from strategies.program.supply import Supply
-from vehicle.energy.leg_meter import LegMeter
+from vehicle.energy.run_energy import LegMeter
 from vehicle.missions.plan import Leg
 
 CHARGE, CHANGE = "charge", "change"  # what a stop is for, besides refills

@@ -1,133 +1,184 @@
-"""Honest fleets with worse receivers than they should have: how many doubts there are that nobody's lie has caused.
+"""Honest fleets with bad receivers, links and clocks in the whole fleet manager: each alarm that nothing has caused.
 
-python -m tests.benchmarks.clean_fleets --hours 100        # of a fleet of 50; minutes
-python -m tests.benchmarks.clean_fleets --hours 1 --lie    # one that stands by its own words, to see that it is found
+python -m tests.benchmarks.clean_fleets --hours 100        # of a fleet of 50; it says how far it is, and may be ended
 
-Each tractor drives swaths of 200 m and half circles of 5 m at 1 to 3 m/s with stops, reports ten times a second, and
-steers by what its receiver shows. Positions have white noise; corrections are lost six times an hour for half a minute
-on average, in which the error wanders from a value of its own; each hour the receiver is without a fix for 5 s three
-times, in which the tractor counts wheel turns, and three times the link is away for 5 s and all states come after it.
-Speed is measured at the wheels, which slip by up to a tenth; headings are oblique and noisy. Without doubts there can
-be no false alarm of one that drives on by its positions: such an alarm begins with a doubt.
+Frames go in as text and alarms come out, as in the service, but by a clock of its own and without twins. A shift is one
+fleet over a drawn plan, an hour at most; see honest_robots for what ails each robot. Links: frames are lost, wait for
+tenths of a second, and are away for 5 s, after which all of them come, or the newest, or none; some links break and are
+made again. Operators stop and resume single robots and all, acknowledge alarms, and resume who was doubted.
+
+`broken` and `late` are right while a link is away and as it comes back. Every other alarm is false, and is printed.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
+import json
 import time
-from typing import Any
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from unittest.mock import patch
 
 import numpy as np
 
-from planner.fleet.safety.credible_motion import (
-    COLUMN_COUNT,
-    KEPT_COUNT,
-    PAIR_COUNT,
-    REPORT_SIZE,
-    add_motion_step,
-    measure_motion_step,
-)
-from vehicle.jit import compile_function
+from planner.fleet.model.alarms import CRITICAL, FleetAlarm
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.tractor_state import Hold
+from planner.fleet.session.clients import TRACTOR, FleetClient
+from planner.fleet.session.fleet_session import FleetSession
+from planner.fleet.session.inbound_frames import StateFrame
+from tests.benchmarks.honest_robots import EPOCH_S, STEP_S, HonestRobots
+from tests.benchmarks.honest_rows import lay_blocks
 
-STEP_S, ANTENNA_M, OFF_LEG_M = 0.1, 0.0, 3.0
-SWATH_M, RADIUS_M = 200.0, 5.0
-WHITE_M, WANDER_M, WANDER_S = 0.012, 0.5, 60.0
-LOST_PER_H, LOST_S, OUTAGES_PER_H, OUTAGE_S = 6.0, 30.0, 3.0, 5.0
-SLIP, OBLIQUE_RAD, HEADING_RAD, SPEED_NOISE_MPS = 0.1, 0.03, 0.004, 0.03
-
-
-@compile_function
-def find_pose(at_m: float, pose: Any) -> None:
-    """The pose of a tractor that goes to and fro, at a distance along its path."""
-    bend_m = math.pi * RADIUS_M
-    row, rest_m = divmod(at_m, SWATH_M + bend_m)
-    way = 1.0 if row % 2.0 == 0.0 else -1.0
-    if rest_m < SWATH_M:
-        pose[0], pose[1] = 2.0 * RADIUS_M * row, rest_m if way > 0.0 else SWATH_M - rest_m
-        pose[2] = way * 0.5 * math.pi
-        return
-    angle = (rest_m - SWATH_M) / RADIUS_M
-    pose[0] = 2.0 * RADIUS_M * row + RADIUS_M * (1.0 - math.cos(angle))
-    pose[1] = (SWATH_M if way > 0.0 else 0.0) + way * RADIUS_M * math.sin(angle)
-    pose[2] = way * (0.5 * math.pi - angle)
+LONGEST_SHIFT_S, WHO = 3600.0, "anna"
+LOST_SHARE, HICCUPS_PER_H, HICCUP_S = 0.01, 20.0, (0.2, 0.7)
+AWAY_PER_H, AWAY_S, BACK_S = 3.0, 5.0, 3.0
+PAUSES_PER_H, PAUSE_S, STOPS_PER_H, STOP_S, LOOK_S = 3.0, 25.0, 4.0, 15.0, 10.0
+ALL, NEWEST, NONE, BREAKS = range(4)
+"""What becomes of the frames of a link that is away; one that breaks is made again, and then brings all."""
 
 
-@compile_function
-def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
-    """The doubts of one tractor in so many steps, and the first step of one (-1 for none)."""
-    np.random.seed(seed)
-    report, before, step = np.zeros(REPORT_SIZE), np.full(REPORT_SIZE, np.nan), np.zeros(COLUMN_COUNT)
-    sums, kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
-    counts, found = np.zeros(2, dtype=np.int64), np.full(PAIR_COUNT, -1)
-    biases_m, pose = np.array([0.0, OFF_LEG_M, OFF_LEG_M]), np.zeros(3)
-    error, shown, steered = np.zeros(2), np.zeros(2), np.zeros(2)
-    truth, moved = np.zeros(2), np.zeros(2)
-    counted = np.zeros(2)
-    slip, oblique = np.random.uniform(0.0, SLIP), np.random.uniform(-OBLIQUE_RAD, OBLIQUE_RAD)
-    goal_mps, speed_mps, at_m = np.random.uniform(1.0, 3.0), 0.0, 0.0
-    lost_s = dark_s = away_s = stands_s = 0.0
-    keep, doubts, first = math.exp(-STEP_S / WANDER_S), 0, -1
-    for number in range(steps):
-        if lost_s <= 0.0 and np.random.random() < LOST_PER_H * STEP_S / 3600.0:
-            lost_s = np.random.exponential(LOST_S)
-            error[0], error[1] = np.random.normal(0.0, WANDER_M), np.random.normal(0.0, WANDER_M)
-        if np.random.random() < OUTAGES_PER_H * STEP_S / 3600.0:
-            dark_s = OUTAGE_S
-        if np.random.random() < OUTAGES_PER_H * STEP_S / 3600.0:
-            away_s = OUTAGE_S
-        if np.random.random() < STEP_S / 120.0:
-            stands_s = np.random.exponential(20.0)
-        lost_s, dark_s, away_s, stands_s = lost_s - STEP_S, dark_s - STEP_S, away_s - STEP_S, stands_s - STEP_S
-        change = -0.7 if stands_s > 0.0 else 0.7
-        speed_mps = min(max(speed_mps + change * STEP_S, 0.0), goal_mps)
-        at_m += speed_mps * STEP_S
-        find_pose(at_m, pose)
-        for axis in range(2):
-            if lost_s > 0.0:
-                spread = WANDER_M * math.sqrt(1.0 - keep * keep)
-                error[axis] = keep * error[axis] + np.random.normal(0.0, spread)
-            else:
-                error[axis] = 0.0
-            # guidance steers what is shown back onto the path, within the metres that it takes to do so
-            offset = error[axis] - steered[axis]
-            steered[axis] += offset * min(speed_mps * STEP_S / 5.0, 1.0)
-            moved[axis] = pose[axis] - steered[axis] - truth[axis]
-            truth[axis] += moved[axis]
-            fix = truth[axis] + error[axis] + np.random.normal(0.0, WHITE_M)
-            shown[axis] = counted[axis] if dark_s > 0.0 else fix
-        course = (
-            math.atan2(moved[1], moved[0]) if speed_mps > 0.0 and number > 0 else pose[2]
-        )  # it drives where it looks
-        heading = course + oblique + np.random.normal(0.0, HEADING_RAD)
-        wheels_mps = math.hypot(moved[0], moved[1]) / STEP_S * (1.0 + slip) if number > 0 else 0.0
-        said_mps = abs(wheels_mps + np.random.normal(0.0, SPEED_NOISE_MPS)) if speed_mps > 0.0 else 0.0
-        counted[0] = shown[0] + wheels_mps * STEP_S * math.cos(heading)
-        counted[1] = shown[1] + wheels_mps * STEP_S * math.sin(heading)
-        if lies_from >= 0 and number >= lies_from:
-            said_mps = 0.0
-        report[0], report[1], report[2], report[3], report[4] = number * STEP_S, shown[0], shown[1], heading, said_mps
-        report[5], report[6], report[7] = pose[0], pose[1], pose[2]
-        if away_s > 0.0 and number % 2 == 0:
-            continue  # of the states that waited for the link only every second is kept
-        if counts[0] == 0:
-            counts[0] = 1
-        else:
-            measure_motion_step(before, report, ANTENNA_M, step)
-            add_motion_step(step, biases_m, True, sums, kept, counts, found)
-            if found.max() >= 0:
-                doubts += 1
-                first = number if first < 0 else first
-                sums[:], counts[0], counts[1] = 0.0, 1, 0
-                kept[0] = sums
-        before[:] = report
-    return doubts, first
+@dataclass
+class Link:
+    """The link of one robot: frames that wait until the time it is away is over."""
+
+    client: FleetClient
+    waiting: list[str] = field(default_factory=list)
+    until_s: float = 0.0
+    kind: int = ALL
+    is_away: bool = False
+    away_s: float = -1e9
 
 
-def count_doubts(tractors: int, hours: float, seed: int = 0) -> int:
-    """The doubts of an honest fleet."""
-    steps = round(hours * 3600.0 / STEP_S)
-    return sum(drive(1000 * seed + number, steps, -1)[0] for number in range(tractors))
+@dataclass
+class Shift:
+    """One plan driven by one fleet."""
+
+    seed: int
+    tractors: int
+    now: float = 0.0
+    frames: int = 0
+    found: Counter[str] = field(default_factory=Counter)
+    driven_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        blocks = lay_blocks(self.tractors, self.rng)
+        self.robots = HonestRobots(blocks, self.rng)
+        self.fleet = FleetSession("f", "f", blocks.plan, FleetRules(), begin_s=EPOCH_S)
+        self.fleet.twins.take_state = lambda *_: None  # type: ignore[method-assign]
+        self.manager = self.fleet.manager
+        self.base_ends_m = [mission.leg_starts_m for mission in blocks.plan.timed_missions]
+        self.links = [Link(FleetClient(TRACTOR, f"tractor {n + 1}", n)) for n in range(self.tractors)]
+        self.told: set[tuple[int, str]] = set()
+        self.resumes: list[tuple[float, int | None]] = []
+
+    def run(self, seconds: float, tell: Callable[[str], None] = print) -> None:
+        """Drive until all are done, or for so long."""
+        with patch("time.time", lambda: EPOCH_S + self.now):
+            for link in self.links:
+                self.fleet.add_client(link.client, self.now)
+            self.manager.operators.start_fleet_work(WHO, self.now)
+            while self.now < seconds and not self.robots.done.all():
+                self.now = round(self.now + STEP_S, 6)
+                self.robots.step()
+                for number, text in enumerate(self.robots.report_all(self.now)):
+                    self._carry(number, text)
+                self._operate()
+                self.fleet.step(self.now)
+                self._look(tell)
+                self.driven_s += STEP_S * self.tractors
+
+    def _carry(self, number: int, text: str) -> None:
+        """A frame goes over the link of its robot, and what the robot was sent comes back."""
+        link, rng = self.links[number], self.rng
+        if self.now >= link.until_s:
+            if rng.random() < AWAY_PER_H * STEP_S / 3600.0:
+                link.until_s, link.kind, link.is_away = self.now + AWAY_S, int(rng.integers(4)), True
+                if link.kind == BREAKS:
+                    self.fleet.remove_client(link.client, self.now)
+            elif rng.random() < HICCUPS_PER_H * STEP_S / 3600.0:
+                link.until_s = self.now + rng.uniform(*HICCUP_S)
+        if rng.random() >= LOST_SHARE:
+            link.waiting.append(text)
+        if self.now < link.until_s:
+            link.away_s = self.now if link.is_away else link.away_s
+            return
+        if link.kind == BREAKS and link.client not in self.fleet.clients:
+            link.client = FleetClient(TRACTOR, link.client.who, number)
+            self.fleet.add_client(link.client, self.now)
+        self._hear(number, link)
+        kept = {NEWEST: link.waiting[-1:], NONE: []}.get(link.kind, link.waiting)
+        link.waiting, link.kind, link.is_away = [], ALL, False
+        for each in kept:
+            self.frames += 1
+            self.fleet.take_state(link.client, StateFrame.model_validate_json(each), self.now)
+
+    def _hear(self, number: int, link: Link) -> None:
+        for text, _ in link.client.outbox._waiting:
+            frame = json.loads(text)
+            match frame["kind"]:
+                case "heartbeat" | "welcome":
+                    self.robots.heartbeats_s[number] = frame["clock_s"] if frame["kind"] == "heartbeat" else None
+                case "stop" | "resume":
+                    self.robots.is_standing[number] = frame["kind"] == "stop"
+                case "release":
+                    self.robots.base_end_m[number] = self.base_ends_m[number][frame["base_end"]]
+        link.client.outbox._waiting.clear()
+
+    def _operate(self) -> None:
+        """What operators do: pause, stop and resume, and answer for what is over or doubted."""
+        rng, operators = self.rng, self.manager.operators
+        if rng.random() < PAUSES_PER_H * self.tractors * STEP_S / 3600.0:
+            number = int(rng.integers(self.tractors))
+            operators.pause_tractors(WHO, number, self.now)
+            self.resumes.append((self.now + rng.exponential(PAUSE_S), number))
+        if rng.random() < STOPS_PER_H * STEP_S / 3600.0:
+            operators.stop_all(WHO, self.now)
+            self.resumes.append((self.now + STOP_S, None))
+        for due_s, number in [each for each in self.resumes if each[0] <= self.now]:
+            self.resumes.remove((due_s, number))
+            try:
+                operators.resume_tractors(WHO, number, self.now)
+            except FleetManagerError:
+                continue
+        if round(self.now / STEP_S) % round(LOOK_S / STEP_S) == 0:
+            for number, state in enumerate(self.manager.states):
+                if Hold.DOUBTED in state.holds:
+                    operators.resume_tractors(WHO, number, self.now)
+            for alarm in self.manager.alarms.list_alarms():
+                self.manager.obstacle_reports.acknowledge_alarm(WHO, alarm.id, self.now)
+            self.told = {(alarm.id, alarm.level) for alarm in self.manager.alarms.list_alarms()}
+
+    def _look(self, tell: Callable[[str], None]) -> None:
+        for alarm in self.manager.alarms.list_alarms():
+            if (alarm.id, alarm.level) in self.told or alarm.over:
+                continue
+            self.told.add((alarm.id, alarm.level))
+            if not self._is_right(alarm):
+                kind = alarm.code.partition(" ")[0] if alarm.code.startswith("near") else alarm.code
+                self.found[f"{alarm.level} {kind}"] += 1
+                tell(f"  shift {self.seed}, {self.now:.1f} s: {alarm.level} {alarm.code}: {alarm.sentence}")
+
+    def _is_right(self, alarm: FleetAlarm) -> bool:
+        """Whether its link has been away: silent for more than a second, or just back with old frames."""
+        if alarm.tractor is None or alarm.code not in ("broken", "late"):
+            return False
+        return self.now - self.links[alarm.tractor].away_s <= BACK_S
+
+
+def describe(found: Counter[str], driven_h: float, tractors: int, frames: int) -> str:
+    """How far it is, and what was false so far."""
+    cpu_min = time.process_time() / 60.0
+    kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(found.items())) or "none"
+    driven = f"{driven_h / tractors:.1f} h of a fleet of {tractors} ({driven_h:.0f} tractor hours"
+    false = sum(count for kind, count in found.items() if kind.startswith(CRITICAL))
+    return (
+        f"{driven}, {frames / 1e6:.1f} million frames): {false} false critical alarms; all false ones: {kinds}. "
+        f"{driven_h / cpu_min:.0f} tractor hours a minute of CPU"
+    )
 
 
 def main() -> None:
@@ -135,18 +186,18 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=100.0)
     parser.add_argument("--tractors", type=int, default=50)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--lie", action="store_true")
     choice = parser.parse_args()
-    begun_s, doubts = time.perf_counter(), 0
-    for number in range(choice.tractors):
-        steps = round(choice.hours * 3600.0 / STEP_S)
-        lies_from = steps // 2 if choice.lie else -1
-        of_one, first = drive(1000 * choice.seed + number, steps, lies_from)
-        doubts += of_one
-        after_s = f", the first after {(first - max(lies_from, 0)) * STEP_S:.1f} s" if of_one else ""
-        print(f"tractor {number + 1}: {of_one} doubts{after_s}; {time.perf_counter() - begun_s:.0f} s", flush=True)
-    hours = choice.tractors * choice.hours
-    print(f"{doubts} doubts in {hours:.0f} h of driving; {time.perf_counter() - begun_s:.0f} s")
+    found, driven_h, frames, seed = Counter[str](), 0.0, 0, choice.seed
+    while driven_h < choice.hours * choice.tractors:
+        shift = Shift(seed, choice.tractors)
+        shift.run(LONGEST_SHIFT_S, lambda text: print(text, flush=True))
+        found, driven_h, frames, seed = (
+            found + shift.found,
+            driven_h + shift.driven_s / 3600.0,
+            frames + shift.frames,
+            seed + 1,
+        )
+        print(describe(found, driven_h, choice.tractors, frames), flush=True)
 
 
 if __name__ == "__main__":

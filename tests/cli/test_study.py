@@ -11,6 +11,8 @@ from planner.pipeline.thesis_study import list_thesis_times, study
 from reports.common.plan_results import FleetStudy, ThesisTableRow
 from reports.plan.ranking_export import format_study_json
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def result() -> FleetStudy:
@@ -36,14 +38,12 @@ def test_every_printed_time_has_its_row(result: FleetStudy) -> None:
     assert len(list_thesis_times()) == 11
 
 
-@pytest.mark.slow
 def test_every_row_was_driven_and_its_difference_is_right(result: FleetStudy) -> None:
     for r in (r for rows in result.tables.values() for r in rows):
         assert r.time_s is not None, r.note
         assert r.difference_pct == pytest.approx(100 * (r.time_s - r.thesis_s) / r.thesis_s)
 
 
-@pytest.mark.slow
 def test_more_tractors_are_faster_up_to_nine_and_eleven_slower(result: FleetStudy) -> None:
     time = {r.tractors: r.time_s or 0.0 for r in result.tables["6.1"]}
     assert time[1] > time[3] > time[5] > time[7] > time[9]
@@ -93,7 +93,6 @@ def test_the_assumptions_are_sentences(result: FleetStudy) -> None:
     assert any("24 tracks" in sentence for sentence in result.assumptions)
 
 
-@pytest.mark.slow
 def test_json_keeps_its_contract_and_does_not_depend_on_processes(
     headland: Callable[..., Any], result: FleetStudy
 ) -> None:

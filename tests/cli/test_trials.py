@@ -14,8 +14,8 @@ import pytest
 from reports.trials.report import format_drive_json
 from tests.cli.examples import EXPERIMENTS, list_guide_commands, run_as_written
 from vehicle.trials.sheets import catalogue
+from vehicle.trials.sheets.fixed_steering import describe_drive
 from vehicle.trials.sheets.sheet import SteeredDrive
-from vehicle.trials.sheets.steered_drive import describe_drive
 
 pytestmark = pytest.mark.slow
 

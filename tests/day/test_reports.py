@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-import reports.day.notebook  # noqa: F401
+import reports.day.page  # noqa: F401
 from reports.day.answer import format_time_of_day
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField

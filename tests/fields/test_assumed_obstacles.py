@@ -29,7 +29,7 @@ from fields.feature_words import (
 )
 from fields.formats.features import build_document
 from fields.geometry.assumed_obstacles import MAX_UNKNOWN_FEATURES, assume_roles
-from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles, parse_obstacle_place
+from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, parse_obstacle_place
 from fields.geometry.coordinates import FieldFrame
 from fields.geometry.geodesy import LocalPlane
 from tests.fields.geojson import SQUARE_M, feature, moved, polygon

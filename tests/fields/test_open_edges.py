@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fields import Field, FieldError, read_field, write_field
-from fields.geometry.open_edges import EdgeOverhang, compute_overhang_region
+from fields.geometry.field_lines import EdgeOverhang, compute_overhang_region
 from tests.fields.test_obstacles import line, read, with_square
 from tests.fields.test_read import SQUARE_M, feature, polygon
 

@@ -32,7 +32,9 @@ from vehicle.sim.world import World
 
 BOX = shapely.box(0, 0, 60, 110)
 GATE = (30.0, 0.0)
-CASES = [("split-field", 1), ("split-field", 3), ("interleaved", 2), ("row-by-row", 3), ("col-by-col", 2)]
+CASES = [("split-field", 1), ("split-field", 3),
+         *(pytest.param(*case, marks=pytest.mark.slow)
+           for case in (("interleaved", 2), ("row-by-row", 3), ("col-by-col", 2)))]  # fmt: skip
 
 
 def site_at(entrance: tuple[float, float] | None, **options: Any) -> PlanningContext:
@@ -122,7 +124,6 @@ class TestOffTheField:
 
 
 class TestPlan:
-    @pytest.mark.slow
     @pytest.mark.parametrize(("strategy", "tractors"), CASES)
     def test_everybody_comes_in_and_goes_out_by_the_gate(self, strategy: str, tractors: int) -> None:
         one = driven(strategy, tractors)

@@ -42,9 +42,13 @@ SHOWN = [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) 
 
 
 @cache
+def site_of(name: str) -> PlanningContext:
+    return prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False), SHAPES[name]))
+
+
+@cache
 def planned(name: str) -> tuple[PlanningContext, Outcome]:
-    site = prepare_context(WorkOrder(PlanRequest(field=name, no_headland=False), SHAPES[name]))
-    return site, simulate_candidate(site, Candidate("split-field", 2))
+    return site_of(name), simulate_candidate(site_of(name), Candidate("split-field", 2))
 
 
 def summary(name: str) -> list[str]:
@@ -134,7 +138,7 @@ def test_what_holds_whatever_the_map_shows(name: str) -> None:
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_ground_is_covered_as_laid_or_has_a_reason(name: str) -> None:
-    site, _ = planned(name)
+    site = site_of(name)
     ground = site.layout.field.workable_region
     under = shapely.intersection(build_worked_ground(site), ground, grid_size=1e-6).area
     # What obstacles and their margin take is no ground of the field, and tips of corners are under the passes as laid;

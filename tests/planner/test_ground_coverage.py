@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fields import Field
 from fields.geometry import overlays
-from fields.geometry.open_edges import EdgeOverhang
+from fields.geometry.field_lines import EdgeOverhang
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import OVERHANG_TOLERANCE_M, Overhang, measure_overhang
 from planner.evaluation.ground.coverage import (

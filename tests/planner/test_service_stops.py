@@ -37,8 +37,8 @@ RATE, STAND_S, WIDTH_M = 0.3, 90.0, 3.0
 BOX = shapely.box(0, 0, 60, 110)
 TANK = Supply(300.0, RATE, STAND_S)
 Case = tuple[str, int, str, bool]
+FIRST: Case = (HEADLAND, 1, "split-field", True)
 CASES: list[Case] = [
-    (HEADLAND, 1, "split-field", True),
     ("60,0", 2, "split-field", True),
     (HEADLAND, 3, "interleaved", False),
     (SERVICE_VEHICLE, 2, "split-field", False),
@@ -76,11 +76,14 @@ def levels(plan: Plan, supply: Supply) -> Iterator[tuple[int, list[float], float
 
 @pytest.mark.parametrize(
     "case",
-    [*CASES, *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES)],
+    [
+        FIRST,
+        *(pytest.param(case, marks=pytest.mark.slow) for case in CASES),
+        *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES),
+    ],
     ids=lambda case: " ".join(map(str, case)),
 )
 class TestPlans:
-    @pytest.mark.slow
     def test_loads_add_up_to_area_by_rate_and_no_level_is_below_nothing(self, case: Case) -> None:
         found = driven(*case)
         assert found.result.feasible, found.result.reason
@@ -98,7 +101,6 @@ class TestPlans:
         tracks_m = sum(track.length_m for track in site_for(case[0], case[3]).layout.swaths)
         assert worked_m2 == pytest.approx(WIDTH_M * (rounds_m + tracks_m), rel=0.06), "corners are worked twice"
 
-    @pytest.mark.slow
     def test_it_stands_as_often_and_as_long_as_asked_for(self, case: Case) -> None:
         found = driven(*case)
         assert found.run is not None
@@ -154,7 +156,7 @@ class TestPlans:
 
 
 def test_a_refill_comes_before_a_track_that_could_not_be_finished() -> None:
-    found = driven(HEADLAND, 1, "split-field", True)
+    found = driven(*FIRST)
     assert found.run is not None
     per_track = site_for(HEADLAND).layout.swaths[0].length_m * WIDTH_M * RATE
     for left in next(levels(found.run.plan, TANK))[1][:-1]:
@@ -176,7 +178,7 @@ def test_what_fills_goes_as_often_as_what_empties() -> None:
     collecting = replace(TANK, collects=True)
     found = simulate_candidate(site_for(HEADLAND, True, collecting), Candidate("split-field", 1))
     assert found.run is not None
-    same = driven(HEADLAND, 1, "split-field", True)
+    same = driven(*FIRST)
     assert same.run is not None
     assert found.run.plan.notes["refills"] == same.run.plan.notes["refills"]
     (own,) = list_steps(found.run, WIDTH_M)

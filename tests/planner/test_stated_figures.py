@@ -23,9 +23,9 @@ from reports.common.plan_results import get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
 from reports.day.tables import build_day_screen
 from reports.plan.answer import format_stated_end
-from reports.plan.first_screen import build_first_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
+from reports.plan.ranking_table import build_first_screen
 from tests.drawn_fields import rectangle
 from tests.examples import draw_seed
 from vehicle.missions.plan_file import parse_saved_plan

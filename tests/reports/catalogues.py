@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from typing import Any
 
 from babel.messages.catalog import Catalog
-from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
 from planner.farm.random_inputs import RANDOM_INPUTS
@@ -41,6 +41,20 @@ OWN_NAMES = frozenset(
 
 VALUE = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
 """A value in a template of a script."""
+_TOKEN = r"""
+    (?P<blank>\s+|//[^\n]*|/\*.*?\*/)
+    |(?P<string>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
+    |(?P<template_string>`(?:[^`\\]|\\.)*`)
+    |(?P<name>[\w$]+)
+    {regexp}
+    |(?P<sign>.)
+"""
+TOKEN = re.compile(_TOKEN.format(regexp=""), re.DOTALL | re.VERBOSE)
+VALUE_TOKEN = re.compile(
+    _TOKEN.format(regexp=r"|(?P<regexp>/(?:[^/\\\n\[]|\\.|\[(?:[^\]\\\n]|\\.)*\])+/\w*)"), re.DOTALL | re.VERBOSE
+)
+"""A piece of a script, and one where a value may begin: there a slash begins an expression."""
+OPERATORS = frozenset(("return", "typeof", "case", "in", "of"))
 _PAGE_WORDS = """
     accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
     boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive; driving;
@@ -175,10 +189,7 @@ def _iter_page_texts() -> Iterator[str]:
 
 def read_script(script: str) -> Iterator[str]:
     """Texts of one script: strings with a capital letter or a space, and templates marked with t."""
-    tokens = [
-        each for each in tokenize(script, template_string=True, jsx=False, dotted=False) if "comment" not in each.type
-    ]
-    tokens = [each for each in tokens if each.type != "whitespace"]
+    tokens = list(_iter_tokens(script))
     for place, (before, token) in enumerate(zip([None, *tokens], tokens, strict=False)):
         if token.type == "template_string":
             yield from (text for value in VALUE.findall(token.value) for text in read_script(value[2:-1]))
@@ -193,7 +204,28 @@ def read_script(script: str) -> Iterator[str]:
                 yield text
 
 
-def _is_class(tokens: list[Any], place: int) -> bool:
+@dataclass(frozen=True)
+class _Token:
+    """A piece of a script: a name, number, string, template_string, regexp or sign."""
+
+    type: str
+    value: str
+
+
+def _iter_tokens(script: str) -> Iterator[_Token]:
+    """The pieces of a script without comments and blanks; a slash begins an expression where no value can end."""
+    place, before = 0, _Token("sign", "(")
+    while place < len(script):
+        ends_value = before.value in ")]}" if before.type == "sign" else before.value not in OPERATORS
+        found = (TOKEN if ends_value else VALUE_TOKEN).match(script, place)
+        assert found is not None and found.lastgroup is not None
+        place = found.end()
+        if found.lastgroup != "blank":
+            before = _Token(found.lastgroup, found[0])
+            yield before
+
+
+def _is_class(tokens: list[_Token], place: int) -> bool:
     """Whether a string follows ``class:``."""
     return place >= 2 and [each.value for each in tokens[place - 2 : place]] == ["class", ":"]
 

@@ -23,7 +23,7 @@ REFUSING_PACKAGES = (
 )
 """Where refusals come from that users of the command line and of the page meet most."""
 TELLING_MODULES = (
-    "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_obstacles.py",
+    "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_places.py",
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
     "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",

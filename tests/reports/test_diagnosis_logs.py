@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from reports.diagnosis.log_checks import MOST_RUNS, describe_columns, describe_unsaved
-from reports.diagnosis.notebook import build_diagnosis_view
+from reports.diagnosis.page import build_diagnosis_view
 from reports.diagnosis.sentences import describe_remaining_error
 from reports.diagnosis.tables import build_diagnosis_screen, format_diagnosis_json
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting

@@ -27,12 +27,10 @@ from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
-from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
-from reports.plan.many_fields import FieldRow, build_many_fields_screen
-from reports.plan.many_fields_page import render_many_fields_page
+from reports.plan.many_fields import FieldRow, build_many_fields_screen, render_many_fields_page
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
-from reports.plan.ranking_table import build_ranking_table
+from reports.plan.ranking_table import build_answer_table, build_first_screen, build_ranking_table, choose_first_plans
 from tests.examples import count_examples
 from tests.reports.screen_cases import (
     DEADLINE,

@@ -24,15 +24,14 @@ from reports.plan.headland_comparison import (
     list_missing,
     name_choice,
 )
-from reports.plan.headland_page import render_headland_page
 from reports.plan.headland_report import (
     build_headland_table,
     describe_comparison,
     format_headland_csv,
     format_headland_json,
+    render_headland_page,
 )
-from reports.plan.many_fields import FieldRow, build_many_fields_table, sum_over_fields
-from reports.plan.many_fields_page import render_many_fields_page
+from reports.plan.many_fields import FieldRow, build_many_fields_table, render_many_fields_page, sum_over_fields
 from reports.plan.small_map import build_small_map
 
 BROWSER = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)

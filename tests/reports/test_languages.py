@@ -34,10 +34,9 @@ from reports.common.language import (
 )
 from reports.common.text_tables import FittedTable, TableColumn, wrap_text
 from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
-from reports.plan.first_screen import build_first_screen
 from reports.plan.many_fields import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
-from reports.plan.ranking_table import build_ranking_table
+from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.reports.brackets import Brackets, brackets
 from tests.reports.catalogues import (
     Text,

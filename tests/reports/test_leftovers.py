@@ -20,9 +20,8 @@ from reports.common import text_tables
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking
 from reports.day.tables import build_day_screen, build_day_table
-from reports.plan.first_screen import build_first_screen
 from reports.plan.many_fields import build_many_fields_screen, build_many_fields_table
-from reports.plan.ranking_table import build_ranking_table
+from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.reports.brackets import Brackets
 from tests.reports.screen_cases import RANKINGS, build_day, build_records
 

@@ -17,7 +17,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-import reports.diagnosis.notebook
+import reports.diagnosis.page
 import reports.plan.notebook  # noqa: F401
 from planner.pipeline.diagnosis import TractorDiagnosis
 from reports.common.notebook import PICTURE_DPIS, ShownResult, encode_picture

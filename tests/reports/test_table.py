@@ -15,8 +15,7 @@ from rich.console import Console, RenderableType
 from reports.common.plan_results import FleetStudy, PlanRanking
 from reports.common.text_tables import break_text_at_marks
 from reports.plan.field_report import build_field_table
-from reports.plan.first_screen import build_first_screen
-from reports.plan.ranking_table import build_ranking_table, build_study_tables
+from reports.plan.ranking_table import build_first_screen, build_ranking_table, build_study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:

@@ -12,6 +12,8 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
+from planner.fleet.model.tractor_state import POSITIONS, PROGRESS, SPEED, MotionDoubt
+from planner.fleet.safety.compliance import describe_doubt
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
 from planner.service.api.form_routes import build_plan_form
 from planner.service.errors import ServiceError
@@ -56,6 +58,7 @@ class Made:
         self.holder: str | None = None
         self.acknowledged: str | None = None
         self.videos: dict[int, str] = {}
+        self.area_m: float | None = None  # of the circle that tractor 2 may be in
         self.silent = self.cut = False  # a link that says nothing, and one that is closed
 
 
@@ -306,7 +309,7 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
                 await asyncio.sleep(BEAT_S)
                 continue
             now = BEGUN_S + loop.time() - begun
-            await socket.send_json(_tick(lanes, now))
+            await socket.send_json(_tick(lanes, now, made.area_m))
             await socket.send_json({"kind": "alarms", "items": _alarms(made)})
             await asyncio.sleep(BEAT_S)
     finally:
@@ -326,15 +329,22 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
     keys = ("id", "code", "related_number", "level", "tractor", "acknowledged", "over", "since", "sentence")
     silent = "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops."
     unread = "Tractor 2 stopped: it sees an obstacle that could not be read."
+    moved_m = {POSITIONS: 0.0, SPEED: 2.0, PROGRESS: 2.0}
+    lied = describe_doubt(1, MotionDoubt(POSITIONS, 2.0, moved_m, (0.0, 0.0, 0.0), 1.0))
     rows = (
         (1, "broken", None, "critical", 3, made.acknowledged, False, 1_790_000_000.0, silent),
         (2, "obstacle", 1, "warning", 2, "office", True, 1_790_000_100.0, f"An obstacle {NASTY} is on track 9."),
         (3, "unread obstacle", None, "critical", 2, None, made.looked, 1_790_000_200.0, unread),
+        *(
+            ()
+            if made.area_m is None
+            else ((4, "contradiction", None, "warning", 2, None, False, 1_790_000_300.0, lied),)
+        ),
     )
     return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
-def _tick(lanes: list[dict[str, Any]], now: float) -> dict[str, Any]:
+def _tick(lanes: list[dict[str, Any]], now: float, area_m: float | None = None) -> dict[str, Any]:
     rows = []
     for number, lane in enumerate(lanes, start=1):
         gone = number == 3
@@ -361,6 +371,14 @@ def _tick(lanes: list[dict[str, Any]], now: float) -> dict[str, Any]:
                 "done_pct": 40.0,
                 "holds": [],
                 "holder": None,
+                "possible_area": None
+                if area_m is None or number != 2
+                else {
+                    "easting_m": made_field.EAST + x,
+                    "northing_m": made_field.NORTH + y,
+                    "radius_m": area_m,
+                    "growth_mps": 1.0,
+                },
                 "twin": {
                     "easting_m": made_field.EAST + x + 0.7,
                     "northing_m": made_field.NORTH + y + 0.3,

@@ -15,10 +15,10 @@ from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, Hold, MotionDoubt, TractorReport
-from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_limit_m
+from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_doubt_m, compute_limit_m
 from planner.fleet.safety.possible_area import PossibleArea
 from tests.benchmarks import lies
-from tests.benchmarks.clean_fleets import drive
+from tests.benchmarks.clean_motion import drive
 from tests.service.fleets import fleet_plan, restart_manager, start_fleet
 from tests.service.liars import (
     FIELDS,
@@ -249,7 +249,9 @@ def test_the_time_to_a_doubt_is_that_in_which_the_difference_exceeds_the_noise(s
     assert motion.doubt is not None and motion.doubt.suspect == POSITIONS
     assert motion.doubt.speed_mps == pytest.approx(speed_mps, rel=0.01)
     exceeds_s = next(
-        t for t in np.arange(0.05, 60.0, 0.05) if speed_mps * t > compute_limit_m(float(t), speed_mps * float(t))
+        t
+        for t in np.arange(0.05, 60.0, 0.05)
+        if speed_mps * t > compute_doubt_m(float(t), speed_mps * float(t), speed_mps)
     )
     assert exceeds_s - 0.2 <= waited_s <= 1.3 * exceeds_s + 0.4
 
@@ -294,7 +296,7 @@ def test_the_limit_is_that_of_the_stated_noise() -> None:
 
 
 def test_honest_tractors_with_bad_receivers_are_not_doubted() -> None:
-    """Two hours of each of five; `python -m tests.benchmarks.clean_fleets` drives a hundred hours of fifty."""
+    """Two hours of each of five; `python -m tests.benchmarks.clean_motion` drives a hundred hours of fifty."""
     steps = 2 * 36_000
     assert [drive(seed, steps, -1)[0] for seed in range(5)] == [0] * 5
     doubts, first = drive(1, 6000, 3000)  # the same truth, and a speed that says it stands

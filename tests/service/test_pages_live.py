@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from playwright.sync_api import Page
 
 from tests.service.fake_service import NOTHING, UNDERSTEER, Made
-from tests.service.watching import WatchedPage, evaluate_in_page, needs_browser, until
+from tests.service.watching import NARROW, WIDE, WatchedPage, evaluate_in_page, needs_browser, until
 
 pytestmark = [needs_browser, pytest.mark.slow]
 
@@ -95,6 +96,45 @@ def test_who_stands_for_what_cannot_be_read_is_let_go_on_by_a_button_that_says_s
     alarm.locator("text=Acknowledge").wait_for()  # it is over: nothing goes on by it any more
     made.looked = False
     watched.well()
+
+
+def test_the_circle_that_a_tractor_in_doubt_may_be_in_is_on_the_map_and_grows(
+    watched: WatchedPage, pages: tuple[str, Made]
+) -> None:
+    page, made = watched.open("/fleet/f1"), pages[1]
+    page.wait_for_selector("text=waits for tractor 1")
+    plain = count_reddened(page)
+    made.area_m = 10.0
+    until(page, lambda: count_reddened(page) > plain + 1000)
+    small = count_reddened(page) - plain
+    made.area_m = 20.0
+    until(page, lambda: count_reddened(page) - plain > 2 * small)
+    alarm = page.locator(".alarm:has-text('contradicts itself')")
+    assert "acknowledge this if it is not to drive" in alarm.inner_text()
+    inside = "all => all.every((one) => one.scrollHeight <= one.clientHeight + 1)"
+    for size in (WIDE, NARROW):
+        page.set_viewport_size(size)
+        assert page.eval_on_selector_all("[aria-label='Alarms'], [aria-label='Alarms'] .alarm", inside), (
+            "nothing is cut"
+        )
+    page.set_viewport_size(WIDE)
+    made.area_m = None
+    watched.well()
+
+
+def count_reddened(page: Page) -> int:
+    """Pixels of the map in which red is well above green and blue, as where a tractor in doubt may be."""
+    found: int = page.evaluate("""() => {
+      const map = document.querySelector(".map canvas"), copy = new OffscreenCanvas(map.width, map.height);
+      const context = copy.getContext("2d", { willReadFrequently: true });
+      context.drawImage(map, 0, 0);
+      const { data } = context.getImageData(0, 0, map.width, map.height);
+      let count = 0;
+      for (let k = 0; k < data.length; k += 4) {
+        count += data[k] > data[k + 1] + 25 && Math.abs(data[k + 1] - data[k + 2]) < 30;
+      }
+      return count; }""")
+    return found
 
 
 def test_a_diagnosis_that_found_nothing_has_nothing_to_take_into_the_file(

@@ -13,7 +13,7 @@ from strategies.program.battery_supply import CHANGE, CHARGE, ESTIMATE_MARGIN, B
 from strategies.program.supply import Supply
 from strategies.service_stops.stops import find_cheapest_stops
 from vehicle.energy.fuel import ElectricDrive
-from vehicle.energy.leg_meter import LegMeter
+from vehicle.energy.run_energy import LegMeter
 from vehicle.missions.plan import REFILL, Leg
 from vehicle.model.tractor import BatteryParameters, load_tractor
 from vehicle.model.work_load import WorkLoad

@@ -1,5 +1,7 @@
 """Energy of a simulated run: work at the driven axles by cause, and the fuel or electricity for it, leg by leg.
 
+What a leg takes from a battery is estimated before it is driven: at its own speed, with one start from standstill.
+
 Between two rows of the 10 Hz record the wheels push with what the tractor's motion needs:
 
     push = change of kinetic energy + weight x rise + resistance to rolling + draft
@@ -13,14 +15,14 @@ the record does not show it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats
+from vehicle.arrays import Booleans, Floats, measure_along
 from vehicle.control.speed import STANDSTILL_MPS
-from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, PowerSource, build_power_source
+from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, ElectricDrive, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
 from vehicle.missions.run import SimulationRun
@@ -32,6 +34,7 @@ from vehicle.records import FINISHED, GRAVITY_MPS2, REC_PLACE, REC_SPEED, STANDI
 
 CAUSES = ("grade", "rolling", "draft", "acceleration", "slip", "braking")
 GRADE, ROLLING, DRAFT, ACCELERATION, SLIP, BRAKING = range(len(CAUSES))
+STEP_M = 4.0  # between heights along a leg
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,3 +237,57 @@ def choose_rolling_share(load: WorkLoad, ground: str) -> float:
 def list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
     """Resistance to rolling over weight by leg: the load's, or that of the leg's ground."""
     return np.array([choose_rolling_share(load, leg.ground) for leg in legs])
+
+
+@dataclass(frozen=True, eq=False)
+class LegMeter:
+    """Estimates the kilowatt-hours of legs; the simulated drive is measured above.
+
+    Attributes:
+        tractor: whose mass is moved.
+        load: what it pulls.
+        drive: battery and motor.
+        terrain: heights; None for level ground.
+    """
+
+    tractor: Tractor
+    load: WorkLoad
+    drive: ElectricDrive
+    terrain: Terrain | None = None
+
+    def compute_leg_kwh(self, leg: Leg) -> float:
+        """What driving a leg takes, without waiting and standing."""
+        terrain, speed_mps = self.terrain, leg.speed_mps
+        points = leg.points if terrain is None else _cut_into_steps(leg.points)
+        metres = np.hypot(*np.diff(points, axis=0).T)
+        count = len(metres)
+        work = compute_motion_work(
+            metres,
+            np.zeros(count) if terrain is None else np.diff(terrain.compute_heights(points)),
+            np.full(count + 1, speed_mps),
+            self.tractor.mass_kg,
+            self.load,
+            np.repeat(list_rolling_shares((leg,), self.load), count),
+            np.full(count, leg.implement),
+        )
+        work[0, ACCELERATION] += 0.5 * (self.tractor.mass_kg + self.load.implement_mass_kg) * speed_mps**2
+        return float(compute_consumption(work, np.zeros(count), metres / speed_mps, self.load, self.drive).sum())
+
+    def compute_straight_kwh(self, length_m: float, speed_mps: float, is_working: bool, ground: str) -> float:
+        """What a straight line on level ground takes."""
+        line = Leg(np.array([[0.0, 0.0], [0.0, length_m]]), speed_mps, implement=is_working, ground=ground)
+        return replace(self, terrain=None).compute_leg_kwh(line)
+
+
+def build_leg_meter(tractor: Tractor, load: WorkLoad, terrain: Terrain | None) -> LegMeter | None:
+    """The meter of an electric tractor; None for diesel."""
+    drive = build_power_source(tractor, load.engine_power_w)
+    return LegMeter(tractor, load, drive, terrain) if isinstance(drive, ElectricDrive) else None
+
+
+def _cut_into_steps(points: Floats) -> Floats:
+    """The same polyline (n, 2) with points at most STEP_M apart."""
+    places = measure_along(points)
+    count = max(int(np.ceil(places[-1] / STEP_M)), 1)
+    wanted = np.union1d(np.linspace(0.0, places[-1], count + 1), places)
+    return np.column_stack([np.interp(wanted, places, points[:, axis]) for axis in (0, 1)])

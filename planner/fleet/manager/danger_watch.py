@@ -12,13 +12,13 @@ from planner.fleet.safety.base_release import find_closed_gates
 from planner.fleet.safety.motion_prediction import NeighbourTractor, TractorKey
 from planner.fleet.safety.separation import STUCK_AFTER_S, NearPair, SafetyDanger, SeparationMonitor
 
-NEAR_FLEET, UNKNOWN_GROUND = "near fleet", "unknown ground"
+NEAR, NEAR_FLEET, UNKNOWN_GROUND = "near", "near fleet", "unknown ground"
 
 
 def build_proximity_alarm_code(other_tractor: int | TractorKey) -> str:
     """The alarm code of a tractor that comes too near another one, of its own fleet or of another."""
     if isinstance(other_tractor, int):
-        return f"near {other_tractor + 1}"
+        return f"{NEAR} {other_tractor + 1}"
     fleet, number = other_tractor
     return f"{NEAR_FLEET}/{fleet} {number + 1}"
 
@@ -98,14 +98,16 @@ class DangerWatch:
 
     def find_alarmed_pairs(self) -> list[NearPair]:
         """Pairs whose alarm is on: of this fleet first, then with tractors of other fleets."""
-        count = len(self.fleet.states)
-        own_pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
-        pairs: list[NearPair] = [pair for pair in own_pairs if self._is_alarm_on(pair)]
+        own_pairs, pairs = list[tuple[int, int]](), list[NearPair]()
         for alarm in self.fleet.alarms.list_alarms():
             kind, _, number = alarm.code.rpartition(" ")
-            if not alarm.over and alarm.tractor is not None and kind.startswith(NEAR_FLEET + "/"):
+            if alarm.over or alarm.tractor is None:
+                continue
+            if kind == NEAR:
+                own_pairs.append((alarm.tractor, int(number) - 1))
+            elif kind.startswith(NEAR_FLEET + "/"):
                 pairs.append((alarm.tractor, (kind.removeprefix(NEAR_FLEET + "/"), int(number) - 1)))
-        return pairs
+        return [*sorted(own_pairs), *pairs]
 
     def _warn_of_danger(self, danger: SafetyDanger, names: Mapping[TractorKey, str], now: float) -> None:
         first, second = danger.first, danger.second

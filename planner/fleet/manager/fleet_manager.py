@@ -92,7 +92,7 @@ class FleetManager(FleetState):
         """The link of a tractor is down: closed by the tractor (`is_orderly`), or broken."""
         state = self.states[number]
         state.is_linked, state.has_disconnected = False, is_orderly
-        if not is_orderly:
+        if not is_orderly or state.is_moving:  # who moves as it leaves may go anywhere
             self._alarm_broken_link(number, now)
 
     def take_report(
@@ -192,7 +192,7 @@ class FleetManager(FleetState):
         if Hold.DOUBTED not in state.holds:
             self.alarms.end_alarm(DOUBT_CODE, number)
             if state.doubt is not None:
-                state.doubt, state.is_moving_unreported = None, False
+                state.doubt, state.is_moving_unreported, state.stood_at = None, False, None
                 self.motions[number].restart()
             return
         if state.doubt is not None:

@@ -87,19 +87,28 @@ class TimedMission:
         return np.array([self._compute_pose(min(start + ahead, end)) for ahead in ahead_m])
 
     def _compute_pose(self, at_m: float) -> tuple[float, float, float]:
-        leg = min(max(bisect.bisect_right(self.leg_starts_m, at_m) - 1, 0), len(self.legs) - 1)
-        points, distances_m = self.legs[leg].points, self._point_distances_m[leg]
-        part_m = at_m - self.leg_starts_m[leg]
-        segment = min(max(int(np.searchsorted(distances_m, part_m, side="right")) - 1, 0), len(points) - 2)
-        (x, y), (x1, y1) = points[segment], points[segment + 1]
-        length_m = math.hypot(x1 - x, y1 - y) or 1.0
-        share = min(max((part_m - distances_m[segment]) / length_m, 0.0), 1.0)
-        gear = self.legs[leg].gear
-        return (
-            float(x + share * (x1 - x)),
-            float(y + share * (y1 - y)),
-            math.atan2(gear * (y1 - y), gear * (x1 - x)),
-        )
+        starts_m, segments = self._segments
+        number = max(bisect.bisect_right(starts_m, at_m) - 1, 0)
+        x, y, length_m, east, north, heading_rad = segments[number]
+        along_m = min(max(at_m - starts_m[number], 0.0), length_m)
+        return x + along_m * east, y + along_m * north, heading_rad
+
+    @cached_property
+    def _segments(self) -> tuple[list[float], list[tuple[float, float, float, float, float, float]]]:
+        """Metres from the start to each straight part that has a length, and its start, length, direction and heading;
+        plain numbers, as each report asks for one pose and each look ahead for a dozen."""
+        starts_m, segments = list[float](), list[tuple[float, float, float, float, float, float]]()
+        for leg, leg_start_m, distances_m in zip(self.legs, self.leg_starts_m, self._point_distances_m, strict=False):
+            lengths_m, steps = np.diff(distances_m).tolist(), np.diff(leg.points, axis=0).tolist()
+            begins_m = (leg_start_m + distances_m[:-1]).tolist()
+            for start_m, length_m, (x, y), (east_m, north_m) in zip(
+                begins_m, lengths_m, leg.points[:-1].tolist(), steps, strict=True
+            ):
+                if length_m > 0.0:
+                    heading_rad = math.atan2(leg.gear * north_m, leg.gear * east_m)
+                    starts_m.append(start_m)
+                    segments.append((x, y, length_m, east_m / length_m, north_m / length_m, heading_rad))
+        return starts_m, segments
 
     @cached_property
     def _point_distances_m(self) -> list[Array]:

@@ -134,10 +134,11 @@ class TractorState:
     `last_contact_s` is when its link last worked, `last_fix_s` when it was at the place of `report`. `leg` and `leg_m`
     never go back. The first `base_end` legs may be driven. `driving_s` are seconds driven under its own guidance, and
     `planned_driving_s` the planned seconds for the same distance. `delay_s` is how long its last report was under way.
-    `disobeying_motion` is set while it moves despite an order to stop, repeated at `stop_repeated_s`. `unreadable_s`
-    and `readable_s` are when it last reported an unreadable and a readable obstacle; since `faced_since_s` it stands
-    for an unreadable one, and `cleared_at` is where it stood when an operator had looked. `doubt` is set while its
-    reports contradict each other, and `is_moving_unreported` while its positions move more than its speed says.
+    `disobeying_motion` is set while it moves despite an order to stop, repeated at `stop_repeated_s`; `stood_at` is
+    where it was when it said that it obeys one. `unreadable_s` and `readable_s` are when it last reported an unreadable
+    and a readable obstacle; since `faced_since_s` it stands for an unreadable one, and `cleared_at` is where it stood
+    when an operator had looked. `doubt` is set while its reports contradict each other, and `is_moving_unreported`
+    while its positions move more than its speed says.
     """
 
     mission: TimedMission
@@ -162,6 +163,7 @@ class TractorState:
     delay_s: float = 0.0
     disobeying_motion: DisobeyingMotion | None = None
     stop_repeated_s: float = -math.inf
+    stood_at: tuple[float, float] | None = None
     unreadable_s: float = -math.inf
     readable_s: float = -math.inf
     faced_since_s: float = -math.inf

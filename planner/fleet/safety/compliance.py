@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import (
     MANUAL,
@@ -17,6 +19,7 @@ from planner.fleet.model.tractor_state import (
     TractorReport,
     TractorState,
 )
+from planner.fleet.safety.credible_motion import FARTHEST_M
 from planner.fleet.safety.motion_prediction import compute_stopping_time_s
 
 REPEAT_STOP_S = 1.0  # between two orders to stand
@@ -26,12 +29,23 @@ NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
 
 
+def note_standing(state: TractorState) -> None:
+    """Note where a tractor stands that was ordered to, by its own words: it may not be far from there later."""
+    report = state.report
+    if report is None or not state.standing_ordered or report.speed_mps >= MOVING_MPS:
+        state.stood_at = None
+    elif state.stood_at is None:
+        state.stood_at = report.x_m, report.y_m
+
+
 def is_driving_on(state: TractorState) -> bool:
-    """Whether a tractor moves although it has to stand: by its speed, or by its positions against its speed."""
+    """Whether a tractor moves although it has to stand: by its speed, by its positions against its speed, or by how far
+    it is from where it stood, however slowly it went there."""
     report = state.report
     if report is None or not state.standing_ordered:
         return False
-    if report.speed_mps < MOVING_MPS and not state.is_moving_unreported:
+    has_crept = state.stood_at is not None and math.dist(state.stood_at, (report.x_m, report.y_m)) > FARTHEST_M
+    if report.speed_mps < MOVING_MPS and not state.is_moving_unreported and not has_crept:
         return False
     if report.mode == MANUAL:
         return bool(state.holds & NOT_BY_HAND)
@@ -46,6 +60,7 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     reports counts: after a pause of the service or the tractor it is unknown what the tractor had received.
     """
     report = state.report
+    note_standing(state)
     if report is None or not is_driving_on(state):
         state.disobeying_motion = None
         return False

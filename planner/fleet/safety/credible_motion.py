@@ -5,8 +5,10 @@ its leg. While a tractor tells the truth, two of them differ over any time by no
 that of honest tractors, the worst of it always assumed, as a report does not say how good its fix is:
 
 - a fix has white noise, and an error that wanders (Gauss-Markov) as without corrections of the base (RTK lost);
+- a report has the last fix, which is old where the receiver has fewer fixes than the tractor reports;
 - the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
-  displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more;
+  displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more; one leap that
+  noise could explain, or that a receiver smooths, is allowed for besides;
 - speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
 - a tractor may be beside its leg by as much as the rules let it resume.
 
@@ -32,18 +34,21 @@ from vehicle.jit import compile_function
 Array = npt.NDArray[np.float64]
 
 FIX_M = 0.02  # per axis, of one fix: RTK as in TractorNoise, with heading on the lever arm and rounding
+FIX_AGE_S = 0.2  # of a receiver with five fixes a second, the fewest to steer by
 UNCORRECTED_M, MEMORY_S = 0.5, 60.0  # per axis, of an error without corrections, and how long it lasts
 MOTION_SHARE = 0.15  # of the distance: slip of ordinary work and side slip on slopes
 FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at least
-REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.25 s to 64 s, pairs of witnesses
+REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.2 s to 64 s, pairs of witnesses
 NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
-KEPT_S, KEPT_COUNT, STRIDE = 0.25, 256, 4
+FARTHEST_M = NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M**2 + UNCORRECTED_M**2))
+"""What two unrelated errors of a receiver differ by at most: it shows nobody who stands farther from where it stood."""
+KEPT_S, KEPT_COUNT, STRIDE = 0.2, 320, 4
 LONGEST_STEP_S = 1.0  # between two reports over which speed is steady; a link that is silent for longer is broken
 SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake, over longer gaps
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
-TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11
+TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
 
@@ -56,14 +61,24 @@ def compute_limit_m(age_s: float, distance_m: float) -> float:
 
 
 @compile_function
+def compute_doubt_m(age_s: float, distance_m: float, pace_mps: float) -> float:
+    """By how much two witnesses differ for a doubt: more than noise explains, with the age of fixes at this speed, and
+    with one leap that was taken for noise."""
+    old_m = FIX_AGE_S * pace_mps
+    return compute_limit_m(age_s, distance_m) + old_m + compute_limit_m(1.0 / REPORTS_PER_S, 0.0) + old_m
+
+
+@compile_function
 def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
-    """Add a step to `sums` (11,), keep them in the ring `kept` (n, 11), and find for each pair of witnesses the
+    """Add a step to `sums` (12,), keep them in the ring `kept` (n, 12), and find for each pair of witnesses the
     shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
 
-    `step` (11,) is a time, the displacements by positions, speed and progress, the distance, and the slack of a gap.
-    `counts` (2,) is how many entries the ring ever got, and since which of them progress has been known.
+    `step` (12,) is a time, the displacements by positions, speed and progress, the distance, the slack of a gap, and
+    the speed at its end, which in `sums` is the last one. `counts` (2,) is how many entries the ring ever got, and
+    since which of them progress has been known.
     """
-    limit_m = compute_limit_m(step[TIME], step[DISTANCE]) + step[SLACK]
+    limit_m = compute_limit_m(step[TIME], step[DISTANCE]) + step[SLACK] + FIX_AGE_S * max(step[PACE], sums[PACE])
+    sums[PACE] = step[PACE]
     for column in (TIME, DISTANCE, SLACK):
         sums[column] += step[column]
     is_leap = True
@@ -77,7 +92,6 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
     found[:] = -1
     if not is_on_leg:
         counts[1] = counts[0]
-    longest_m = compute_limit_m(math.inf, 0.0)
     back = 0
     while back < min(counts[0], len(kept)):
         back += max(back // STRIDE, 1)  # longer times need not be told apart as finely
@@ -86,7 +100,8 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
         place = (counts[0] - back) % len(kept)
         then = kept[place]
         spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE]) + sums[SLACK] - then[SLACK]
-        limit_m = compute_limit_m(sums[TIME] - then[TIME], 0.0) + spread_m
+        pace_mps = max(sums[PACE], then[PACE])
+        limit_m = compute_doubt_m(sums[TIME] - then[TIME], 0.0, pace_mps) + spread_m
         for pair in range(PAIR_COUNT):
             if found[pair] >= 0 or (pair > 0 and counts[0] - back < counts[1]):
                 continue
@@ -100,7 +115,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
             sums[RAW_POSITION + 1] - sums[DRIVEN + 1] - then[RAW_POSITION + 1] + then[DRIVEN + 1],
         )
-        if found[0] < 0 and raw_m > longest_m + spread_m:
+        if found[0] < 0 and raw_m > FARTHEST_M + spread_m + FIX_AGE_S * pace_mps:
             found[0] = place
     if counts[0] == 0 or sums[TIME] - kept[(counts[0] - 1) % len(kept), TIME] >= KEPT_S - 1e-6:
         kept[counts[0] % len(kept)] = sums
@@ -109,7 +124,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
 
 @compile_function
 def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type: ignore[no-untyped-def]
-    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (11,).
+    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (12,).
 
     `before` and `after` (8,) are a time, the pose of the guided point, velocity, and the pose of the progress, NaN for
     none.
@@ -119,7 +134,7 @@ def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type
     turned_rad = (after[3] - before[3] + math.pi) % (2.0 * math.pi) - math.pi
     heading_rad = before[3] + 0.5 * turned_rad
     step[DRIVEN], step[DRIVEN + 1] = step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
-    step[DISTANCE] = abs(step_m)
+    step[DISTANCE], step[PACE] = abs(step_m), abs(after[4])
     # between the mean of two speeds and what a tractor that sped up and braked, or the reverse, drove in between
     step[SLACK] = 0.25 * SPEED_CHANGE_MPS2 * step[TIME] ** 2 if step[TIME] > LONGEST_STEP_S + 1e-6 else 0.0
     step[LEG], step[LEG + 1] = step[DRIVEN], step[DRIVEN + 1]

@@ -24,6 +24,7 @@ from planner.fleet.safety.motion_prediction import (
     build_time_steps,
     compute_centre_poses,
     compute_stopping_time_s,
+    get_wheel_angle_rad,
     predict_arc,
     predict_path,
 )
@@ -116,9 +117,12 @@ class SafetyGuard:
     def _predict_path(self, number: int, state: TractorState, pace: float) -> Array:
         if state.report is None:
             return np.zeros((len(build_time_steps(self.rules)), 3))
-        if state.done or state.failed:
-            return build_standing_path(state.report, self.rules)
         times_s = pace * build_time_steps(self.rules)
+        if state.done or state.failed:
+            if not state.is_moving:
+                return build_standing_path(state.report, self.rules)
+            report, steering_rad = state.report, get_wheel_angle_rad(state.report)
+            return predict_arc(report, self.tractor, report.velocity_mps, steering_rad, self.rules, times_s)
         if state.mode != AUTOMATIC:
             twin_path = self.twins.predict_path(number, times_s)
             return predict_path(state, self.tractor, self.rules, twin_path=twin_path, times_s=times_s)

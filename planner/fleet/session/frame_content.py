@@ -165,6 +165,22 @@ def build_tick_tractor(manager: FleetManager, number: int, now: float, state_tim
         "error_m": None,
         "error_deg": None,
         "done_pct": 100.0 if worked_m == 0.0 else round(100.0 * state.worked_m / worked_m, 2),
+        "possible_area": _describe_possible_area(manager, number),
+    }
+
+
+def _describe_possible_area(manager: FleetManager, number: int) -> dict[str, float] | None:
+    """The circle that a tractor in doubt may be in now, and how fast that grows; None for any other."""
+    state = manager.states[number]
+    area = manager.guard.build_area(number, state)
+    if area is None or state.doubt is None:
+        return None
+    east, north = manager.plan.saved.origin_m
+    return {
+        "easting_m": round(float(area.centre[0]) + east, 2),
+        "northing_m": round(float(area.centre[1]) + north, 2),
+        "radius_m": round(float(area.radii_m[0]), 2),
+        "growth_mps": round(state.doubt.speed_mps * manager.rules.times, 3),
     }
 
 

@@ -161,7 +161,10 @@ class SceneMessage(OutboundMessage):
 
 
 class TickTractor(OutboundMessage):
-    """One tractor of a tick; `time` and pose are those of its last state."""
+    """One tractor of a tick; `time` and pose are those of its last state.
+
+    `possible_area` is the circle that it may be in while it is in doubt: easting_m, northing_m, radius_m, growth_mps.
+    """
 
     tractor: int
     time: str | None
@@ -185,6 +188,7 @@ class TickTractor(OutboundMessage):
     error_m: float | None
     error_deg: float | None
     done_pct: float
+    possible_area: dict[str, float] | None
 
 
 class TickFleet(OutboundMessage):

@@ -25,6 +25,8 @@ from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_drives import DriverLeg
 from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s, get_stated_late_end_s
+from strategies.program.battery_supply import BatterySupply
+from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import REFILL, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
@@ -36,7 +38,8 @@ from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
-LOAD_KEY = "load"  # among these where the implement carries something: how much, in words
+SUPPLY_KEY = "supply"  # among these what the implement carries, value by value
+LOAD_KEY = "load"  # among these in earlier plans: that it carries something
 EARLIER_NAMES = {
     "before_s": "deadline_s",
     "draws": "samples",
@@ -125,21 +128,44 @@ def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
 
 
 def export_machines(context: PlanningContext) -> dict[str, Any]:
-    """The machines of a farm or of a plan that went on, which no name in the request identifies; empty without."""
-    if context.cost_terms is None and context.going_on is None:
+    """The machines of a farm, with a tank, or of a plan that went on, which no name in the request identifies; empty
+    without. A battery is told by its tractor."""
+    supply = None if isinstance(context.supply, BatterySupply) else context.supply
+    if context.cost_terms is None and context.going_on is None and supply is None:
         return {}
     machines = {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
-    load = {} if context.supply is None else {LOAD_KEY: context.supply.load_text}
-    return {MACHINES_KEY: machines | load}
+    return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
 
 
-def has_tank(saved: SavedPlan, request: PlanRequest) -> bool:
-    """Whether the implement of a saved plan carries something, of which the plan only knows that."""
+def read_supply(saved: SavedPlan) -> Supply | None:
+    """What the implement of a saved plan carries, its place in metres of the plan; None where the plan does not say so.
+
+    Raises RequestError where it is garbled.
+    """
+    machines = saved.scenario.get(MACHINES_KEY)
+    values = machines.get(SUPPLY_KEY) if isinstance(machines, dict) else None
+    if values is None:
+        return None
+    try:
+        supply = Supply(**values)
+        place = None if supply.place is None else (float(supply.place[0]), float(supply.place[1]))
+        amounts = [float(value) for value in (supply.capacity, supply.rate_per_m2, supply.stop_s, *(place or ()))]
+        is_possible = all(map(math.isfinite, amounts)) and min(amounts[:2]) > 0.0 and amounts[2] >= 0.0
+        if not is_possible or supply.served_at not in (PLACE, HEADLAND, SERVICE_VEHICLE):
+            raise ValueError
+    except (TypeError, ValueError, IndexError, KeyError):
+        raise RequestError(f"The {SUPPLY_KEY} in the scenario of the plan is garbled; save the plan again.") from None
+    return replace(supply, collects=supply.collects is True, place=place)
+
+
+def has_unknown_tank(saved: SavedPlan, request: PlanRequest) -> bool:
+    """Whether the implement of a saved plan carries something, and the plan does not say how much."""
     legs = (leg for mission in saved.plan.missions for leg in mission.legs)
     is_refilled = request.refill is not None or any(leg.task.kind == REFILL for leg in legs)
     machines = saved.scenario.get(MACHINES_KEY)
     tractor, _ = read_machines(saved, request)
-    return tractor.battery is None and (is_refilled or (isinstance(machines, dict) and LOAD_KEY in machines))
+    is_loaded = is_refilled or (isinstance(machines, dict) and LOAD_KEY in machines)
+    return tractor.battery is None and is_loaded and read_supply(saved) is None
 
 
 def _describe_old_plan(saved: SavedPlan) -> str:

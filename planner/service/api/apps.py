@@ -30,12 +30,7 @@ from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration
 from planner.service.api.administration import ServiceMetrics, measure_connections, measure_fleets, measure_store
 from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import (
-    JOB_KIND_BY_PATH,
-    all_jobs_router,
-    build_jobs_router,
-    exports_router,
-)
+from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, exports_router
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes

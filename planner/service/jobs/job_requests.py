@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from planner.errors import RequestError, mark_parameter, strip_unit
-from planner.request.option_checks import check_day_options
+from planner.errors import mark_parameter, strip_unit
+from planner.request.option_checks import check_day_options, check_demo_options
 from planner.request.options import RequestOption, list_options
 from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
 from planner.service.settings import LIMITS
@@ -108,27 +108,9 @@ class DiagnosisJobRequest(JobRequest):
 
     def check_options(self) -> None:
         """Raise RequestError for both or neither of logs and demonstration, as the command does."""
-        if self.demo == bool(self.logs):
-            raise RequestError(
-                f"Give {mark_parameter('logs')}, or {mark_parameter('demo')} for a demonstration; not both, not "
-                "neither."
-            )
-        for name, value in (("fixes", self.fix), ("mapping", self.mapping)):
-            if self.demo and value:
-                raise RequestError(
-                    f"{mark_parameter(name)} converts log files; leave it out with {mark_parameter('demo')}."
-                )
-        if self.demo and self.as_driven:
-            raise RequestError(
-                f"{mark_parameter('as_driven')} takes a size from logs; leave it out with {mark_parameter('demo')}."
-            )
-        demo_options: dict[str, Any] = {"seed": self.seed, "hide": self.hide}
-        for name, value in demo_options.items():
-            if value is not None and not self.demo:
-                raise RequestError(
-                    f"{mark_parameter(name)} {value} belongs to the demonstration; add {mark_parameter('demo')} or "
-                    "leave it out."
-                )
+        conversions = {mark_parameter("fixes"): self.fix, mark_parameter("mapping"): self.mapping}
+        own = {"seed": self.seed, "hide": self.hide}
+        check_demo_options(self.demo, self.logs, conversions, own, self.as_driven)
 
 
 REQUEST_MODELS: dict[str, type[JobRequest]] = {

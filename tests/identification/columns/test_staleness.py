@@ -8,7 +8,7 @@ import pytest
 
 from tests.truth.drives import drive, stairs, triangle
 from tests.truth.second import Second
-from vehicle.identification.columns.staleness import (
+from vehicle.identification.diagnosis.corrections import (
     find_held_knots,
     find_knots,
     find_line_knots,

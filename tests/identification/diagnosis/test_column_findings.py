@@ -9,7 +9,7 @@ import pytest
 from tests.identification.fault_logs import clean_frames
 from tests.truth.drives import straight
 from tests.truth.second import Second
-from vehicle.identification.columns.staleness import mark_stale_columns_of_set
+from vehicle.identification.diagnosis.corrections import mark_stale_columns_of_set
 from vehicle.identification.diagnosis.log_notes import describe_columns
 from vehicle.identification.diagnosis.results import NAMED, REFUTED, Finding
 from vehicle.identification.logs.reader import build_log

@@ -20,12 +20,12 @@ from vehicle.identification.replay.rig import (
     build_rig,
     build_rig_and_corrections,
     compute_antenna_lever,
+    make_settled_state,
     replay_segment,
     simulate_logged_values,
     simulate_wheel_angles,
     split_settings_by_block,
 )
-from vehicle.identification.replay.steering_steps import make_settled_state
 from vehicle.model.effects import PATH, SPEED, compute_effect_fields
 from vehicle.model.tractor import EffectSetting, load_tractor
 from vehicle.records import DT_S

@@ -6,7 +6,7 @@ import pytest
 from tests.truth import rolling
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import Receiver, Second
-from vehicle.identification.replay.drive_segments import denoise_angles, estimate_angle_noise
+from vehicle.identification.logs.series import denoise_angles, estimate_angle_noise
 
 TIME = np.arange(0.0, 60.0, 0.1)
 

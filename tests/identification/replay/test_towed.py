@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, log
-from vehicle.identification.replay.courses import compute_course_offset
-from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.drive_segments import build_dataset, compute_course_offset
 
 TIME = np.arange(0.0, 30.0, 0.1)
 

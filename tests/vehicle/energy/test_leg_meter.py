@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from vehicle.energy.fuel import DieselEngine, ElectricDrive, build_power_source
-from vehicle.energy.leg_meter import LegMeter, build_leg_meter
 from vehicle.energy.load import build_work_load
-from vehicle.energy.run_energy import compute_run_energy
+from vehicle.energy.run_energy import LegMeter, build_leg_meter, compute_run_energy
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.model.ground import GROUNDS, find_ground_index

@@ -1,10 +1,19 @@
-"""The logs as they are replayed: copies merged, and what single columns show of their own faults corrected."""
+"""The logs as they are replayed: copies merged, and what single columns show of their own faults corrected.
+
+Where an instrument is slower than the log, a logger repeats the last value between measurements, or a converter draws a
+straight line to the next one. Both carry nothing new: a measured column is interpolated between its knots and counts
+there alone. A repeated command may be what the controller really held; it counts as stale only where the wheels move
+before it does.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
-from vehicle.identification.columns.staleness import mark_stale_columns_of_set
+import numpy as np
+
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
 from vehicle.identification.faults.level_steps import mark_level_step
@@ -14,9 +23,18 @@ from vehicle.identification.logs.column_quality import (
     drop_commands_not_logged,
     merge_copies,
 )
-from vehicle.identification.logs.schema import Log
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
+from vehicle.identification.logs.series import find_changes
+from vehicle.identification.logs.thresholds import FEWEST_EVENTS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
+
+_STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
+_MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
+_LAGS_S = np.arange(0.0, 1.6, 0.1)
+_FILTERS_S = (0.0, 0.15, 0.3, 0.6, 1.0)
+MEASURED_COLUMNS = ("steering_deg", "speed_mps")
+PLACE_COLUMNS = ("easting_m", "northing_m", "heading_deg")
 
 
 def correct_logs(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
@@ -26,3 +44,232 @@ def correct_logs(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
     # Steps of a level go first: wheels that stand elsewhere than they say look as if they did not follow.
     logs = mark_onset_faults(mark_level_step(correct_heading_jumps(drop_course_headings(logs, tractor))))
     return mark_stale_columns_of_set(correct_commanded_speeds(correct_sensors_like_others(logs)))
+
+
+def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
+    """Return the log with slower columns interpolated between their measured rows, which `measured_rows` marks.
+
+    Columns of `moving` change from row to row in other logs of the set, so that none of them is held.
+    """
+    rows = np.flatnonzero(log.used)
+    if len(rows) < 2 * FEWEST_EVENTS:
+        return log
+    time, measured, changed = log.time_s[rows], dict(log.measured_rows), dict[str, Any]()
+    for name in MEASURED_COLUMNS:
+        values = getattr(log, name)
+        find = find_line_knots if name in moving else find_knots
+        knots = None if values is None else find(time, values[rows])
+        if knots is not None:
+            measured[name], changed[name] = _mark_rows(log, rows[knots]), _draw_lines(values, time, rows, knots)
+    command = log.steering_command_deg
+    knots = None if command is None else find_knots(time, command[rows])
+    if command is not None and knots is not None and _is_command_stale(log, rows, knots, measured, changed):
+        measured["steering_command_deg"] = _mark_rows(log, rows[knots])
+        changed["steering_command_deg"] = _draw_lines(command, time, rows, knots)
+    if not changed:
+        return _mark_interpolated_places(log, rows)
+    return _mark_interpolated_places(replace(log, measured_rows=measured, **changed), rows)
+
+
+def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs of mark_stale_columns; what is stale in some logs is so in those whose few changes cannot tell.
+
+    One instrument logged them all. A wheel that a person holds between quick turns looks held in one log alone.
+    """
+    moving = frozenset(name for name in MEASURED_COLUMNS if not _is_held_in_set(logs, name))
+    marked_logs = [mark_stale_columns(log, moving) for log in logs]
+    for name in (*MEASURED_COLUMNS, "steering_command_deg"):
+        holds = [
+            measure_hold(log.time_s[log.used], log.measured_rows[name][log.used])[0]
+            for log in marked_logs
+            if name in log.measured_rows and np.count_nonzero(log.measured_rows[name] & log.used) > 1
+        ]
+        if holds:
+            hold_s = float(np.median(holds))
+            marked_logs = [_mark_like_others(log, name, hold_s) for log in marked_logs]
+    return [_share_readings(log, marked) for log, marked in zip(logs, marked_logs, strict=True)]
+
+
+def _is_held_in_set(logs: Sequence[Log], name: str) -> bool:
+    """Whether most of the clear changes of a column, in all logs together, are of values that were held before."""
+    columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
+    counts = np.concatenate([np.zeros(0, dtype=np.int64), *map(_count_rows_before_clear_changes, columns)])
+    return bool(np.count_nonzero(counts >= 2) >= MAJORITY * len(counts))
+
+
+def _count_rows_before_clear_changes(values: Array) -> Rows:
+    """Return for every clear change of values (k,) in how many rows the value before it stands."""
+    changes = find_changes(values[None])
+    return changes.counts[changes.is_clear]
+
+
+def _share_readings(log: Log, marked: Log) -> Log:
+    """Mark a held command of the log where the wheel angle was measured, if the two were logged together.
+
+    Noise of the wheel angle shows every reading, also those of a command that stands still.
+    """
+    wheel_rows, command = marked.measured_rows.get("steering_deg"), log.steering_command_deg
+    if wheel_rows is None or command is None or "steering_command_deg" not in marked.measured_rows:
+        return marked
+    rows = np.flatnonzero(log.used)
+    changed = rows[1:][np.diff(command[rows]) != 0.0]
+    if not len(changed) or float(np.mean(wheel_rows[changed])) < MOST_SHARE:
+        return marked
+    readings = wheel_rows.copy()
+    readings[changed] = True
+    knots = np.flatnonzero(readings[rows])
+    drawn = _draw_lines(command, log.time_s[rows], rows, knots)
+    measured_rows = {**marked.measured_rows, "steering_command_deg": readings}
+    return replace(marked, measured_rows=measured_rows, steering_command_deg=drawn)
+
+
+def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
+    """Mark the changes of a column that is stale in other logs, where they are as rare here."""
+    values, rows = getattr(log, name), np.flatnonzero(log.used)
+    if values is None or name in log.measured_rows or len(rows) < 2:
+        return log
+    time = log.time_s[rows]
+    count = max(round(hold_s / log.step_s), 1)
+    held, lines = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1), _find_bends(time, values[rows])
+    if _is_as_rare(time, held, hold_s):
+        knots = _add_last_known_rows(held, len(rows), count)
+    elif _is_as_rare(time, lines, hold_s):
+        knots = lines
+    else:
+        return log
+    changed: dict[str, Any] = {name: _draw_lines(values, time, rows, knots)}
+    return replace(log, measured_rows={**log.measured_rows, name: _mark_rows(log, rows[knots])}, **changed)
+
+
+def _is_as_rare(time: Array, knots: Rows, hold_s: float) -> bool:
+    return len(knots) > 1 and float(np.median(np.diff(time[knots]))) >= 0.5 * hold_s
+
+
+def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
+    """Mark the rows in which interpolated positions or headings were measured."""
+    time, fresh, place_rows = log.time_s[rows], log.fresh, dict(log.place_rows)
+    for name in PLACE_COLUMNS:
+        values = getattr(log, name)
+        if values is None:
+            continue
+        shown = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
+        knots = find_line_knots(time, shown)
+        if knots is not None:
+            mask = _mark_rows(log, rows[knots])
+            place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
+            fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
+    is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
+    return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
+
+
+def _mark_rows(log: Log, rows: Rows) -> Mask:
+    mask = np.zeros(len(log.used), dtype=np.bool_)
+    mask[rows] = True
+    return mask
+
+
+def _draw_lines(values: Array, time: Array, rows: Rows, knots: Rows) -> Array:
+    """Return a column that runs straight from measured row to measured row."""
+    out = values.copy()
+    out[rows] = np.interp(time, time[knots], values[rows][knots])
+    return out
+
+
+def find_knots(time: Array, values: Array) -> Rows | None:
+    """Return the indices at which values (k,) were measured; None where they are neither held nor interpolated."""
+    held = find_held_knots(values)
+    return find_line_knots(time, values) if held is None else held
+
+
+def find_held_knots(values: Array) -> Rows | None:
+    """Return the indices at which held values (k,) change; None where they are not held between changes."""
+    new_rows = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
+    counts = _count_rows_before_clear_changes(values)
+    if len(new_rows) <= FEWEST_EVENTS or len(counts) < FEWEST_EVENTS:
+        return None
+    usual = float(np.median(counts))
+    if usual < 2.0 or np.count_nonzero(counts >= 2) < MAJORITY * len(counts):
+        return None
+    return _add_last_known_rows(new_rows, len(values), round(usual))
+
+
+def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
+    """Add the last row at which a value at rest is known, the usual hold before it changes, and the last of all."""
+    ends = np.append(new_rows[1:], count)
+    is_standing = ends - new_rows > STANDING_FACTOR * usual
+    return np.unique(np.concatenate([new_rows, ends[is_standing] - usual, [count - 1]]))
+
+
+def find_line_knots(time: Array, values: Array) -> Rows | None:
+    """Return the indices at which values (k,) on straight lines change their slope; None where they are no lines."""
+    moving = np.abs(np.diff(values)) > 0.0
+    if np.count_nonzero(moving) < FEWEST_EVENTS:
+        return None
+    both_move = moving[1:] & moving[:-1]
+    knots = _find_bends(time, values)
+    is_knot = np.isin(np.arange(1, len(values) - 1), knots)
+    gaps = np.diff(knots)
+    if len(knots) < FEWEST_EVENTS or not both_move.any() or float(np.median(gaps)) < 2.0:
+        return None
+    is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
+    return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
+
+
+def _find_bends(time: Array, values: Array) -> Rows:
+    """Return the indices at which the slope of values (k,) changes by more than rounding, with the first and last."""
+    slopes = np.diff(values) / np.diff(time)
+    moving = np.abs(slopes) > 0.0
+    tolerance = _SLOPE_TOLERANCE * float(np.median(np.abs(slopes[moving]))) if moving.any() else 0.0
+    bends = np.flatnonzero(np.abs(np.diff(slopes)) > tolerance) + 1
+    return np.concatenate([[0], bends, [len(values) - 1]])
+
+
+def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mask], changed: dict[str, Any]) -> bool:
+    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does.
+
+    A slower wheel angle shows that as well, in the rows in which it was measured.
+    """
+    wheel = changed.get("steering_deg", log.steering_deg)
+    if wheel is None or log.steering_command_deg is None:
+        return False
+    shown = np.ones(len(rows), dtype=np.bool_)
+    if "steering_deg" in measured:
+        shown = measured["steering_deg"][rows]
+        if float(np.mean(shown[knots])) >= MOST_SHARE:
+            return True
+    time, command = log.time_s[rows], log.steering_command_deg[rows]
+    shown = shown & (time >= time[0] + _LAGS_S[-1])
+    if np.count_nonzero(shown) < FEWEST_EVENTS:
+        return False
+    drawn, readings = np.interp(time, time[knots], command[knots]), (time[shown], wheel[rows][shown])
+    return _measure_misfit(time, drawn, *readings) < MOST_SHARE * _measure_misfit(time, command, *readings)
+
+
+def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -> float:
+    """Return the least variance of wheel angles (j,) measured at `shown_s` (j, s) that a delayed and low-passed command
+    (k,) leaves."""
+    grid, left = np.arange(time[0], time[-1], _LAGS_S[1]), np.inf
+    held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]
+    for filter_s in _FILTERS_S:
+        share = 1.0 - np.exp(-_LAGS_S[1] / filter_s) if filter_s > 0.0 else 1.0
+        smoothed = _smooth_values(held, share)
+        for lag_s in _LAGS_S:
+            late = np.interp(shown_s - lag_s, grid, smoothed)
+            slope, level = np.polyfit(late, angle, 1) if float(np.ptp(late)) > 0.0 else (0.0, float(angle.mean()))
+            left = min(left, float(np.var(angle - slope * late - level)))
+    return left
+
+
+def _smooth_values(values: Array, share: float) -> Array:
+    """Return the first-order low pass of values (k,) that goes `share` of the way to its input in each step."""
+    out, level = np.empty(len(values)), values[0]
+    for index, value in enumerate(values):
+        level += (value - level) * share
+        out[index] = level
+    return out
+
+
+def measure_hold(time: Array, measured: Mask) -> tuple[float, float, float]:
+    """Return median and 90 % quantile of the time between measured rows (s), and the share of other rows."""
+    gaps = np.diff(time[measured])
+    return float(np.median(gaps)), float(np.quantile(gaps, 0.9)), 1.0 - float(np.mean(measured))

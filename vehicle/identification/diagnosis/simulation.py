@@ -17,8 +17,7 @@ from vehicle.control.steering import step_steering_simulator
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STEP_S, STRIDE, DriveData, Samples
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.rig import ReplayRig
-from vehicle.identification.replay.steering_steps import make_settled_state
+from vehicle.identification.replay.rig import ReplayRig, make_settled_state
 from vehicle.jit import compile_function
 from vehicle.model.effects import CATALOGUE, NEUTRAL_FIELDS, PATH, SPEED, list_neutral_fields
 from vehicle.model.instruments import apply_lever_arm, compute_filter_share

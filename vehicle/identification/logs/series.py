@@ -1,4 +1,9 @@
-"""What all checks of columns need: rows in order of time, spans, chords between two times, robust spread."""
+"""What all checks of columns need: rows in order of time, spans, chords between two times, robust spread, noise.
+
+Wheel angles are denoised for the play of the steering, which would follow the extremes of noise: one-sided local means,
+each the widest that agrees with all narrower ones within their noise (intersection of confidence intervals:
+Goldenshluger and Nemirovski 1997; directional windows: Katkovnik, Egiazarian and Astola 2006).
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+
+WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
+WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
+# Chosen: closer values are equal up to rounding, larger differences are no last digit.
+DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
 
 
 def select_timed_rows(columns: Mapping[str, Array], *names: str) -> Rows:
@@ -100,3 +111,51 @@ def _find_least_step(steps: Array) -> float:
     sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
     candidates = np.concatenate([sizes, np.diff(sizes)])
     return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
+
+
+def denoise_angles(time: Array, values: Array) -> Array:
+    """Remove white noise from angles (k, rad) at times (k, s) without delaying or smoothing steps."""
+    noise = estimate_angle_noise(values)
+    if noise == 0.0:
+        return values
+    most_rows = min(int(WIDEST_WINDOW_S / float(np.median(np.diff(time)))), len(values) - 1)
+    widths = [
+        int(width) for width in np.unique(np.round(WINDOW_GROWTH ** np.arange(WINDOW_COUNT))) if width <= most_rows
+    ]
+    mean_before, count_before = _compute_one_sided_means(values, widths, noise)
+    mean_after, count_after = _compute_one_sided_means(values[::-1], widths, noise)
+    mean_after, count_after = mean_after[::-1], count_after[::-1]
+    # The row itself is in both means.
+    out: Array = (mean_before * count_before + mean_after * count_after - values) / (count_before + count_after - 1.0)
+    return out
+
+
+def estimate_angle_noise(values: Array) -> float:
+    """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows.
+
+    Not below the rounding to their last digit, where second differences are 0 in most rows.
+    """
+    if len(values) < 3:
+        return 0.0
+    spread = measure_noise(values)
+    spacings = np.diff(np.unique(values))
+    digit = float(np.min(spacings[(spacings > DIGIT_RANGE_RAD[0]) & (spacings < DIGIT_RANGE_RAD[1])], initial=np.inf))
+    return max(spread, digit / math.sqrt(12.0)) if math.isfinite(digit) else spread
+
+
+def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> tuple[Array, Array]:
+    """Return the mean (k,) of each row and those before it, and the number of rows in each mean."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    ends = np.arange(1, len(values) + 1)
+    mean, count = values.copy(), np.ones(len(values))
+    low, high = values - DOUBT_SIGMAS * noise, values + DOUBT_SIGMAS * noise
+    agree = np.ones(len(values), dtype=np.bool_)
+    for width in widths:
+        starts = np.maximum(ends - width - 1, 0)
+        window_rows = (ends - starts).astype(np.float64)
+        window_mean = (sums[ends] - sums[starts]) / window_rows
+        error = DOUBT_SIGMAS * noise / np.sqrt(window_rows)
+        low, high = np.maximum(low, window_mean - error), np.minimum(high, window_mean + error)
+        agree &= low <= high
+        mean, count = np.where(agree, window_mean, mean), np.where(agree, window_rows, count)
+    return mean, count

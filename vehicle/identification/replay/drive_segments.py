@@ -1,8 +1,8 @@
 """Logs prepared for replay: segments driven in one gear, resampled on the simulation's time grid.
 
-Wheel angles are denoised for the play of the steering, which would follow the extremes of noise: one-sided local means,
-each the widest that agrees with all narrower ones within their noise (intersection of confidence intervals:
-Goldenshluger and Nemirovski 1997; directional windows: Katkovnik, Egiazarian and Astola 2006).
+Where no heading was logged it is the course of the antenna and the angle from the heading to that course. The rear axle
+follows the antenna like a load on a rod, so its direction is a tractrix of the antenna's path: over a straight piece of
+length s the angle b between rod and path shrinks as tan(b/2) exp(-s/length).
 
 Windows of 20 s take turns in fitting a model and in being simulated with it.
 """
@@ -28,65 +28,19 @@ from vehicle.identification.logs.schema import (
     Rows,
     split_drive_segments,
 )
-from vehicle.identification.logs.series import measure_noise
+from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
-from vehicle.identification.replay.courses import compute_course, compute_course_offset
+from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
 
-WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
-WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
-# Chosen: closer values are equal up to rounding, larger differences are no last digit.
-DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
-
-
-def denoise_angles(time: Array, values: Array) -> Array:
-    """Remove white noise from angles (k, rad) at times (k, s) without delaying or smoothing steps."""
-    noise = estimate_angle_noise(values)
-    if noise == 0.0:
-        return values
-    most_rows = min(int(WIDEST_WINDOW_S / float(np.median(np.diff(time)))), len(values) - 1)
-    widths = [
-        int(width) for width in np.unique(np.round(WINDOW_GROWTH ** np.arange(WINDOW_COUNT))) if width <= most_rows
-    ]
-    mean_before, count_before = _compute_one_sided_means(values, widths, noise)
-    mean_after, count_after = _compute_one_sided_means(values[::-1], widths, noise)
-    mean_after, count_after = mean_after[::-1], count_after[::-1]
-    # The row itself is in both means.
-    out: Array = (mean_before * count_before + mean_after * count_after - values) / (count_before + count_after - 1.0)
-    return out
-
-
-def estimate_angle_noise(values: Array) -> float:
-    """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows.
-
-    Not below the rounding to their last digit, where second differences are 0 in most rows.
-    """
-    if len(values) < 3:
-        return 0.0
-    spread = measure_noise(values)
-    spacings = np.diff(np.unique(values))
-    digit = float(np.min(spacings[(spacings > DIGIT_RANGE_RAD[0]) & (spacings < DIGIT_RANGE_RAD[1])], initial=np.inf))
-    return max(spread, digit / math.sqrt(12.0)) if math.isfinite(digit) else spread
-
-
-def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> tuple[Array, Array]:
-    """Return the mean (k,) of each row and those before it, and the number of rows in each mean."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    ends = np.arange(1, len(values) + 1)
-    mean, count = values.copy(), np.ones(len(values))
-    low, high = values - DOUBT_SIGMAS * noise, values + DOUBT_SIGMAS * noise
-    agree = np.ones(len(values), dtype=np.bool_)
-    for width in widths:
-        starts = np.maximum(ends - width - 1, 0)
-        window_rows = (ends - starts).astype(np.float64)
-        window_mean = (sums[ends] - sums[starts]) / window_rows
-        error = DOUBT_SIGMAS * noise / np.sqrt(window_rows)
-        low, high = np.maximum(low, window_mean - error), np.minimum(high, window_mean + error)
-        agree &= low <= high
-        mean, count = np.where(agree, window_mean, mean), np.where(agree, window_rows, count)
-    return mean, count
+# Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
+_STANDING_SIGMAS = 3.6
+# Chosen, m/s and share of the fastest pace: held positions and tight bends look like noise, which is not so fast.
+_DRIVING_MPS, _MOST_NOISE_SHARE = 0.5, 0.3
+COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
+_INITIAL_PATH_S = 1.0  # of the path, from which the initial angle of the rod is estimated
+_MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
 
 
 Antenna = tuple[float, float]
@@ -438,3 +392,73 @@ def compute_window_numbers(seconds: Array) -> WindowNumbers:
 def compute_half_numbers(seconds: Array) -> WindowNumbers:
     """Return the half (0 or 1) of times since the start of a segment: its windows alternate."""
     return compute_window_numbers(seconds) % 2
+
+
+def _estimate_position_noise(east: Array, north: Array) -> float:
+    """Return the standard deviation (m) of positions from row to row, from their third differences."""
+    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
+    return measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
+
+
+def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
+    """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
+    before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
+    before, after = np.maximum(before, time[0]), np.minimum(after, time[-1])
+    dx = np.interp(after, time, east) - np.interp(before, time, east)
+    dy = np.interp(after, time, north) - np.interp(before, time, north)
+    pace = np.hypot(dx, dy) / (after - before)
+    angle = np.arctan2(dy, dx)
+    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * _estimate_position_noise(east, north) / COURSE_CHORD_S
+    fastest = float(pace.max())
+    if fastest > _DRIVING_MPS:
+        noise_pace = min(noise_pace, _MOST_NOISE_SHARE * fastest)
+    moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
+    if len(moving) == 0:
+        return np.zeros(len(time)), pace
+    course: Array = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
+    return course, pace
+
+
+def compute_course_offset(time: Array, course: Array, pace: Array, length: float) -> Array:
+    """Return the angle (k, rad) from the heading to the antenna's course.
+
+    `length` (m) is the distance from the rear axle to the antenna, negative where the antenna trails the axle.
+    """
+    out = np.zeros(len(time))
+    if length == 0.0 or len(time) < 2:
+        return out
+    distances = 0.5 * (pace[1:] + pace[:-1]) * np.diff(time)
+    if length > 0.0:
+        _compute_pulled_rod_angles(
+            course, distances, length, _compute_initial_angle(time, course, distances, length), out
+        )
+        return out
+    # Behind the axle the rod is pushed, which is unstable; backwards in time it is pulled.
+    reversed_course, reversed_distances = course[::-1].copy(), distances[::-1].copy()
+    _compute_pulled_rod_angles(
+        reversed_course,
+        reversed_distances,
+        -length,
+        _compute_initial_angle(time[-1] - time[::-1], reversed_course, reversed_distances, -length),
+        out,
+    )
+    return out[::-1].copy()
+
+
+def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
+    """Return the angle at the first row, as on a circle with the curvature of the path there."""
+    rows = min(int(np.searchsorted(time, _INITIAL_PATH_S)), len(distances))
+    path_length = float(distances[:rows].sum())
+    bend = float(course[rows] - course[0]) / path_length if path_length > 0.1 * length else 0.0
+    most_sine = math.sin(_MOST_ANGLE_RAD)
+    return math.asin(min(max(length * bend, -most_sine), most_sine))
+
+
+@compile_function
+def _compute_pulled_rod_angles(course, distances, length, first, out) -> None:  # type: ignore[no-untyped-def]
+    """Return the angles (k,) between path and rod, pulled along courses (k,) and distances between them (k - 1,)."""
+    out[0] = angle = first
+    for k in range(len(distances)):
+        turned = 0.5 * (course[k + 1] - course[k])
+        angle = 2.0 * math.atan(math.tan(0.5 * (angle + turned)) * math.exp(-distances[k] / length)) + turned
+        out[k + 1] = angle

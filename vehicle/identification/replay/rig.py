@@ -1,4 +1,4 @@
-"""Replay of logged commands with the functions that planning simulates with.
+"""Replay of logged commands, one per step of the grid, with the functions that planning simulates with.
 
 No pymunk space is needed for one tractor without contacts: steering, drive line, effects and chassis are the functions
 of the planning loop, and the position is moved as pymunk moves it, with the velocity before the step. Effects that
@@ -20,7 +20,6 @@ from scipy.signal import lfilter
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.steering_steps import apply_play_steps, make_settled_state, simulate_steering_steps
 from vehicle.jit import compile_function
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import DISCREPANCY_KEY, PATH, SLOPE_DRIFT, SPEED, STEP_HZ, compute_effect_fields, get_effect
@@ -41,11 +40,11 @@ from vehicle.model.tractor import (
     get_log_corrections,
     remove_log_corrections,
 )
-from vehicle.records import DT_S, STATE
+from vehicle.records import DT_S, HISTORY_STEPS, STATE
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
-from vehicle.sim.dynamics import compute_rolling_resistance, step_body, step_speed_control
-from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
+from vehicle.sim.dynamics import compute_rolling_resistance, step_body, step_speed_control, step_steering_system
+from vehicle.sim.effect_terms import apply_play, compute_affected_tangent, compute_draft_crab, compute_ground_drift
 
 X_COLUMN, Y_COLUMN, ANGLE_COLUMN, STEERING_COLUMN, FORWARD_COLUMN = range(5)
 """Columns of states: place (m) and angle (rad), wheel angle (rad), speed (m/s)."""
@@ -355,3 +354,42 @@ def simulate_logged_antenna(
     if not timing.is_heading_as_old:
         out[SHOWN_HEADING] = compute_shown_headings(segment, states[:, ANGLE_COLUMN], timing) + fields["heading_bias"]
     return out[SHOWN_EAST : SHOWN_NORTH + 1].T, out[SHOWN_HEADING]
+
+
+def make_settled_state(command: Array, earlier: Array) -> Any:
+    """Return the state of a tractor that was given `earlier` commands (m,) before the first one of `command` (n,).
+
+    Without any its wheels have settled at the first command. What delays cannot reach back to is left out.
+    """
+    state = np.zeros(1, dtype=STATE)
+    reached = earlier[max(len(earlier) - HISTORY_STEPS + 2, 0) :]
+    state["commands"] = command[0]
+    state["commands"][0, : len(reached)] = reached
+    state["clock"] = len(reached)
+    return state
+
+
+@compile_function
+def simulate_steering_steps(command, first, dt, state, model, out) -> None:  # type: ignore[no-untyped-def]
+    """Steer through one command per step from wheel angle `first`; `out` (n + 1,) gets the wheel angle before each step
+    and after the last."""
+    state.steering = state.play = state.commands[-1] = first
+    for i in range(len(command)):
+        state.command = command[i]
+        out[i] = state.steering
+        step_steering_system(state, model, dt)
+        state.clock += 1
+    out[len(command)] = state.steering
+
+
+@compile_function
+def apply_play_steps(wheel, steady, first, noisy, model, out) -> None:  # type: ignore[no-untyped-def]
+    """Write wheel angles behind the play to `out` (n,), from those before it (n,) and without noise, `steady` (n,).
+
+    The play begins at `first` and follows the denoised angles: extremes of noise would take up part of it. Angles that
+    are not `noisy` are their own `steady` ones.
+    """
+    play = first
+    for i in range(len(wheel)):
+        play = apply_play(play, steady[i], model)
+        out[i] = wheel[i] + (play - steady[i]) if noisy else play

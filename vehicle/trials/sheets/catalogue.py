@@ -26,8 +26,12 @@ def run_experiments(
 ) -> tuple[ExperimentSheet, ...]:
     """Run experiments with the thesis's tractor, in the order given. Raises VehicleError for an unknown name."""
     from vehicle.trials.sheets.fixed_steering import build_changing_sheet, build_circles_sheet, build_fixed_sheet
-    from vehicle.trials.sheets.path_following import build_navigation_sheet, build_slip_sheet, build_zigzag_sheet
-    from vehicle.trials.sheets.step_response import build_step_sheet
+    from vehicle.trials.sheets.path_following import (
+        build_navigation_sheet,
+        build_slip_sheet,
+        build_step_sheet,
+        build_zigzag_sheet,
+    )
     from vehicle.trials.sheets.twin_link import build_twin_sheet
 
     tractor = load_tractor("eg105")

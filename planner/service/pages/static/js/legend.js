@@ -75,4 +75,5 @@ export const LIVE = [
   [{ line: "warn", width: 2, dash: "2 5" }, "dotted between tractors: waits for"],
   [{ line: "line", width: 1, dash: "2 6" }, "dotted round the field: geofence"],
   [{ ring: "ink", dash: "4 3" }, "dashed outline: twin, or last known place"],
+  [{ ring: "off", dash: "4 3" }, "dashed circle that grows: where a tractor in doubt may be"],
 ];

@@ -135,6 +135,7 @@ export class LiveMap {
     for (const live of this.shown()) {
       const view = this.viewOf(live);
       this.extra?.(ctx, view, live);
+      for (const number of live.numbers()) drawArea(ctx, view, live, number);
       for (const number of live.numbers()) drawTractor(ctx, view, live, number, this.isChosen(live, number));
     }
   }
@@ -206,6 +207,25 @@ function drawPlan(ctx, view, live, number, chosen) {
   ctx.globalAlpha = 1;
   legs.slice(at, released).forEach((leg) => line(ctx, view, leg.points, colour, leg.implement ? 4 : 2.5));
   if (chosen) line(ctx, view, live.trails.get(number) ?? [], colours.ink, 1.2);
+}
+
+// Where a tractor in doubt may be, as it grows between two ticks.
+function drawArea(ctx, view, live, number) {
+  const fix = live.fixes.get(number), area = fix?.possible_area;
+  if (!area) return;
+  const [px, py] = view.at(area.easting_m - live.origin[0], area.northing_m - live.origin[1]);
+  ctx.beginPath();
+  ctx.arc(px, py, (area.radius_m + (area.growth_mps * (performance.now() - fix.heard)) / 1000) * view.scale, 0, 2 * Math.PI);
+  ctx.globalAlpha = 0.16;
+  ctx.fillStyle = colours.off;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.strokeStyle = colours.off;
+  ctx.lineWidth = 2;
+  ctx.setLineDash([8, 5]);
+  ctx.stroke();
+  ctx.setLineDash([]);
+  word(ctx, px, py - 26, t`tractor ${number} may be in here`, colours.off);
 }
 
 function drawTractor(ctx, view, live, number, chosen) {

@@ -1,4 +1,5 @@
-"""Obstacles of a field that the user adds by their place, or leaves out by name or number."""
+"""What the user says of places in a field: obstacles to add or to leave out, and the entrance, which is checked against
+outline and obstacles and moved to the outline."""
 
 from __future__ import annotations
 
@@ -9,9 +10,10 @@ from dataclasses import replace
 import shapely
 
 from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value, suggest_name
-from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
+from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, MAX_ENTRANCE_INSIDE_M, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
+from fields.geometry.tolerances import NEAR_FIELD_M
 
 
 def parse_obstacle_place(text: str) -> tuple[float, float, float]:
@@ -97,3 +99,53 @@ def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
     close = suggest_name(text.strip(), [one.name for one in field.obstacles if one.name])
     shown = [f"{one.number or place} {one.name or one.kind}" for place, one in enumerate(field.obstacles, 1)]
     raise FieldError(f"{subject}{close}; give a name or number out of: {join_first(shown, MAX_LISTED)}.")
+
+
+def set_entrance(field: Field, place: tuple[float, float]) -> Field:
+    """The field with its entrance at (longitude, latitude), or at (x, y) for a field in local metres.
+
+    Raises:
+        FieldError: the place is not a valid longitude and latitude.
+    """
+    entrance = field.locate_place(place)
+    if entrance is None:
+        lon, lat = place
+        raise FieldError(
+            f"The entrance ({mark_parameter('entrance')}) is {lon:g},{lat:g}; give degrees of longitude, then of "
+            "latitude."
+        )
+    return replace(field, entrance=entrance)
+
+
+def check_entrance(field: Field, headland_m: float) -> None:
+    """Refuse an entrance that no tractor could use.
+
+    Raises:
+        FieldError: the entrance is far outside, in an obstacle, or farther inside than the headland.
+    """
+    if field.entrance is None:
+        return
+    place, outline = shapely.Point(field.entrance), shapely.Polygon(field.boundary.exterior)
+    distance_m, is_inside = float(outline.exterior.distance(place)), bool(outline.covers(place))
+    subject = f"The entrance ({mark_parameter('entrance')}) of field '{field.name}' lies"
+    if not is_inside and distance_m > NEAR_FIELD_M:
+        raise FieldError(f"{subject} {distance_m:.0f} m outside; it must be within {NEAR_FIELD_M:g} m of the boundary.")
+    holes = [(shapely.Polygon(hole), "a hole of the field") for hole in field.boundary.interiors]
+    for shape, description in [*holes, *((one.shape, str(one)) for one in field.obstacles)]:
+        if shape.contains(place):
+            raise FieldError(
+                f"{subject} in an obstacle ({description[0].lower()}{description[1:]}); put it on the boundary."
+            )
+    if is_inside and distance_m > max(headland_m, MAX_ENTRANCE_INSIDE_M):
+        raise FieldError(
+            f"{subject} {distance_m:.0f} m inside, beyond the headland of {headland_m:g} m; put it on the boundary."
+        )
+
+
+def move_entrance_to_outline(field: Field) -> Field:
+    """The field with its entrance moved to the nearest point of the outline; unchanged without an entrance."""
+    if field.entrance is None:
+        return field
+    outline = field.boundary.exterior
+    edge = outline.interpolate(outline.project(shapely.Point(field.entrance)))
+    return replace(field, entrance=(float(edge.x), float(edge.y)))

@@ -1,0 +1,111 @@
+"""What the implement of a plan carries is saved with it, and goes on with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.errors import HeadlandError
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.farm_inputs import GivenOptions
+from planner.pipeline.going_on import read_continued_plan
+from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_supply
+from planner.pipeline.planning import PlanningResult, plan
+from planner.request.plan_request import PlanRequest
+from strategies.program.supply import Supply
+from vehicle.missions.plan import REFILL
+from vehicle.missions.plan_file import parse_saved_plan
+
+CARRIED = Supply(200.0, 0.1, 40.0)  # lasts for 500 m of track
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("supply")
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> PlanningResult:
+    """A plan of one tractor with a tank, saved as plan.json."""
+    ring = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    field = folder / "field.geojson"
+    field.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), encoding="utf-8")
+    request = PlanRequest(field=str(field), local=True, width_m=4.0, tractors=(1,), strategies=("split-field",))
+    answer = plan(request, supply=CARRIED, executor=SerialExecutor())
+    answer.save(folder / "plan.json")
+    return answer
+
+
+def change_plan(folder: Path, change: Callable[[dict[str, Any]], Any]) -> str:
+    """The plan with changed machines, left after five minutes."""
+    saved = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    change(saved["scenario"][MACHINES_KEY])
+    (folder / "changed.json").write_text(json.dumps(saved), encoding="utf-8")
+    return f"{folder}/changed.json@0:05"
+
+
+def count_refills(answer: PlanningResult) -> int:
+    assert answer.run is not None
+    return sum(leg.task.kind == REFILL or leg.stand_s > 0.0 for m in answer.run.plan.missions for leg in m.legs)
+
+
+@pytest.mark.slow
+def test_a_plan_with_a_tank_goes_on_with_what_is_left_in_it_and_says_so_again(
+    folder: Path, whole: PlanningResult
+) -> None:
+    source = f"{folder}/plan.json@0:12"
+    answer = plan(whole.context.request, done=source, executor=SerialExecutor())
+    assert answer.context.supply == CARRIED and answer.context.going_on is not None
+    (stand,) = answer.context.going_on.stands
+    assert 0.0 < stand.used <= CARRIED.capacity
+    assert 0 < count_refills(answer) < count_refills(whole)
+    answer.save(folder / "again.json")
+    assert read_supply(parse_saved_plan((folder / "again.json").read_text(encoding="utf-8"))) == CARRIED
+    given = GivenOptions({"field": whole.context.request.field, "local": True}, ["local"], (source,))
+    assert given.build_order(given.build_request()).supply == CARRIED
+
+
+@pytest.mark.slow
+def test_a_plan_of_an_earlier_headland_that_does_not_say_how_large_its_tank_is_asks_for_it(
+    folder: Path, whole: PlanningResult
+) -> None:
+    def say_it_in_words(machines: dict[str, Any]) -> None:
+        del machines["supply"]
+        machines["load"] = "a load of 200"
+
+    source = change_plan(folder, say_it_in_words)
+    with pytest.raises(HeadlandError, match=r"has a tank, and the plan does not say how large; add farm"):
+        plan(whole.context.request, done=source, executor=SerialExecutor())
+    continued = read_continued_plan([source])
+    assert continued is not None and continued.has_unknown_tank and continued.supply is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"capacity": -1.0},
+        {"rate_per_m2": 0.0},
+        {"stop_s": float("nan")},
+        {"served_at": "the moon"},
+        {"place": [1.0]},
+        {"place": {"x": 1.0}},
+        {"colour": "red"},
+    ],
+)
+def test_a_garbled_supply_is_told(folder: Path, whole: PlanningResult, wrong: dict[str, Any]) -> None:
+    source = change_plan(folder, lambda machines: machines["supply"].update(wrong))
+    with pytest.raises(HeadlandError, match="supply in the scenario of the plan is garbled; save the plan again"):
+        read_continued_plan([source])
+
+
+@pytest.mark.slow
+def test_the_place_of_a_supply_is_read_as_it_was_saved(folder: Path, whole: PlanningResult) -> None:
+    change_plan(folder, lambda machines: machines["supply"].update(served_at="place", place=[3, 4.5], collects=True))
+    supply = read_supply(parse_saved_plan((folder / "changed.json").read_text(encoding="utf-8")))
+    assert supply == Supply(200.0, 0.1, 40.0, True, "place", (3.0, 4.5))
