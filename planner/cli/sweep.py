@@ -32,15 +32,13 @@ from planner.cli.common.outputs import (
     render_requested,
     write_before_printing,
 )
-from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
+from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.options import list_options
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, FarmChoice, PlanRequest
 from planner.sweep.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
-from reports.common.language import use_reader
-from reports.common.rendering import format_value
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -183,16 +181,16 @@ class _Question:
 
     def _build_command(self) -> tuple[str, ...]:
         """What plans one combination, but for the field and the options that are varied."""
+        from reports.sweep.wording import list_option_words
+
         varied = {axis.option.name for axis in self.axes} | {"tractors"}
         words = ["headland", "plan"]
         for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
             value = self.given.values.get(option.name)
             if option.name in varied or option.name not in self.given.given_names or value in (None, False):
                 continue
-            name = option.rules.declaration or get_option_name(option.name)
-            values = value if isinstance(value, list | tuple) else [value]
-            for one in values:
-                words += [name] if one is True else [name, format_value(one)]
+            for one in value if isinstance(value, list | tuple) else [value]:
+                words += list_option_words(option.rules.declaration or get_option_name(option.name), one)
         return tuple(words)
 
 
@@ -301,5 +299,6 @@ def _drive(
     if best is None or driven.run is None:
         raise RequestError(f"This combination cannot be driven: {driven.ranking.refusal} Pick another row.")
     files = [] if save is None else [(save, write_saved_plan(driven.context, driven.run.plan, driven.ranking))]
-    with write_before_printing(files), use_reader():
-        print_sentence(compare_with_drive(result, picked, best), err=is_quiet)
+    with write_before_printing(files):
+        if not is_quiet:
+            print_renderable(compare_with_drive, result, picked, best)

@@ -28,8 +28,9 @@ from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
 from strategies.programmes.site_moves import SiteMoves
 from strategies.registry import get_strategy
-from strategies.split_field import STRATEGY
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
+
+STRATEGY = get_strategy("split-field")
 
 
 @dataclass(frozen=True, eq=False)

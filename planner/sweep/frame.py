@@ -14,7 +14,6 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
 from planner.sweep.axes import read_axes
 from planner.sweep.sweep import Sweep
-from reports.sweep.tables import build_sweep_frame
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor
 
@@ -52,6 +51,6 @@ def sweep(
     found = Sweep(axes, (request.field,), build_order)
     found.run(executor, progress=progress)
     result = found.build_result()
-    frame = build_sweep_frame(result)
+    frame = result.to_pandas()
     frame.attrs["sweep"] = result
     return frame

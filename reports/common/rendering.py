@@ -58,11 +58,6 @@ def format_csv_cell(value: Any) -> Any:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else value
 
 
-def format_value(value: Any) -> str:
-    """A value of an option as it is written."""
-    return f"{value:.10g}" if isinstance(value, int | float) else str(value)
-
-
 def render_template(name: str, content: Mapping[str, Any]) -> str:
     """A page as HTML text: the template `name` of the package reports filled with `content`, values escaped."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined

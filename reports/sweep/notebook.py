@@ -8,13 +8,18 @@ from reports.sweep.results import SweepResult
 from reports.sweep.tables import (
     build_front_table,
     build_sweep_frame,
-    choose_rows,
-    describe_rows,
     format_sweep_csv,
     format_sweep_json,
     render_sweep_parquet,
 )
-from reports.sweep.wording import ESTIMATED, describe_best, describe_influences, describe_refused, describe_title
+from reports.sweep.wording import (
+    ESTIMATED,
+    describe_best,
+    describe_influences,
+    describe_refused,
+    describe_rows,
+    describe_title,
+)
 
 
 @build_view.register
@@ -39,7 +44,7 @@ def build_sweep_view(result: SweepResult) -> ResultView:
 def render_sweep_fragment(result: SweepResult) -> str:
     """What to take and what matters, cost over time, and the table of what no other beats."""
     sentences = [describe_best(result), describe_influences(result), describe_refused(result), ESTIMATED]
-    rows = choose_rows(result)
+    rows = result.rows
     picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
     best = next((place for place, one in enumerate(rows) if one is result.best), None)
     tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []

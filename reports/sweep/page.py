@@ -10,20 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.common import palette
-from reports.common.drawing_sizes import PAGE_INCHES
-from reports.common.language import FILES, use_reader
-from reports.common.notebook import create_figure
+from reports.common.notebook import FIGURE_INCHES, create_figure
 from reports.common.plan_results import get_ranked_cost, get_ranked_s
 from reports.common.rendering import ReportError, render_template
 from reports.common.wording import capitalize_first, format_tractor_count
 from reports.plan.map_figure import render_png
 from reports.sweep.results import SweepResult, SweptPlan
-from reports.sweep.tables import build_front_table, choose_rows, describe_rows
+from reports.sweep.tables import build_front_table
 from reports.sweep.wording import (
     ESTIMATED,
     describe_best,
     describe_influences,
     describe_refused,
+    describe_rows,
     describe_title,
     describe_value,
     list_option_words,
@@ -62,29 +61,28 @@ class ChartAxis:
 
 def render_sweep_page(result: SweepResult) -> str:
     """The page as HTML text, in English: a point shows its options, its figures and the command that drives it."""
-    with use_reader(FILES):
-        table, rows = build_front_table(result), choose_rows(result)
-        plans = [one for one in result.plans if one.plan.feasible]
-        places = {one.numbers: place for place, one in enumerate(plans)}
-        sentences = (describe_influences(result), describe_refused(result), ESTIMATED)
-        content: dict[str, Any] = {
-            "title": describe_title(result),
-            "best": describe_best(result),
-            "currency": result.currency,
-            "sentences": [text for text in sentences if text],
-            "chart": _build_chart(result, plans, places) if plans and result.front else None,
-            "shares": _list_shares(result),
-            "headings": [column.full_title for column in table.columns],
-            "rows": [
-                {
-                    "cells": [cells[0].removeprefix("> "), *cells[1:]],
-                    "is_best": one is result.best,
-                    "point": places[one.numbers],
-                }
-                for one, cells in zip(rows, table.rows, strict=True)
-            ],
-            "legend": describe_rows(result),
-        }
+    table, rows = build_front_table(result), result.rows
+    plans = [one for one in result.plans if one.plan.feasible]
+    places = {one.numbers: place for place, one in enumerate(plans)}
+    sentences = (describe_influences(result), describe_refused(result), ESTIMATED)
+    content: dict[str, Any] = {
+        "title": describe_title(result),
+        "best": describe_best(result),
+        "currency": result.currency,
+        "sentences": [text for text in sentences if text],
+        "chart": _build_chart(result, plans, places) if plans and result.front else None,
+        "shares": _list_shares(result),
+        "headings": [column.full_title for column in table.columns],
+        "rows": [
+            {
+                "cells": [cells[0].removeprefix("> "), *cells[1:]],
+                "is_best": one is result.best,
+                "point": places[one.numbers],
+            }
+            for one, cells in zip(rows, table.rows, strict=True)
+        ],
+        "legend": describe_rows(result),
+    }
     return render_template("sweep.html.j2", content)
 
 
@@ -194,7 +192,6 @@ def render_sweep_png(result: SweepResult) -> bytes:
     """The picture of `draw_sweep`; raises ReportError where no combination has a plan."""
     if result.best is None:
         raise ReportError("No combination has a plan, so there is nothing to draw; vary other options.")
-    with use_reader(FILES):
-        figure = create_figure(PAGE_INCHES, 5.0, layout="constrained")
-        draw_sweep(figure.add_subplot(), result)
-        return render_png(figure)
+    figure = create_figure(*FIGURE_INCHES, layout="constrained")
+    draw_sweep(figure.add_subplot(), result)
+    return render_png(figure)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import Group, RenderableType
 
-from reports.common.language import translate
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
 from reports.common.rendering import (
     EXPORT_DECIMALS,
@@ -16,7 +14,6 @@ from reports.common.rendering import (
     format_csv,
     format_csv_cell,
     format_json,
-    format_value,
     make_json_safe,
 )
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
@@ -27,15 +24,16 @@ from reports.sweep.wording import (
     build_command,
     describe_best,
     describe_influences,
+    describe_marked_rows,
     describe_refused,
     describe_title,
+    format_value,
     title_option,
 )
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-MOST_ROWS = 20
 PLAN_KEYS = (
     "finished_s",
     "finished_cost",
@@ -78,20 +76,9 @@ def _list_figures(plan: PlanResult) -> dict[str, Any]:
     return figures
 
 
-def choose_rows(result: SweepResult, most: int = MOST_ROWS) -> tuple[SweptPlan, ...]:
-    """The rows of the table, quickest first: what nothing beats, spread evenly where it is too many, and the best."""
-    front, best = result.front, result.best
-    if len(front) > most:
-        places = np.unique(np.linspace(0, len(front) - 1, most - 1).round().astype(int))
-        front = tuple(front[place] for place in places)
-    if best is not None and all(one.numbers != best.numbers for one in front):
-        front = tuple(sorted((*front, best), key=lambda one: get_ranked_s(one.plan)))
-    return front
-
-
 def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:
     """The plan of a row of the table, counted from 1; the best without a number. Raises ReportError."""
-    rows = choose_rows(result)
+    rows = result.rows
     if not rows or result.best is None:
         raise ReportError("No combination has a plan, so none can be driven; vary other options.")
     if row is None:
@@ -103,30 +90,20 @@ def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:
 
 def build_sweep_screen(result: SweepResult) -> RenderableType:
     """What to take, what matters, and the table of what nothing beats."""
-    rows = choose_rows(result)
+    rows = result.rows
     sentences = [describe_best(result), describe_influences(result), describe_refused(result)]
     parts: list[RenderableType] = [format_title(describe_title(result))]
     parts += [format_sentence(text, style="" if place else "bold") for place, text in enumerate(sentences) if text]
     if rows:
-        legend = translate("> is the one to take. {rows}", rows=describe_rows(result))
-        parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
-        parts.append(format_sentence(translate(ESTIMATED), style="dim"))
+        parts += ["", build_front_table(result), format_sentence(describe_marked_rows(result), style="dim")]
+        parts.append(format_sentence(ESTIMATED, style="dim"))
     return Group(*parts)
-
-
-def describe_rows(result: SweepResult) -> str:
-    """What the rows of the table are."""
-    rows, front = choose_rows(result), len(result.front)
-    text = translate("No other combination beats these in time, cost, tractors, ground and fuel together.")
-    if front <= len(rows):
-        return text
-    return translate("{text} Shown are {rows} of {front}; --csv has all.", text=text, rows=len(rows), front=front)
 
 
 def build_front_table(result: SweepResult) -> FittedTable:
     """The rows of `choose_rows` with their numbers, only varied options as columns."""
     varied = [place for place, option in enumerate(result.options) if len(option.values) > 1]
-    rows = choose_rows(result)
+    rows = result.rows
     uses_energy = any(one.plan.energy_kwh is not None for one in rows)
     columns = [
         TableColumn("Row"),
@@ -171,7 +148,7 @@ def format_sweep_json(result: SweepResult) -> str:
             "estimated": True,
             "currency": result.currency,
             "options": {option.key: option.values for option in result.options},
-            "best": None if best is None else {"row": choose_rows(result).index(best) + 1, **list_values(result, best)},
+            "best": None if best is None else {"row": result.rows.index(best) + 1, **list_values(result, best)},
             "front": [list_values(result, one) for one in result.front],
             "influences": [
                 {"option": one.option.key, "time_share": one.time_share, "cost_share": one.cost_share}

@@ -7,7 +7,6 @@ from typing import Any
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
-from reports.common.rendering import format_value
 from reports.common.units import SPEED, format_width
 from reports.common.wording import (
     capitalize_first,
@@ -21,10 +20,10 @@ from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
 LEAST_SHARE = 0.005  # of a variance; less is nothing
 ESTIMATED = mark_text(
-    "All is estimated: tractors wait for each other only when a plan is driven in full (--save), which mostly takes a "
-    "little longer."
+    "Estimated: each number of tractors was driven once, and its times by speed are computed from that. --save drives "
+    "a combination in full."
 )
-WORDS = (mark_text("headland first"), mark_text("headland last"))
+ORDER_NAMES = {"first": mark_text("headland first"), "last": mark_text("headland last")}
 """How the orders of the headland are named."""
 
 
@@ -37,8 +36,13 @@ def describe_value(option: SweptOption, value: Any) -> str:
     if option.key == "speed_kmh":
         return SPEED.format(value, 0 if float(value).is_integer() else 1)
     if option.key == "headland_order":
-        return translate(f"headland {value}")
+        return translate(ORDER_NAMES[value])
     return f"{translate_sentence(option.label)} {format_value(value)}"
+
+
+def format_value(value: Any) -> str:
+    """A value as the option is written."""
+    return f"{value:.10g}" if isinstance(value, int | float) else str(value)
 
 
 def describe_options(result: SweepResult, one: SweptPlan) -> str:
@@ -105,6 +109,20 @@ def describe_title(result: SweepResult) -> str:
     return translate("{field}, {area} ha: {done} of {total} combinations", done=done, **values)
 
 
+def describe_rows(result: SweepResult) -> str:
+    """What the rows of the table are."""
+    rows, front = len(result.rows), len(result.front)
+    text = translate("No other combination beats these in time, cost, tractors, ground and fuel together.")
+    if front <= rows:
+        return text
+    return translate("{text} Shown are {rows} of {front}; --csv has all.", text=text, rows=rows, front=front)
+
+
+def describe_marked_rows(result: SweepResult) -> str:
+    """The same, and which of them to take."""
+    return translate("> is the one to take. {rows}", rows=describe_rows(result))
+
+
 def compare_with_drive(result: SweepResult, one: SweptPlan, driven: PlanResult) -> str:
     """The plan as driven beside its estimate, with what they differ by."""
 
@@ -139,10 +157,11 @@ def build_command(result: SweepResult, one: SweptPlan) -> str:
 
 
 def list_option_words(name: str, value: Any) -> list[str]:
-    """An option of `headland plan` with its value as words of a command; an order of the headland is a flag."""
+    """An option of `headland plan` by its name with its value as words of a command; some are flags."""
     if name == "headland_order":
         return [f"--headland-{value}"]
-    return [f"--{name.replace('_', '-')}", format_value(value)]
+    option = name if name.startswith("--") else f"--{name.replace('_', '-')}"
+    return [option] if value is True else [option, format_value(value)]
 
 
 def title_option(option: SweptOption) -> str:

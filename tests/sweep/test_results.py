@@ -16,7 +16,7 @@ import reports.sweep.notebook  # noqa: F401
 from reports.common.rendering import ReportError
 from reports.sweep.page import ChartAxis, render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influence
-from reports.sweep.tables import build_sweep_screen, choose_rows, format_sweep_csv, format_sweep_json, pick_plan
+from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, pick_plan
 from reports.sweep.wording import build_command
 from tests.sweep.results import build_result
 
@@ -66,19 +66,17 @@ def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> Non
     assert "6 m, 1 tractor, price per hour 40: 1 h 40 min, 72 EUR; estimated." in text
     assert "Of the difference in time: tractors 63 %, working width 56 %." in text and "in cost: working width" in text
     assert "2 combinations have no plan, the first: There is no work for 3." in text
-    assert "wait for each other" in text
+    assert "Estimated: each number of tractors was driven once" in text
 
 
 def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
     result = build_result()
-    rows = choose_rows(result)
+    rows = result.rows
     assert result.best in rows and [pick_plan(result, number + 1) for number in range(len(rows))] == list(rows)
     assert pick_plan(result, None) is result.best
     for row in (0, len(rows) + 1):
         with pytest.raises(ReportError, match=rf"--pick is {row}; the table has rows 1 to {len(rows)}"):
             pick_plan(result, row)
-    few = choose_rows(result, 2)
-    assert len(few) <= 2 and few[0] is rows[0] and result.best in few
 
 
 def test_a_command_plans_the_combination() -> None:
