@@ -116,9 +116,10 @@ def prepare_ground(order: WorkOrder) -> GroundEstimates:
 
 
 def _drive_s(context: PlanningContext, tractors: int, default_s: float) -> float:
-    """Seconds of the quickest plan of all strategies as driven, split-field first; the default where none can be.
+    """Seconds of the plan of split-field as driven, else of the quickest other strategy; the default where none can be.
 
-    Those whose sketch takes longer than what was driven before are left out.
+    A plan that keeps the clearance comes before quicker ones, as in a ranking. Others whose sketch takes longer than
+    what was driven before are left out.
     """
     best_s = math.inf
     for name in dict.fromkeys((STRATEGY.name, *context.request.strategies)):
@@ -127,6 +128,8 @@ def _drive_s(context: PlanningContext, tractors: int, default_s: float) -> float
             if max(sketch.tractor_s) < best_s:
                 driven = run_candidate(context, Candidate(name, tractors))
                 best_s = min(best_s, math.inf if driven.reason else driven.run.duration_s)
+        if name == STRATEGY.name and math.isfinite(best_s):
+            break
     return best_s if math.isfinite(best_s) else default_s
 
 

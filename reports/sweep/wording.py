@@ -7,14 +7,15 @@ from typing import Any
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
-from reports.common.units import SPEED, format_width
 from reports.common.wording import (
+    SPEED,
     capitalize_first,
     format_duration,
     format_money,
     format_number,
     format_time_span,
     format_tractor_count,
+    format_width,
 )
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
