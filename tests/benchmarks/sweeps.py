@@ -20,6 +20,7 @@ from typing import Any
 
 import headland
 
+from fields.units import MPS_PER_KMH
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import warm_up_simulation
@@ -82,7 +83,7 @@ def draw_requests(count: int, seed: int) -> list[PlanRequest]:
         PlanRequest(
             SAMPLES[number % len(SAMPLES)],
             width_m=draw.choice(WIDTHS_M),
-            speed_kmh=draw.choice(SPEEDS_KMH),
+            speed_mps=draw.choice(SPEEDS_KMH) * MPS_PER_KMH,
             tractors=(draw.randint(1, MOST_TRACTORS),),
             headland_order=draw.choice(HEADLAND_ORDERS),
         )

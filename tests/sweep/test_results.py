@@ -89,6 +89,7 @@ def test_a_command_plans_the_combination() -> None:
 def test_json_and_csv_have_all_plans() -> None:
     result = build_result()
     data = json.loads(format_sweep_json(result))
+    assert result.best is not None
     assert (data["combinations"], data["done"], data["estimated"]) == (12, 12, True)
     assert data["without_plan"] == {"count": 2, "reason": "There is no work for 3."}
     assert len(data["plans"]) == 12 and data["best"]["command"] == build_command(result, result.best)
