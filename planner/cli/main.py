@@ -3,7 +3,7 @@
 Two commands are here: `headland guide` (prints a page of the guide) and `headland setup` (compiles all beforehand).
 
 Exit status: 0 done, 1 disk full, out of memory or a fault of Headland, 2 bad input or usage, 3 no feasible plan
-or a tractor file that is not worth saving, 130 interrupted.
+or a tractor file that is not worth saving, 4 a worker of another version than the service, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from planner.cli.machines import farm, gnss, tractor
 from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
 from planner.cli.saved_plan import export, show
-from planner.cli.server import backup, restore, serve, token
+from planner.cli.server import backup, restore, serve, token, worker
 from planner.cli.sweep import sweep
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
@@ -94,6 +94,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "plan": plan, "sweep": sweep, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings,
     "show": show, "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay,
     "compare": compare, "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve,
+    "worker": worker,
     "robot": robot, "backup": backup, "restore": restore, "guide": guide, "setup": setup,
 }  # fmt: skip
 """Commands in the order of the help; the groups of commands follow."""

@@ -1,10 +1,11 @@
-"""`headland serve` (the service and its pages), `backup`, `restore` and `token` (who may do what)."""
+"""`headland serve` (the service and its pages), `worker`, `backup`, `restore` and `token` (who may do what)."""
 
 from __future__ import annotations
 
 import gc
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -40,6 +41,9 @@ VIDEO_HELP = (
     "Host that operators may name for video, such as https://gateway.example:8443; may be repeated. The "
     "browsers of all who look load it."
 )
+WORKERS_HELP = "Jobs that are computed at a time, which share the cores; by default 1, or 2 from four cores."
+SERVE_WORKERS_HELP = f"{WORKERS_HELP} 0 leaves all to headland worker."
+MOST_WORKERS = 64
 SCOPE_HELP = (
     "read; planner (files and jobs); operator (fleets); robot (drives one tractor, with --fleet and --tractor); admin "
     "(everything). May be repeated; robot cannot be combined."
@@ -67,12 +71,14 @@ def serve(
     ] = "",
     background_zoom: Annotated[int, typer.Option(help="Finest zoom that the address has.")] = 19,
     background_cache_mb: Annotated[int, typer.Option(help="Most MB of tiles kept in the data folder.")] = 200,
+    workers: Annotated[Optional[int], typer.Option(help=SERVE_WORKERS_HELP)] = None,
 ) -> None:
     """Plan, watch and drive fleets in a browser; prints the address to open.
 
     Example: headland serve --data farm
     """
     from planner.service.backgrounds.map_background import MapBackground
+    from planner.service.errors import ServiceError
     from planner.service.store.database import hold_service_lock
 
     limit_linear_algebra_threads()
@@ -80,14 +86,52 @@ def serve(
         data, database, host=host, port=port, public_url=public_url.rstrip("/"),
         video_hosts=tuple(video_host or ()), background=background,
         background_attribution=background_attribution, background_zoom=background_zoom,
-        background_cache_mb=background_cache_mb,
+        background_cache_mb=background_cache_mb, **_share_cores(workers, least=0),
     )  # fmt: skip
+    if settings.workers == 0 and not settings.is_shared:
+        raise ServiceError(
+            "Without workers of its own the service needs PostgreSQL, from which headland worker takes jobs; give its "
+            "--database, or more --workers.",
+            parameter="workers",
+        )
     MapBackground(settings)  # the office opens it later; a wrong one is refused here
     try:
         with hold_service_lock(settings):
             _run_server(settings)
     except KeyboardInterrupt:
         stop_repeating()
+
+
+def worker(
+    database: Annotated[str, typer.Option("--database", help="URL of the PostgreSQL of the service.")],
+    workers: Annotated[Optional[int], typer.Option(help=WORKERS_HELP)] = None,
+) -> None:
+    """Compute jobs of a service on this machine, by way of its PostgreSQL; Ctrl-C gives back what is under way.
+
+    It needs neither the folder of the service nor a port. Exit status 4: the service is of another version.
+
+    Example: headland worker --database postgresql://headland@farm.example/headland --workers 4
+    """
+    from planner.service.gateway.request_logs import set_up_logs
+    from planner.service.jobs.remote_workers import run_remote_workers
+
+    limit_linear_algebra_threads()
+    with tempfile.TemporaryDirectory(prefix="headland-worker-") as folder:
+        settings = build_settings(Path(folder), database, **_share_cores(workers, least=1))
+        set_up_logs()
+        run_remote_workers(settings, lambda: typer.echo(f"Jobs at a time: {settings.workers}; Ctrl-C ends it."))
+
+
+def _share_cores(workers: int | None, least: int) -> dict[str, int]:
+    """Settings for this many jobs at a time, which share the cores; raises ServiceError for impossible ones."""
+    from planner.service.errors import ServiceError
+    from planner.service.settings import count_cores
+
+    if workers is None:
+        return {}
+    if not least <= workers <= MOST_WORKERS:
+        raise ServiceError(f"--workers is {workers}; use {least} to {MOST_WORKERS}.", parameter="workers")
+    return {"workers": workers, "processes": max(1, count_cores() // max(1, workers))}
 
 
 def build_settings(data: Path | None, database: str, **overrides: object) -> ServiceSettings:

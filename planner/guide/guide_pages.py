@@ -18,12 +18,19 @@ from vehicle.energy.draft import DraftRule, load_draft_rules
 TOPICS = (
     "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "implements", "weather", "refills",
     "going-on", "day", "many-fields", "sweep", "terminals", "task-logs", "diagnosis", "diagnosis-method", "vehicle",
-    "service", "operations", "proxy", "threat-model", "python", "strategies", "reference", "options", "architecture",
+    "service", "operations", "workers", "proxy", "threat-model", "python", "strategies", "reference", "options",
+    "architecture",
     "benchmarks", "glossary",
 )  # fmt: skip
 """In the order in which people need them."""
 OPTIONS_TOPIC, IMPLEMENTS_TOPIC = "options", "implements"
-FILE_TYPES = {".png": "image/png", ".conf": "text/plain", ".service": "text/plain", "": "text/plain"}
+FILE_TYPES = {
+    ".png": "image/png",
+    ".conf": "text/plain",
+    ".service": "text/plain",
+    ".yaml": "text/plain",
+    "": "text/plain",
+}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?://|#)([^)\s]+)\)")
 MAX_QUERY_CHARACTERS = 80
 IMPLEMENTS_INTRODUCTION = """# Implements and their draft

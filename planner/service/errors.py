@@ -53,6 +53,13 @@ class DatabaseError(ServiceError):
     http_status = 503
 
 
+class VersionError(ServiceError):
+    """A worker of another version than the service."""
+
+    http_status = 409
+    status = 4
+
+
 class StorageError(ServiceError):
     """No room left on the disk; commands exit with status 1, as the request itself was fine."""
 

@@ -38,8 +38,8 @@ def find_version() -> str:
 
 
 def count_cores() -> int:
-    """Cores of this machine."""
-    return os.cpu_count() or 1
+    """Cores of this machine that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class ServiceSettings:
     """Address, data folder and limits of a service.
 
     `database` is a URL of SQLAlchemy, "" for an SQLite file in the folder `data`. `workers` jobs run at a time, with
-    `processes` each. A job whose worker does not report for `lease_s` is given to another, and fails after `tries`
-    attempts. Files and results that would leave less than `reserve_mb` free on the disk are refused. `public_url` is
-    the address for browsers behind a proxy, "" without one. `job_functions` adds kinds of jobs by name
-    (planner.service.jobs.job_requests.JobFunction). `video_hosts` are those that pages may load video from, each with
-    its scheme. `background` is that of maps: "" for none, an address with {z}, {x} and {y}, or an .mbtiles or .tif
-    file; `background_attribution` says whose it is. Tiles of an address exist up to `background_zoom`, and at most
-    `background_cache_mb` of them are kept in `data`. Raises ServiceError.
+    `processes` each, and `jobs_waiting` of each token may wait. A job whose worker does not report for `lease_s` is
+    given to another, and fails after `tries` attempts. Files and results that would leave less than `reserve_mb` free
+    on the disk are refused. `public_url` is the address for browsers behind a proxy, "" without one. `job_functions`
+    adds kinds of jobs by name (planner.service.jobs.job_requests.JobFunction). `video_hosts` are those that pages may
+    load video from, each with its scheme. `background` is that of maps: "" for none, an address with {z}, {x} and {y},
+    or an .mbtiles or .tif file; `background_attribution` says whose it is. Tiles of an address exist up to
+    `background_zoom`, and at most `background_cache_mb` of them are kept in `data`. Raises ServiceError.
     """
 
     data: Path = field(default_factory=find_default_data)
@@ -97,6 +97,11 @@ class ServiceSettings:
             if self.database.startswith(short):
                 return "postgresql+psycopg://" + self.database.removeprefix(short)
         return self.database
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether workers on other machines can use the database."""
+        return self.url.startswith("postgresql")
 
     @property
     def local(self) -> bool:

@@ -45,12 +45,12 @@ class _TimedTours:
 class GroundEstimates:
     """The plans of one layout: tours are found once for a number of tractors and an order of the headland."""
 
-    def __init__(self, context: PlanningContext) -> None:
-        """For the ground of a context, whose speed is that at which tours are found."""
-        self._context = context
+    def __init__(self, context: PlanningContext, drives: bool = True) -> None:
+        """For the ground of a context, whose speed is that at which tours are found; with `drives` they are driven."""
+        self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
-        self._drive_factors = dict[tuple[int, str], float]()
+        self._drive_factors = dict[int, float]()
         self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
 
     def estimate(self, order: WorkOrder) -> PlanResult:
@@ -63,7 +63,7 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                alone, factor = self._time_tours(context, sketch), self._drive_factors[count, headland]
+                alone, factor = self._time_tours(context, sketch), self._get_drive_factor(count)
                 timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
@@ -81,11 +81,15 @@ class GroundEstimates:
                 sketch = sketch_plans(context, STRATEGY, tractors)[0]
                 idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
                 self._sketches[key] = sketch if idle is None else _refuse_idle(tractors)
-                alone_s = float(self._time_tours(context, sketch).times.tractor_s.max())
-                self._drive_factors[key] = 1.0 if idle is not None else _drive_s(context, tractors, alone_s) / alone_s
             except StrategyError as refusal:
                 self._sketches[key] = refusal
         return self._sketches[key]
+
+    def _get_drive_factor(self, tractors: int) -> float:
+        """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""
+        if tractors not in self._drive_factors:
+            self._drive_factors[tractors] = _measure_drive_factor(self._context, tractors) if self._drives else 1.0
+        return self._drive_factors[tractors]
 
     def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch at the speeds of a context."""
@@ -115,22 +119,23 @@ def prepare_ground(order: WorkOrder) -> GroundEstimates:
     return GroundEstimates(prepare_context(order))
 
 
-def _drive_s(context: PlanningContext, tractors: int, default_s: float) -> float:
-    """Seconds of the plan of split-field as driven, else of the quickest other strategy; the default where none can be.
+def _measure_drive_factor(context: PlanningContext, tractors: int) -> float:
+    """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
 
-    A plan that keeps the clearance comes before quicker ones, as in a ranking. Others whose sketch takes longer than
-    what was driven before are left out.
+    Strategies whose sketch takes longer than what was driven before are left out; 1 where none can be driven.
     """
-    best_s = math.inf
+    best_s, alone_s = math.inf, math.nan
     for name in dict.fromkeys((STRATEGY.name, *context.request.strategies)):
         with suppress(StrategyError):
-            sketch = sketch_plans(context, get_strategy(name), tractors)[0]
-            if max(sketch.tractor_s) < best_s:
+            sketch_s = max(sketch_plans(context, get_strategy(name), tractors)[0].tractor_s)
+            alone_s = sketch_s if name == STRATEGY.name else alone_s
+            if sketch_s < best_s:
                 driven = run_candidate(context, Candidate(name, tractors))
                 best_s = min(best_s, math.inf if driven.reason else driven.run.duration_s)
         if name == STRATEGY.name and math.isfinite(best_s):
             break
-    return best_s if math.isfinite(best_s) else default_s
+    factor = best_s / alone_s
+    return factor if math.isfinite(factor) else 1.0
 
 
 def _refuse_idle(tractors: int) -> StrategyError:

@@ -20,25 +20,38 @@ Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 
-def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools) -> list[Bools]:
+def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None = None) -> list[Bools]:
     """Deals (tractors, lines) after one in which several may work the same, where they meet less and less.
 
     First every side of the headland is one tractor's in all passes: the ring along the edge is cut into stretches,
-    equal by length, and rings round obstacles are whole; each is the tractor's whose swaths are near. Where the ring
-    has fewer sides than there are tractors, or one of them no swaths, its sides are for all. Then the swaths that
-    several may work are dealt too. What is left of a field without swaths is dealt no further.
+    equal by length, and rings round obstacles are whole; each is the tractor's that is near, by the `places` (tractors,
+    2) where they stand, else by their swaths. Where the ring has fewer sides than there are tractors, or one of them
+    neither place nor swaths, its sides are for all. Then the swaths that several may work are dealt too. What is left
+    of a field without swaths is dealt no further.
     """
     deals, rings = [allowed], _list_rings(lines)
-    have_swaths = all(_list_swaths(lines, own) for own in allowed)
-    if have_swaths and rings and len(rings[0]) >= len(allowed):
-        deals.append(_deal_rings(lines, allowed, rings))
+    is_placed = places is not None or all(_list_swaths(lines, own) for own in allowed)
+    if is_placed and rings and len(rings[0]) >= len(allowed):
+        homes = find_swath_middles(lines, allowed) if places is None else places
+        deals.append(_deal_rings(lines, allowed, rings, homes))
     deals.append(_part_swaths(lines, deals[-1]))
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
 
 
-def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list[int]]]) -> Bools:
-    """The deal with rings of the headland in stretches or whole."""
-    homes = np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in allowed])
+def find_swath_middles(lines: Sequence[WorkLine], blocks: Bools) -> Floats:
+    """The middle (tractors, 2) of the swaths of each tractor."""
+    return np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in blocks])
+
+
+def find_near_blocks(middles: Floats, places: Floats) -> npt.NDArray[np.intp]:
+    """For each tractor at a place (tractors, 2) the number of its block by the middles (n, 2), near for all."""
+    gaps_m = np.hypot(*(places[:, None] - middles[None]).transpose(2, 0, 1))
+    blocks: npt.NDArray[np.intp] = linear_sum_assignment(gaps_m)[1]
+    return blocks
+
+
+def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list[int]]], homes: Floats) -> Bools:
+    """The deal with rings of the headland in stretches or whole, near the homes (tractors, 2)."""
     dealt = allowed.copy()
     dealt[:, [number for ring in rings for side in ring for number in side]] = False
     for tractor, numbers in enumerate(_cut_ring(lines, rings[0], homes)):

@@ -40,12 +40,11 @@ def sketch_programme(
     stage = np.array(stages, np.int64)
     may = np.ones((tractors, count), bool) if allowed is None else allowed
     extra_s = np.zeros(count) if served_s is None else served_s
+    orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
     tours, cost_s = search_estimated_tours(
         table,
         lambda costs: pose_problem(moves, costs, stage, may, extra_s),
         lambda tours: list_pairs(moves, tours),
-        [list(order) for order in moves.orders] + [[] for _ in range(tractors - len(moves.orders))]
-        if any(len(order) > 1 for order in moves.orders)
-        else None,
+        orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
     )
     return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)

@@ -13,7 +13,7 @@ README = Path(__file__).parents[2] / "README.md"
 EXPERIMENTS = "headland validate"
 SERVING = ("headland serve", "headland demo", "headland robot")
 """Commands that run until they are ended; tests of the service start them."""
-OF_A_SERVER = ("operations", "proxy")
+OF_A_SERVER = ("operations", "workers", "proxy")
 """Pages whose commands are for a server of their own."""
 
 

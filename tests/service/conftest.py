@@ -68,6 +68,22 @@ def token(app: FastAPI) -> dict[str, str]:
     return bearer(app, BOTH)
 
 
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str, str]]:
+    """Exit status and what is printed of the command in this process."""
+
+    def headland(*arguments: str | Path) -> tuple[int, str, str]:
+        from planner.cli.main import main
+
+        monkeypatch.setattr("sys.argv", ["headland", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return headland
+
+
 Shared = tuple[TestClient, dict[str, str]]
 
 

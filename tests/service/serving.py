@@ -1,8 +1,8 @@
 """A service with the kinds of jobs of these tests, as a process to be killed.
 
-    python -m tests.service.serving DATA DATABASE WORKERS whole|workers
+    python -m tests.service.serving DATA DATABASE WORKERS whole|workers|remote
 
-With "workers" it has no network: workers and who looks after them alone.
+With "workers" it has no network: workers and who looks after them alone. With "remote" it is headland worker.
 """
 
 import signal
@@ -11,6 +11,7 @@ import threading
 from pathlib import Path
 
 from planner.cli.server import _run_server
+from planner.service.jobs.remote_workers import run_remote_workers
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
@@ -25,6 +26,9 @@ def main() -> None:
     )
     if how == "whole":
         _run_server(settings)
+        return
+    if how == "remote":
+        run_remote_workers(settings, lambda: print("at work", flush=True))
         return
     supervisor, over = WorkerSupervisor(settings, Store(settings)), threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())

@@ -27,22 +27,6 @@ from tests.service.databases import KINDS, database
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str, str]]:
-    """Exit status and what is printed, of the command in this process."""
-
-    def headland(*arguments: str | Path) -> tuple[int, str, str]:
-        from planner.cli.main import main
-
-        monkeypatch.setattr("sys.argv", ["headland", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return headland
-
-
 def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     status, out, _ = run("token", "new", "--scope", "operator", "--scope", "planner", "--data", tmp_path)
     token = out.strip()

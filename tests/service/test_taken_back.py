@@ -72,6 +72,7 @@ def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone() ->
     fleet = start_fleet()
     fleet.run(4)
     manager, state = fleet.manager, fleet.manager.states[0]
+    manager.operators.mark_failed("anna", 0, fleet.now)
     manager.operators.adopt_plan("anna", manager.plan, fleet.now, (0,))
     manager.operators.mark_repaired("anna", 0, fleet.now)
     assert state.holds == {Hold.REASSIGNED, Hold.REMOTE_CONTROL}
@@ -85,6 +86,16 @@ def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone() ->
     manager.operators.take_lease("anna", 0, False, fleet.now)
     manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert state.remote_command == (0.0, 0.5)
+
+
+def test_who_is_left_out_of_a_plan_has_not_failed() -> None:
+    fleet = start_fleet()
+    fleet.run(4)
+    manager, state = fleet.manager, fleet.manager.states[0]
+    manager.operators.adopt_plan("anna", manager.plan, fleet.now, (0,))
+    assert not state.failed and state.has_no_more_legs and state.standing_ordered
+    assert state.holds == {Hold.REASSIGNED}
+    assert not [alarm for alarm in manager.alarms.list_alarms() if alarm.code == "failed"]
 
 
 def test_who_was_led_past_an_obstacle_does_not_stand_for_it() -> None:

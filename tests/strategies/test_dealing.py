@@ -84,6 +84,9 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     assert dealt[0, 3] and dealt[1, 1], "the west side is the western tractor's, the east side the eastern's"
     assert (dealt[:, :4].sum(axis=1) == 2).all(), "as long for both"
     assert dealt[1, 12:16].all(), "the ring round the pond is whole"
+    places = np.array([[110.0, 60.0], [10.0, 60.0]])
+    (left,) = list_deals_apart(lines[:16], np.ones((2, 16), bool), places)
+    assert (left.sum(axis=0) == 1).all() and left[0, 1] and left[1, 3] and left[0, 12:].all(), "by where they stand"
     (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool))
     assert many[:, :16].all(), "four sides are no stretches for five"
     assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) >= 0).all(), "runs of swaths"

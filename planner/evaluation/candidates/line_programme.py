@@ -28,10 +28,10 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_O
 from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
-from strategies.lines.deal_apart import list_deals_apart
+from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import LineDeal
+from strategies.program.dealing import LineDeal, group_swath_lines
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
@@ -39,6 +39,7 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
+from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.missions.run import DONE
@@ -251,7 +252,9 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     shares = [deal.allowed]
-    if tractors > 1 and not strategy.beside and not moves.starts:
+    if context.going_on is not None:
+        shares += _list_deals_from_here(moves, tractors)
+    elif tractors > 1 and not strategy.beside:
         shares += list_deals_apart(moves.lines, deal.allowed)
 
     def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
@@ -291,6 +294,27 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
+
+
+def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[Flags]:
+    """Deals (tractors, lines) of what is left: as it was dealt before, then each part the tractor's that stands near.
+
+    There are none for one tractor.
+    """
+    if tractors == 1:
+        return []
+    free = np.ones((tractors, len(moves.lines)), bool)
+    before = free.copy()
+    for tractor, order in enumerate(moves.orders):
+        lines = [node // 2 for node in order]
+        before[:, lines], before[tractor, lines] = False, True
+    nodes = [*moves.starts, *[moves.gate] * (tractors - len(moves.starts))]
+    places = np.array([moves.ends[node][:2] for node in nodes])
+    if len(group_swath_lines(moves.lines)) < tractors:
+        return [before, *list_deals_apart(moves.lines, free, places)]
+    blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
+    near = find_near_blocks(find_swath_middles(moves.lines, blocks), places)
+    return [before, *(deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks)))]
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:

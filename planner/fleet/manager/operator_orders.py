@@ -268,9 +268,7 @@ class OperatorOrders:
             if number not in without and not state.has_no_more_legs:
                 self._check_base_unchanged(number, state, mission)
         for number in without:
-            if not fleet.states[number].has_no_more_legs:
-                self.mark_failed(who, number, now)
-            fleet.states[number].holds.add(Hold.REASSIGNED)
+            fleet.hold_tractor(number, Hold.REASSIGNED)
             fleet.alarms.reword("failed", number, f"Tractor {number + 1} has failed; its tracks were given to others.")
         fleet.plan = plan
         fleet.version += 1

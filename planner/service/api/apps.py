@@ -281,6 +281,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
     sweep_task: asyncio.Task[None] | None = None
     try:
         await asyncio.to_thread(sweep_unnamed_bytes, app.state.store)
+        await asyncio.to_thread(app.state.store.lend_all_inputs)
         sweep_task = asyncio.create_task(_sweep_forever(app.state.store))
         app.state.supervisor.start()
         yield

@@ -16,6 +16,7 @@ from fields.sample_fields import list_sample_names
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
 from planner.service.store.file_table import SUFFIXES_BY_KIND
+from planner.service.store.job_queue import JobStore
 from planner.service.store.service_store import Store
 from vehicle.identification.logs.reader import SAMPLE_LOG
 from vehicle.model.soil import load_soils
@@ -145,7 +146,7 @@ def _collect_plan_files(
     return values
 
 
-def write_inputs(store: Store, inputs: Mapping[str, str], folder: Path) -> None:
+def write_inputs(store: JobStore, inputs: Mapping[str, str], folder: Path) -> None:
     """Write the files of a request to a folder."""
     for file_path, sha256 in inputs.items():
         path = folder / file_path

@@ -13,6 +13,7 @@ import secrets
 import shutil
 import signal
 import socket
+import sys
 import tempfile
 import threading
 import time
@@ -22,7 +23,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TypeVar, cast
 
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import DBAPIError, OperationalError
 
 from planner.errors import HeadlandError, render_refusal
 from planner.service.errors import StorageError
@@ -31,13 +32,14 @@ from planner.service.jobs.job_requests import JobContext, JobFunction
 from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import ServiceSettings
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
-from planner.service.store.job_queue import ResultFile
+from planner.service.store.job_queue import JobStore, ResultFile
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 
 T = TypeVar("T")
 LOST_STATUS = 4
-"""Exit status of a worker whose job was cancelled or given to another: it stops at once and is started again."""
+"""Exit status of a worker whose job was cancelled or given to another, or that lost the database: it is started again,
+and nothing is counted against the job."""
 CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
 WORK_FOLDER, CACHE_FOLDER = "work", "field-times"
 DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
@@ -57,15 +59,21 @@ def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
     return JOB_FUNCTIONS[name]
 
 
-def run_worker(settings: ServiceSettings, worker: str) -> None:
+def run_worker(
+    settings: ServiceSettings, worker: str, open_store: Callable[[ServiceSettings], JobStore] = Store
+) -> None:
     """Run jobs until the server is gone or ends this; the main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_service()
-    store, is_prepared = Store(settings), bool(settings.job_functions)  # other kinds of jobs load what they need
+    store, is_prepared = open_store(settings), bool(settings.job_functions)  # other kinds of jobs load what they need
     while True:
         job = _claim_next_job(store, worker)
         if job is not None:
-            run_and_store_job(store, worker, job)
+            try:
+                run_and_store_job(store, worker, job)
+            except OperationalError as error:
+                logging.getLogger(__name__).warning("The database: %s", error)
+                sys.exit(LOST_STATUS)
         elif is_prepared:
             time.sleep(CLAIM_PERIOD_S)
         else:
@@ -75,7 +83,7 @@ def run_worker(settings: ServiceSettings, worker: str) -> None:
         is_prepared = True
 
 
-def run_and_store_job(store: Store, worker: str, job: JobRow) -> None:
+def run_and_store_job(store: JobStore, worker: str, job: JobRow) -> None:
     """Run one claimed job, and store its results or the reason for its failure.
 
     Where the disk has no room for it, it waits, and nothing is counted against it.
@@ -84,7 +92,7 @@ def run_and_store_job(store: Store, worker: str, job: JobRow) -> None:
     with claim.report_while_running():
         files, sentence = _retry_while_disk_full(store, claim, lambda: _compute_job_results(store, job, claim))
         # Bytes first, as they need the most room; reports go on meanwhile.
-        _retry_while_disk_full(store, claim, lambda: [store.blobs.put_bytes(content) for _, content, _ in files])
+        _retry_while_disk_full(store, claim, lambda: store.keep_results(files))
 
     def store_outcome() -> bool:
         if claim.latest_progress is not None:
@@ -96,7 +104,7 @@ def run_and_store_job(store: Store, worker: str, job: JobRow) -> None:
     _retry_while_database_busy(store_outcome)
 
 
-def _compute_job_results(store: Store, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
+def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
     """The results of a job, or the sentence why it failed. Raises StorageError where the disk is full."""
     settings = store.settings
     try:
@@ -114,6 +122,8 @@ def _compute_job_results(store: Store, job: JobRow, claim: ClaimedJob) -> tuple[
     except Exception as error:
         if is_disk_full(error, settings.data):
             raise StorageError(DISK_FULL) from error
+        if isinstance(error, OperationalError):  # inputs may come by the database
+            raise
         logging.getLogger(__name__).exception("The job %s", job.id)
         return (), JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
 
@@ -122,7 +132,7 @@ def _compute_job_results(store: Store, job: JobRow, claim: ClaimedJob) -> tuple[
 class ClaimedJob:
     """A job that a worker holds: a thread reports it, and ends the process once the worker has lost the job."""
 
-    store: Store
+    store: JobStore
     worker: str
     job_number: int
     latest_progress: tuple[int, int, str] | None = None
@@ -151,7 +161,7 @@ class ClaimedJob:
                     os._exit(LOST_STATUS)
 
 
-def _retry_while_disk_full(store: Store, claim: ClaimedJob, action: Callable[[], T]) -> T:
+def _retry_while_disk_full(store: JobStore, claim: ClaimedJob, action: Callable[[], T]) -> T:
     """The result of an action that writes to the disk; while the disk is full, it is retried."""
     pause_s = DISK_RETRY_S
     while True:
@@ -167,7 +177,7 @@ def _retry_while_disk_full(store: Store, claim: ClaimedJob, action: Callable[[],
         claim.latest_progress = done, all_, before[2] if before is not None else ""
 
 
-def _claim_next_job(store: Store, worker: str) -> JobRow | None:
+def _claim_next_job(store: JobStore, worker: str) -> JobRow | None:
     """The next job; None where there is none or the database does not answer."""
     try:
         return store.claim_job(worker)
@@ -197,7 +207,7 @@ def _retry_while_database_busy(store_outcome: Callable[[], bool], most_attempts:
 
 
 @contextlib.contextmanager
-def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
+def _enter_job_folder(store: JobStore, job: JobRow) -> Iterator[None]:
     """Work in a folder of its own with the files of a job, which keep the names of their uploads."""
     base = store.settings.data.resolve() / WORK_FOLDER
     base.mkdir(parents=True, exist_ok=True)
@@ -210,7 +220,7 @@ def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
 class WorkerSupervisor:
     """Starts worker processes and replaces those that end, in a thread of its own."""
 
-    def __init__(self, settings: ServiceSettings, store: Store) -> None:
+    def __init__(self, settings: ServiceSettings, store: JobStore) -> None:
         self.settings, self.store = settings, store
         self._slots = [KeptProcess("", run_worker, short_life_s=1.0, patience_s=10.0) for _ in range(settings.workers)]
         self._stopping = threading.Event()
@@ -259,7 +269,7 @@ class WorkerSupervisor:
                 self.store.renew_leases()
                 self._was_unwritable = False
             else:
-                self.store.release_expired()
+                self.store.tend_queue()
         except DATABASE_WRITE_ERRORS:
             self._was_unwritable = True
 
@@ -271,4 +281,4 @@ class WorkerSupervisor:
             slot.forget(is_fault=not is_lost)
         if slot.is_due:
             slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-            slot.start(self.settings, slot.name)
+            slot.start(self.settings, slot.name, type(self.store))

@@ -132,8 +132,11 @@ def _pack_archive(store: Store, archive: zipfile.ZipFile, copy: Path, names: lis
     for sha256 in names:
         name = format_bytes_name(sha256)
         try:
-            manifest.files[name] = _add_to_archive(archive, store.blobs.get_path(sha256), name)
-        except FileNotFoundError:
+            path = store.blobs.get_path(sha256)
+            if not path.exists():  # a result that the service has not fetched yet
+                store.blobs.put_bytes(store.blobs.read_bytes(sha256))
+            manifest.files[name] = _add_to_archive(archive, path, name)
+        except (FileNotFoundError, NotFoundError):
             raise _describe_missing_bytes(store, sha256, "gone") from None
         if manifest.files[name].sha256 != sha256:
             raise _describe_missing_bytes(store, sha256, "damaged")

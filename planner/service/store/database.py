@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy.orm import Session
 
 from planner.service.errors import ConflictError, DatabaseError
-from planner.service.settings import ServiceSettings
+from planner.service.settings import ServiceSettings, find_version
 from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.tables import TableBase
 
@@ -130,6 +131,11 @@ class Database:
         self._folder = Path(file).absolute().parent if file else None
         self._file = SqliteFile(self.engine, Path(file).absolute()) if file and file != ":memory:" else None
 
+    @property
+    def is_postgresql(self) -> bool:
+        """Whether other machines can use the database too."""
+        return self.engine.dialect.name == "postgresql"
+
     def keep_to_file(self) -> None:
         """Use from now on only the SQLite file that is there now: one that is gone is not made anew."""
         if self._file is not None:
@@ -165,13 +171,19 @@ def get_current_version() -> str:
     return str(ScriptDirectory(str(MIGRATIONS_FOLDER)).get_current_head())
 
 
+@cache
+def describe_version() -> str:
+    """The version of this Headland and of its tables: "0.2.0 with tables 0007"."""
+    return f"{find_version()} with tables {get_current_version()}"
+
+
 def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
     """Bring the tables up to date, or to a version.
 
     Raises DatabaseError for a database that is newer, or of another program.
     """
     scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
-    with _name_database_in_errors(engine), engine.connect() as connection:
+    with name_database_in_errors(engine), engine.connect() as connection:
         current = MigrationContext.configure(connection).get_current_revision()
         tables = set(sa.inspect(connection).get_table_names())
     if current is not None and current not in {each.revision for each in scripts.walk_revisions()}:
@@ -204,7 +216,7 @@ def lift_timeouts(connection: sa.Connection) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def _name_database_in_errors(engine: sa.Engine) -> Iterator[None]:
+def name_database_in_errors(engine: sa.Engine) -> Iterator[None]:
     """Turn errors of the driver into DatabaseError."""
     try:
         yield
@@ -272,7 +284,7 @@ def hold_service_lock(settings: ServiceSettings) -> Iterator[None]:
             database = Database(settings.url)
             stack.callback(database.close)
             url = database.engine.url
-            if database.engine.dialect.name == "postgresql":
+            if database.is_postgresql:
                 stack.enter_context(_lock_schema(database.engine))
             elif url.database and url.database != ":memory:":
                 path = Path(url.database + LOCK_SUFFIX)
@@ -321,7 +333,7 @@ def _try_lock(number: int) -> bool:
 def _lock_schema(engine: sa.Engine) -> Iterator[None]:
     """A connection that holds the advisory lock of the schema."""
     with ExitStack() as stack:
-        with _name_database_in_errors(engine):
+        with name_database_in_errors(engine):
             connection = stack.enter_context(engine.connect().execution_options(isolation_level="AUTOCOMMIT"))
             connection.exec_driver_sql(SET_KEEPALIVES)
             is_taken = connection.scalar(sa.text(TAKE_ADVISORY_LOCK))

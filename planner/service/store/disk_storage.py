@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -87,10 +87,14 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 class BlobStore:
-    """Bytes in one folder, by SHA-256; `reserve_bytes` stay free on its disk."""
+    """Bytes in one folder, by SHA-256; `reserve_bytes` stay free on its disk.
+
+    What is not in the folder `read_elsewhere` may have.
+    """
 
     def __init__(self, folder: Path, reserve_bytes: int = 0) -> None:
         self._folder, self._reserve_bytes = folder, reserve_bytes
+        self.read_elsewhere: Callable[[str], bytes | None] = lambda sha256: None
 
     def put_bytes(self, content: bytes) -> str:
         """Store bytes and return their SHA-256. Raises StorageError, and stores nothing, where the disk is too full."""
@@ -112,10 +116,13 @@ class BlobStore:
 
     def read_bytes(self, sha256: str) -> bytes:
         """The bytes of a SHA-256; raises NotFoundError."""
-        try:
-            return self.get_path(sha256).read_bytes()
-        except OSError:
-            raise NotFoundError(f"The bytes {sha256[:12]} are gone from the folder of the service.") from None
+        path = self.get_path(sha256)
+        for _ in range(2):  # it may come to the folder meanwhile
+            with contextlib.suppress(OSError):
+                return path.read_bytes()
+            if (content := self.read_elsewhere(sha256)) is not None:
+                return content
+        raise NotFoundError(f"The bytes {sha256[:12]} are gone from the folder of the service.")
 
     def list_paths(self) -> list[Path]:
         """Every file in the folder, with the remains of broken writes."""

@@ -1,13 +1,15 @@
-"""The queue of jobs: each is claimed by one worker at a time, reported on, and finished once."""
+"""The queue of jobs: its users take turns, and each job is claimed by one worker at a time and finished once."""
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
@@ -20,7 +22,7 @@ from planner.service.store.store_part import (
     is_found,
     is_storable_text,
 )
-from planner.service.store.tables import JobRow, Owner, ResultRow
+from planner.service.store.tables import JobRow, Owner, ResultRow, TurnRow
 
 QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
 UNFINISHED_STATUSES = (QUEUED, RUNNING)
@@ -44,7 +46,7 @@ class JobStore(StorePart):
     ) -> JobRow:
         """Queue a job: its request, and `work`, the same as the worker takes it where that differs.
 
-        Raises BusyError where too much waits.
+        Raises BusyError where too many of the owner's jobs wait.
         """
         row = JobRow(
             id=secrets.token_hex(6), kind=kind, name=check_name(name), created=format_utc_now_ms(),
@@ -53,11 +55,17 @@ class JobStore(StorePart):
         )  # fmt: skip
         row.owner, row.owner_identity = owner or (None, None)
         with self.database.open_write_session() as session:
-            waiting = session.scalar(sa.select(sa.func.count()).where(JobRow.status == QUEUED)) or 0
+            own = (JobRow.status == QUEUED, JobRow.owner_identity == row.owner_identity)
+            waiting = session.scalar(sa.select(sa.func.count()).where(*own)) or 0
             if waiting >= self.settings.jobs_waiting:
-                raise BusyError(f"{waiting} jobs are waiting; cancel some, or ask again when they are done.")
+                raise BusyError(f"{waiting} jobs of yours are waiting; cancel some, or ask again when they are done.")
             session.add(row)
+            session.flush()
+            self.lend_inputs(session, row)
         return row
+
+    def lend_inputs(self, session: Session, row: JobRow) -> None:
+        """Where workers on other machines may claim the job: give them the bytes of its inputs."""
 
     def rename_job(self, id: str, kind: str, name: str) -> JobRow:
         """Give a job another name; raises NotFoundError, ServiceError."""
@@ -143,26 +151,40 @@ class JobStore(StorePart):
     def claim_job(self, worker: str) -> JobRow | None:
         """Claim the next job for a worker; None where none waits.
 
-        What was begun before comes after what was not, so that one job that takes its worker with it holds up nothing.
+        Owners take turns: nobody waits while two jobs of another are begun. Of one owner, what was begun before comes
+        after what was not, so that one job that takes its worker with it holds up nothing.
         """
         with self.database.open_read_session() as session:
             if session.scalar(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is None:
                 return None
-        first = sa.select(JobRow.number).where(JobRow.status == QUEUED).order_by(JobRow.tries, JobRow.number).limit(1)
-        first = first.with_for_update(skip_locked=True)
-        claim = sa.update(JobRow).where(JobRow.number == first.scalar_subquery(), JobRow.status == QUEUED)
-        values = {"status": RUNNING, "worker": worker, "lease": self._compute_lease_end_s()}
+        first = _select_next_job().scalar_subquery()
+        claim = sa.update(JobRow).where(JobRow.number == first, JobRow.status == QUEUED)
+        values = {"status": RUNNING, "worker": worker, "lease": self._now_s + self.settings.lease_s}
         values |= {"done": 0, "all": 0, "words": "", "tries": JobRow.tries + 1}
         with self.database.open_write_session() as session:
             number = session.scalar(claim.values(**values).returning(JobRow.number))
-            return None if number is None else session.get(JobRow, number)
+            job = None if number is None else session.get(JobRow, number)
+            if job is not None:
+                self._take_turn(session, job.owner_identity or "")
+            return job
 
-    def _compute_lease_end_s(self) -> float:
-        return time.time() + self.settings.lease_s
+    def _take_turn(self, session: Session, owner_identity: str) -> None:
+        """Put an owner behind all others."""
+        last = session.scalar(sa.select(sa.func.max(TurnRow.turn))) or 0
+        insert = postgresql.insert if self.database.is_postgresql else sqlite.insert
+        turn = insert(TurnRow).values(owner_identity=owner_identity, turn=last + 1)
+        session.execute(turn.on_conflict_do_update(index_elements=["owner_identity"], set_={"turn": last + 1}))
+
+    @property
+    def _now_s(self) -> Any:
+        """Seconds since 1970: those of PostgreSQL, as clocks of machines differ."""
+        if self.database.is_postgresql:
+            return sa.cast(sa.extract("epoch", sa.func.clock_timestamp()), sa.Float)
+        return time.time()
 
     def report_job(self, number: int, worker: str, progress: tuple[int, int, str] | None = None) -> bool:
         """Renew the lease of a job and store its progress; False where the worker has lost the job."""
-        values: dict[str, Any] = {"lease": self._compute_lease_end_s()}
+        values: dict[str, Any] = {"lease": self._now_s + self.settings.lease_s}
         if progress is not None:
             values |= {"done": progress[0], "all": progress[1], "words": progress[2][:LONGEST_PROGRESS_CHARS]}
         with self.database.open_write_session() as session:
@@ -170,16 +192,24 @@ class JobStore(StorePart):
 
     def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
         """Store all results of a job, or none and return False where the worker has lost the job."""
-        stored = [(name, self.blobs.put_bytes(content), len(content), media) for name, content, media in files]
+        self.keep_results(files)
         with self.database.open_write_session() as session:
             if not _update_claimed_job(session, number, worker, _build_end_values(DONE)):
                 return False
             session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
-            session.add_all(
-                ResultRow(job=number, name=name, sha256=sha256, size=size, media=media)
-                for name, sha256, size, media in stored
-            )
+            for name, content, media in files:
+                sha256 = hashlib.sha256(content).hexdigest()
+                session.add(ResultRow(job=number, name=name, sha256=sha256, size=len(content), media=media))
+            self.send_results(session, number, files)
         return True
+
+    def keep_results(self, files: Sequence[ResultFile]) -> None:
+        """Keep the bytes of results before they are named. Raises StorageError where there is no room."""
+        for _, content, _ in files:
+            self.blobs.put_bytes(content)
+
+    def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
+        """Where the service cannot read what this keeps: send it the bytes of results."""
 
     def fail_job(self, number: int, worker: str, sentence: str) -> bool:
         """Fail a job with a sentence; False where the worker has lost the job."""
@@ -203,11 +233,16 @@ class JobStore(StorePart):
         For use after a time without writes: living workers report now, and jobs of dead ones are released later.
         """
         with self.database.open_write_session() as session:
-            session.execute(sa.update(JobRow).where(JobRow.status == RUNNING).values(lease=self._compute_lease_end_s()))
+            lease_end_s = self._now_s + self.settings.lease_s
+            session.execute(sa.update(JobRow).where(JobRow.status == RUNNING).values(lease=lease_end_s))
+
+    def tend_queue(self) -> None:
+        """Do what is due from time to time while jobs run."""
+        self.release_expired()
 
     def release_expired(self) -> None:
         """Put jobs with an expired lease back into the queue."""
-        late = (JobRow.status == RUNNING, JobRow.lease < time.time())
+        late = (JobRow.status == RUNNING, JobRow.lease < self._now_s)
         with self.database.open_read_session() as session:
             if session.scalar(sa.select(JobRow.number).where(*late).limit(1)) is None:
                 return
@@ -224,6 +259,27 @@ class JobStore(StorePart):
         )
         failed = sa.update(JobRow).where(*conditions, JobRow.tries >= tries)
         session.execute(failed.values(_build_end_values(FAILED) | {"error": sentence}))
+
+
+def _select_next_job() -> sa.Select[Any]:
+    """The number of the next job, locked: the first of the owner whose last turn is the longest ago.
+
+    Who claims at the same moment skips it, and takes the first of the next owner before the second of this one.
+    """
+    owner = sa.func.coalesce(JobRow.owner_identity, "")
+    order = (JobRow.tries, JobRow.number)
+    place = sa.func.row_number().over(partition_by=owner, order_by=order)
+    waiting = sa.select(JobRow.number, owner.label("owner"), place.label("place")).where(JobRow.status == QUEUED)
+    queue = waiting.subquery()
+    return (
+        sa.select(JobRow.number)
+        .join(queue, queue.c.number == JobRow.number)
+        .outerjoin(TurnRow, TurnRow.owner_identity == queue.c.owner)
+        .where(JobRow.status == QUEUED)
+        .order_by(queue.c.place, sa.func.coalesce(TurnRow.turn, 0), *order)
+        .limit(1)
+        .with_for_update(of=JobRow, skip_locked=True)
+    )
 
 
 def _build_kind_filter(kind: str | None) -> tuple[Any, ...]:

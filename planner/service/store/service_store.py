@@ -12,9 +12,9 @@ import sqlalchemy as sa
 
 from planner.service.errors import NotFoundError
 from planner.service.settings import ServiceSettings
-from planner.service.store.database import migrate_database
+from planner.service.store.carried_bytes import ServedJobStore
+from planner.service.store.database import describe_version, migrate_database
 from planner.service.store.file_table import FileStore
-from planner.service.store.job_queue import JobStore
 from planner.service.store.store_part import check_name, format_utc_now_ms, is_storable_text
 from planner.service.store.tables import EventRow, FleetRow, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
@@ -22,7 +22,7 @@ from planner.service.store.token_table import TokenStore
 MOST_EVENTS = 1000
 
 
-class Store(TokenStore, FileStore, JobStore):
+class Store(TokenStore, FileStore, ServedJobStore):
     """All stored data; every method may be called from any thread and any process.
 
     An older database is brought up to date. Raises DatabaseError where it cannot be reached, is newer than this
@@ -41,11 +41,7 @@ class Store(TokenStore, FileStore, JobStore):
     def check_write(self) -> None:
         """Write something. Raises SQLAlchemyError, StorageError where nothing can be written."""
         with self.database.open_write_session() as session:
-            session.merge(WriteCheckRow(id=1, time=format_utc_now_ms()))
-
-    def close(self) -> None:
-        """Close the database."""
-        self.database.close()
+            session.merge(WriteCheckRow(id=1, time=format_utc_now_ms(), version=describe_version()))
 
     def save_fleet(self, id: str, name: str, plan_text: str, settings: Mapping[str, Any]) -> str:
         """Store a fleet, new or in place of an old one whose progress stays; returns when it was made."""

@@ -79,6 +79,10 @@ class StorePart:
         self.revocations = RevocationFolder(settings.data / REVOCATIONS_FOLDER)
         self.database = Database(settings.url)
 
+    def close(self) -> None:
+        """Close the database."""
+        self.database.close()
+
 
 def format_utc_now_ms() -> str:
     """The time in UTC to the millisecond: "2026-05-01T06:10:00.123Z"."""

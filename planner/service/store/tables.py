@@ -1,7 +1,8 @@
 """The tables: tokens, files, jobs with their results, fleets, recordings, events and checks of writing.
 
 Times are texts in UTC, "2026-05-01T06:10:00.123Z", which order as they follow each other; a lease is in seconds since
-1970. Bytes are not in here: `sha256` names them in the folder (planner.service.store.disk_storage).
+1970. `sha256` names bytes in the folder (planner.service.store.disk_storage); in here are only those that are under way
+to a worker on another machine or back.
 """
 
 from __future__ import annotations
@@ -161,13 +162,32 @@ class EventRow(TableBase):
     data: Mapped[dict[str, Any]] = mapped_column(JSON)
 
 
+class JobBytesRow(TableBase):
+    """Bytes of an input of an unfinished job, or of a result that the service has not fetched yet (PostgreSQL only)."""
+
+    __tablename__ = "job_bytes"
+    sha256: Mapped[str] = mapped_column(SHA256_TYPE, primary_key=True)
+    job: Mapped[int] = mapped_column(ForeignKey("jobs.number", ondelete="CASCADE"), primary_key=True)
+    content: Mapped[bytes] = mapped_column(LargeBinary)
+
+
+class TurnRow(TableBase):
+    """When the last job of an owner was begun, counted in jobs; "" owns what belongs to nobody."""
+
+    __tablename__ = "turns"
+    owner_identity: Mapped[str] = mapped_column(IDENTITY_TYPE, primary_key=True)
+    turn: Mapped[int] = mapped_column(Integer)
+
+
 class WriteCheckRow(TableBase):
-    """The one row of what is written only to see whether a write goes through."""
+    """The one row that the service writes to see whether a write goes through, with its version."""
 
     __tablename__ = "write_checks"
     id: Mapped[int] = mapped_column(Integer, primary_key=True)
     time: Mapped[str] = mapped_column(String(32))
+    version: Mapped[str | None] = mapped_column(String(80), default=None)
 
 
-COPIED_TABLES = tuple(table for table in TableBase.metadata.sorted_tables if table is not WriteCheckRow.__table__)
+_UNCOPIED_TABLES = (JobBytesRow.__table__, TurnRow.__table__, WriteCheckRow.__table__)
+COPIED_TABLES = tuple(table for table in TableBase.metadata.sorted_tables if table not in _UNCOPIED_TABLES)
 """What a backup holds, in an order in which rows can be added."""

@@ -1,0 +1,137 @@
+"""Bytes of jobs on their way through PostgreSQL: inputs to workers on other machines, results back to the service.
+
+The folder of the service stays the place of all bytes: it lends inputs with a job, and fetches results when it is done.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from contextlib import suppress
+
+import sqlalchemy as sa
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy.orm import Session
+
+from planner.service.errors import DatabaseError, NotFoundError, StorageError, VersionError
+from planner.service.settings import ServiceSettings
+from planner.service.store.database import describe_version, get_current_version, name_database_in_errors
+from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
+from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
+
+MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
+
+
+class CarryingJobStore(JobStore):
+    """Jobs whose bytes are in the folder, or else on their way through the database."""
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        super().__init__(settings)
+        if self.database.is_postgresql:
+            self.blobs.read_elsewhere = self._read_carried
+
+    def _read_carried(self, sha256: str) -> bytes | None:
+        query = sa.select(JobBytesRow.content).where(JobBytesRow.sha256 == sha256).limit(1)
+        with self.database.open_read_session() as session:
+            return session.scalar(query)
+
+
+class ServedJobStore(CarryingJobStore):
+    """The jobs of the service, whose folder holds all bytes."""
+
+    def lend_inputs(self, session: Session, row: JobRow) -> None:
+        """Give workers on other machines the bytes of the inputs of a job."""
+        if not self.database.is_postgresql:
+            return
+        lent = set(session.scalars(sa.select(JobBytesRow.sha256).where(JobBytesRow.job == row.number)))
+        for sha256 in set(row.inputs.values()) - lent:
+            with suppress(NotFoundError):  # the worker says so
+                session.add(JobBytesRow(job=row.number, sha256=sha256, content=self.blobs.read_bytes(sha256)))
+
+    def lend_all_inputs(self) -> None:
+        """Lend the inputs of all unfinished jobs, those of a restored or older database too."""
+        with self.database.open_write_session() as session:
+            for row in session.scalars(sa.select(JobRow).where(JobRow.status.in_(UNFINISHED_STATUSES))):
+                self.lend_inputs(session, row)
+
+    def tend_queue(self) -> None:
+        """Release what nobody reports, and fetch results; without room on the disk they stay where they are."""
+        super().tend_queue()
+        with suppress(StorageError):
+            self.fetch_results()
+
+    def fetch_results(self) -> None:
+        """Bring bytes of ended jobs to the folder; the database forgets them."""
+        if not self.database.is_postgresql:
+            return
+        keys = sa.select(JobBytesRow.job, JobBytesRow.sha256).join(JobRow, JobRow.number == JobBytesRow.job)
+        with self.database.open_read_session() as session:
+            ended = session.execute(keys.where(JobRow.status.not_in(UNFINISHED_STATUSES)).limit(MOST_FETCHED)).all()
+        for job, sha256 in ended:
+            with suppress(NotFoundError):  # deleted meanwhile
+                self.blobs.put_bytes(self.blobs.read_bytes(sha256))
+            with self.database.open_write_session() as session:
+                session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == job, JobBytesRow.sha256 == sha256))
+
+
+class RemoteStore(CarryingJobStore):
+    """The jobs of a service as a worker on another machine sees them: all bytes come and go by the database.
+
+    Raises DatabaseError where the database cannot be used, VersionError where the service is of another version.
+    """
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        super().__init__(settings)
+        try:
+            if not self.database.is_postgresql:
+                raise DatabaseError(
+                    "A worker takes jobs from PostgreSQL; give the --database of the service, such as "
+                    "postgresql://user@host/name.",
+                    parameter="database",
+                )
+            self._check_tables()
+            self.check_version()
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_tables(self) -> None:
+        """Raise DatabaseError where no service has used the database, VersionError for tables of another version."""
+        with name_database_in_errors(self.database.engine), self.database.engine.connect() as connection:
+            tables = MigrationContext.configure(connection).get_current_revision()
+        if tables is None:
+            raise DatabaseError(
+                "The database has no tables of Headland yet; begin headland serve with it first.", parameter="database"
+            )
+        if tables != get_current_version():
+            raise _build_version_error(f"one with tables {tables}")
+
+    def check_version(self) -> None:
+        """Raise VersionError where the service is of another version; one that never ran is of any."""
+        with self.database.open_read_session() as session:
+            version = session.scalar(sa.select(WriteCheckRow.version))
+        if version not in (None, describe_version()):
+            raise _build_version_error(version)
+
+    def claim_job(self, worker: str) -> JobRow | None:
+        """Claim the next job for a worker; None where none waits or the service is of another version."""
+        try:
+            self.check_version()
+        except VersionError:
+            return None  # whoever watches the worker ends it
+        return super().claim_job(worker)
+
+    def keep_results(self, files: Sequence[ResultFile]) -> None:
+        """Nothing is kept here."""
+
+    def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
+        """Send results along with the end of the job; inputs may be among them."""
+        session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == number))
+        contents = {hashlib.sha256(content).hexdigest(): content for _, content, _ in files}
+        session.add_all(JobBytesRow(job=number, sha256=name, content=content) for name, content in contents.items())
+
+
+def _build_version_error(of_service: str) -> VersionError:
+    return VersionError(
+        f"This worker is Headland {describe_version()}, and the service is {of_service}; install the same version here."
+    )

@@ -1,0 +1,297 @@
+"""Workers on other machines: whose turn it is, bytes on their way, leases, versions, and the command."""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+import typer
+import yaml
+
+from planner.cli import main
+from planner.service.errors import BusyError, DatabaseError, VersionError
+from planner.service.jobs.workers import run_and_store_job
+from planner.service.settings import ServiceSettings
+from planner.service.store.carried_bytes import RemoteStore
+from planner.service.store.database import Database, migrate_database
+from planner.service.store.service_store import Store
+from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
+from tests.service.conftest import wait_until
+from tests.service.databases import database
+from tests.service.kinds import KINDS, made
+from tests.service.test_commands import COMMAND
+from tests.service.web_proxies import GUIDE
+
+ROOT = Path(__file__).parents[2]
+OWNERS = {name: None if name == "nobody" else Owner(name, name) for name in ("nobody", "ann", "bob", "eve")}
+
+
+@pytest.fixture
+def shared(tmp_path: Path) -> Iterator[Store]:
+    """The store of a service on PostgreSQL without workers of its own."""
+    with database("postgresql") as url:
+        store = Store(ServiceSettings(data=tmp_path / "data", database=url, workers=0, lease_s=1.0))
+        store.check_write()
+        yield store
+        store.close()
+
+
+@pytest.fixture
+def remote(shared: Store, tmp_path: Path) -> Iterator[RemoteStore]:
+    """The same jobs as a worker elsewhere sees them."""
+    store = RemoteStore(replace(shared.settings, data=tmp_path / "elsewhere", workers=1, job_functions=KINDS))
+    yield store
+    store.close()
+
+
+def set_version(store: Store, version: str) -> None:
+    """Let the service be of a version."""
+    with store.database.open_write_session() as session:
+        session.execute(sa.update(WriteCheckRow).values(version=version))
+
+
+def count_carried(store: Store) -> int:
+    """Bytes that are under way."""
+    with store.database.open_read_session() as session:
+        return session.scalar(sa.select(sa.func.count()).select_from(JobBytesRow)) or 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_nobody_waits_while_two_jobs_of_another_are_begun(store: Store, seed: int) -> None:
+    draw, waiting = random.Random(seed), Counter[str]()
+    begun_since: dict[str, Counter[str]] = {}
+    for step in range(120):
+        name = draw.choice(list(OWNERS))
+        if draw.random() < 0.4:
+            for _ in range(draw.randint(1, 4)):
+                store.add_job("plan", f"{name} {step}", {}, owner=OWNERS[name])
+                begun_since.setdefault(name, Counter())
+                waiting[name] += 1
+        elif (job := store.claim_job("w")) is not None:
+            who = job.owner or "nobody"
+            for each in begun_since.values():
+                each[who] += 1
+            waiting[who] -= 1
+            del begun_since[who]
+            if waiting[who]:
+                begun_since[who] = Counter()
+            assert all(times <= 1 for each in begun_since.values() for times in each.values()), (step, begun_since)
+            if draw.random() < 0.3:
+                store.release_jobs("w", counts_try=False)
+                store.finish_job(job.number, "w", [])
+                waiting[who] += 1
+                begun_since.setdefault(who, Counter())
+            else:
+                assert store.finish_job(job.number, "w", [])
+        assert (store.claim_job("none") is None) if not +waiting else True
+
+
+def test_one_who_waits_for_much_holds_up_nobody(store: Store) -> None:
+    for number in range(50):
+        store.add_job("plan", f"ann {number}", {}, owner=OWNERS["ann"])
+    first = store.claim_job("w1")
+    theirs = [store.add_job("plan", name, {}, owner=OWNERS[name]) for name in ("bob", "nobody")]
+    taken = [store.claim_job(f"w{number}") for number in range(2, 6)]
+    assert first is not None and [job.owner for job in taken if job is not None] == ["bob", None, "ann", "ann"]
+    assert {job.id for job in taken[:2] if job is not None} == {job.id for job in theirs}
+
+
+def test_too_many_waiting_jobs_are_refused_to_their_owner_alone(both: ServiceSettings) -> None:
+    store = Store(replace(both, jobs_waiting=2))
+    for number in range(2):
+        store.add_job("plan", f"ann {number}", {}, owner=OWNERS["ann"])
+    with pytest.raises(BusyError, match=r"^2 jobs of yours are waiting; .* done\.$") as refusal:
+        store.add_job("plan", "one more", {}, owner=OWNERS["ann"])
+    assert refusal.value.http_status == 429
+    for name in ("bob", "nobody"):
+        store.add_job("plan", "first", {}, owner=OWNERS[name])
+    assert store.claim_job("w") is not None
+    store.add_job("plan", "one more", {}, owner=OWNERS["ann"])
+    store.close()
+
+
+def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: RemoteStore) -> None:
+    content = b"X" * 300_000
+    sha256 = shared.blobs.put_bytes(content)
+    inputs = {"field/x": sha256, "field/y": sha256, "field/gone": "0" * 64}
+    job = shared.add_job("tiny", "first", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
+    assert count_carried(shared) == 1
+    missing = remote.claim_job("w")
+    assert missing is not None
+    run_and_store_job(remote, "w", missing)
+    assert "are gone" in str(shared.get_job(job.id).error)
+    del inputs["field/gone"]
+    job = shared.add_job("tiny", "second", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
+    claimed = remote.claim_job("w")
+    assert claimed is not None
+    run_and_store_job(remote, "w", claimed)
+    (result,) = shared.get_job(job.id).results
+    wanted = made(7, 2 * content)[0][1]
+    path = shared.blobs.get_path(result.sha256)
+    assert shared.blobs.read_bytes(result.sha256) == wanted and not path.exists()
+    shared.tend_queue()
+    assert count_carried(shared) == 0 and path.read_bytes() == wanted
+    assert list((remote.settings.data / "work").iterdir()) == [] and not (remote.settings.data / "bytes").exists()
+
+
+def test_inputs_of_a_database_that_was_restored_are_lent_once(shared: Store, remote: RemoteStore) -> None:
+    shared.add_job("tiny", "first", {"number": 7}, {"field/x": shared.blobs.put_bytes(b"X")})
+    with shared.database.open_write_session() as session:
+        session.execute(sa.delete(JobBytesRow))
+    for _ in range(2):
+        shared.lend_all_inputs()
+        assert count_carried(shared) == 1
+    assert remote.blobs.read_bytes(shared.list_jobs()[0].inputs["field/x"]) == b"X"
+
+
+def test_a_job_whose_worker_is_gone_is_done_once_by_another(shared: Store, remote: RemoteStore) -> None:
+    job = shared.add_job("tiny", "first", {"number": 7})
+    assert remote.claim_job("gone") is not None
+    shared.tend_queue()
+    assert remote.claim_job("here") is None and remote.report_job(job.number, "gone")
+    wait_until(lambda: shared.tend_queue() is None and shared.get_job(job.id).status == "queued", 10.0)
+    claimed = remote.claim_job("here")
+    assert claimed is not None and claimed.tries == 2
+    assert not remote.report_job(job.number, "gone") and not remote.finish_job(job.number, "gone", made(1))
+    assert remote.finish_job(job.number, "here", made(7)) and not remote.finish_job(job.number, "here", made(7))
+    assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)[0][1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_workers_that_stall_and_race_never_finish_a_job_twice(shared: Store, remote: RemoteStore, seed: int) -> None:
+    jobs = [
+        shared.add_job("tiny", f"job {number}", {}, owner=OWNERS[name])
+        for number in range(8)
+        for name in ("ann", "bob", "eve")
+    ]
+    finished: list[int] = []
+    held: set[int] = set()
+
+    def work(name: str) -> None:
+        draw = random.Random(f"{seed} {name}")
+        while len(finished) < len(jobs):
+            job = remote.claim_job(name)
+            if job is None:
+                shared.release_expired()
+                continue
+            if draw.random() < 0.2:  # it stalls, and comes back when somebody else may have the job
+                with shared.database.open_write_session() as session:
+                    session.execute(sa.update(JobRow).where(JobRow.number == job.number).values(lease=0.0, tries=0))
+                shared.release_expired()
+                time.sleep(0.02 * draw.random())
+            else:
+                assert job.number not in held
+                held.add(job.number)
+            if remote.finish_job(job.number, name, made(job.number)):
+                finished.append(job.number)
+
+    threads = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    assert sorted(finished) == [job.number for job in jobs]
+    assert Counter(job.status for job in shared.list_jobs()) == {"done": len(jobs)}
+
+
+def test_only_a_worker_of_the_version_of_the_service_gets_jobs(shared: Store, remote: RemoteStore) -> None:
+    shared.add_job("tiny", "first", {})
+    set_version(shared, "9.9 with tables 0099")
+    assert remote.claim_job("w") is None
+    with pytest.raises(VersionError, match=r"^This worker is Headland .* is 9\.9 with .*; install the same") as refusal:
+        RemoteStore(remote.settings)
+    assert refusal.value.status == 4
+    shared.check_write()
+    assert remote.claim_job("w") is not None
+
+
+def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> None:
+    with database("postgresql") as url:
+        settings = ServiceSettings(data=tmp_path, database=url)
+        with pytest.raises(DatabaseError, match="no tables of Headland yet; begin headland serve"):
+            RemoteStore(settings)
+        older = Database(settings.url)
+        migrate_database(older.engine, "0006")
+        older.close()
+        with pytest.raises(VersionError, match="with tables 0006; install"):
+            RemoteStore(settings)
+
+
+def test_every_command_of_the_compose_file_is_one() -> None:
+    compose = yaml.safe_load((GUIDE / "compose.yaml").read_text(encoding="utf-8"))
+    services: dict[str, Any] = compose["services"]
+    app: Any = typer.main.get_command(main.app)
+    assert set(services) == {"database", "service", "worker"} and services["worker"]["deploy"]["replicas"] == 2
+    for service in services.values():
+        assert set(service.get("depends_on", {})) <= set(services)
+        assert {each.split(":")[0] for each in service.get("volumes", ())} <= set(compose["volumes"])
+    text = (GUIDE / "compose.yaml").read_text(encoding="utf-8")
+    lines = [services[name]["command"] for name in ("service", "worker")]
+    lines += [each.split() for each in re.findall(r"docker compose run --rm service (.+)", text)]
+    for words in lines:
+        command, rest = app, list(words)
+        while hasattr(command, "commands"):
+            command = command.commands[rest.pop(0)]
+        assert command.make_context("headland", rest).params["database"].startswith("postgresql:")
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["worker"], "Missing option '--database'"),
+        (["worker", "--database", "x"], "The database is not a URL; write one such as"),
+        (["worker", "--database", "sqlite:///x.db"], "A worker takes jobs from PostgreSQL; give the --database of"),
+        (["worker", "--database", "postgresql://127.0.0.1:1/x", "--workers", "0"], "--workers is 0; use 1 to 64."),
+        (["worker", "--database", "postgresql://127.0.0.1:1/x"], "cannot be used: connection"),
+        (["serve", "--workers", "0"], "Without workers of its own the service needs PostgreSQL"),
+        (["serve", "--workers", "-1"], "--workers is -1; use 0 to 64."),
+    ],
+)
+def test_what_the_commands_cannot_use_is_refused_in_a_sentence(
+    run: Callable[..., tuple[int, str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    sentence: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HEADLAND_DATA", str(tmp_path / "data"))
+    status, out, err = run(*arguments)
+    assert (status, out, err.count("\n")) == (2, "", 1) and sentence in err and err.startswith("Error: ")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="SIGTERM ends a process at once on Windows")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_worker_that_is_ended_gives_its_job_back(shared: Store, tmp_path: Path, number: int) -> None:
+    job = shared.add_job("tiny", "long", {"number": 7, "step_s": 30})
+    words = [str(tmp_path / "elsewhere"), shared.settings.database, "1", "remote"]
+    with subprocess.Popen([sys.executable, "-m", "tests.service.serving", *words], cwd=ROOT) as process:
+        wait_until(lambda: shared.get_job(job.id).words == "At work")
+        process.send_signal(number)
+        assert process.wait(20) == 0
+    assert (shared.get_job(job.id).status, shared.get_job(job.id).tries) == ("queued", 0)
+
+
+@pytest.mark.slow
+def test_a_worker_ends_with_a_status_of_its_own_once_the_service_is_of_another_version(shared: Store) -> None:
+    command = [*COMMAND, "worker", "--database", shared.settings.database]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stdout.readline() == "Jobs at a time: 1; Ctrl-C ends it.\n"
+        set_version(shared, "9.9 with tables 0099")
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 4 and "and the service is 9.9 with tables 0099; install the same version here." in err
