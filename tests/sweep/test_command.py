@@ -50,7 +50,7 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--width 6:3", "give from, to and step"),
     ("--headland-order middle", "'middle' is no headland order; use first, last"),
     ("--width 1:50:0.1 --speed-kmh 1:30:0.1", "more than a sweep takes"),
-    ("--tractors 1-99", "--tractors"),
+    ("--tractors 1-99", "use 1 to 50"),
     ("--turn-speed-kmh 5,99", "--turn-speed-kmh"),
     ("--json --csv", "choose one"),
     ("--html page.txt", "does not end in .html"),
