@@ -34,6 +34,7 @@ from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
 from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token, worker
+from planner.cli.sweep import sweep
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
@@ -90,9 +91,10 @@ def setup() -> None:
 
 
 _COMMANDS: dict[str, Callable[..., None]] = {
-    "plan": plan, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings, "show": show,
-    "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay, "compare": compare,
-    "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve, "worker": worker,
+    "plan": plan, "sweep": sweep, "compare-headlands": compare_headlands, "compare-bearings": compare_bearings,
+    "show": show, "export": export, "field": field, "study": study, "diagnose": diagnose, "replay": replay,
+    "compare": compare, "learn": learn, "validate": validate, "drive": drive, "design": design, "serve": serve,
+    "worker": worker,
     "robot": robot, "backup": backup, "restore": restore, "guide": guide, "setup": setup,
 }  # fmt: skip
 """Commands in the order of the help; the groups of commands follow."""

@@ -236,7 +236,7 @@ def plan(
     input_files = list_input_files({**options, "field": request.field})
     input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
-    result = _simulate_plans(
+    result = simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
     remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
@@ -279,9 +279,10 @@ def _refuse_done_work(done: Sequence[str], checkpoint: Path | None) -> None:
         raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
 
 
-def _simulate_plans(
+def simulate_plans(
     order: WorkOrder, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
 ) -> PlanningResult:
+    """Simulate and rank the plans of an order, with a bar on a terminal."""
     from planner.cli.common.progress import open_stage_bar
 
     with open_stage_bar(LOADING) as bar, ExitStack() as opened:

@@ -61,5 +61,20 @@ class ResultCache:
             return False
         return True
 
+    def remove_oldest(self, most_bytes: int) -> None:
+        """Remove the files written first until the rest has no more than so many bytes."""
+        found = list[tuple[float, int, Path]]()
+        with suppress(OSError):
+            for path in () if self.folder is None else self.folder.glob("*.json"):
+                status = path.stat()
+                found.append((status.st_mtime, status.st_size, path))
+        total = sum(size for _, size, _ in found)
+        for _, size, path in sorted(found):
+            if total <= most_bytes:
+                return
+            with suppress(OSError):
+                path.unlink()
+            total -= size
+
 
 NO_CACHE = ResultCache(None)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import time
 from itertools import product
 from math import prod
 from typing import Any
@@ -87,10 +88,17 @@ def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
 
 
 def _read_axis(option: RequestOption, given: Any) -> Axis:
-    parts = _split_text(option, given) if isinstance(given, str) else _list_values(given)
+    parts = _split_text(option, given) if isinstance(given, str) else _list_values(option, given)
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
+    unknown = next((value for value in written if option.rules.choices and value not in option.rules.choices), None)
+    if unknown is not None:
+        raise RequestError(
+            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use "
+            f"{', '.join(option.rules.choices)}.",
+            parameter=option.parameter,
+        )
     if len(written) > MOST_VALUES:
         raise RequestError(f"{mark_parameter(option.parameter)} has {len(written)} values; give {MOST_VALUES} at most.")
     if option.parameter == "tractors":
@@ -99,10 +107,21 @@ def _read_axis(option: RequestOption, given: Any) -> Axis:
     return Axis(option, tuple(map(read, written)), written)
 
 
-def _list_values(given: Any) -> list[Any]:
-    """Values that Python gives, of numpy too."""
-    values = given if isinstance(given, Sequence | range | np.ndarray) else [given]
-    return [value.item() if isinstance(value, np.generic) else value for value in values]
+def _list_values(option: RequestOption, given: Any) -> list[Any]:
+    """Values that Python gives, of numpy too; texts among them are read as on the command line."""
+    ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
+    values = [one.item() if isinstance(one, np.generic) else one for one in _iterate(ordered)]
+    wrong = next((value for value in values if not isinstance(value, str | int | float | time)), None)
+    if wrong is not None:
+        raise RequestError(
+            f"{mark_parameter(option.parameter)} holds {shorten_value(wrong)}; give numbers or texts.",
+            parameter=option.parameter,
+        )
+    return [part for value in values for part in (_split_text(option, value) if isinstance(value, str) else [value])]
+
+
+def _iterate(given: Any) -> Iterable[Any]:
+    return given if isinstance(given, Iterable) else [given]
 
 
 def _split_text(option: RequestOption, text: str) -> list[Any]:

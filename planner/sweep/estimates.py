@@ -1,6 +1,7 @@
-"""Plans estimated and not driven: tours found once for the ground and a number of tractors, their times by speed.
+"""Plans estimated: tours found and driven once for the ground and a number of tractors, their times by speed.
 
-What is not in an estimate is waiting for each other, and what moves take that a drive refuses.
+The drive is at one speed of the sweep. By how much it takes longer than its tours alone, as tractors wait for each
+other and moves are refused, is taken for all speeds: as long as all move likewise, who meets whom does not change.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import add_clock_times, compute_cost
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
 from planner.evaluation.context import PlanningContext
@@ -30,9 +32,10 @@ from reports.common.plan_results import PlanResult, choose_plan
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
 from strategies.programmes.site_moves import SiteMoves
-from strategies.split_field import STRATEGY
+from strategies.registry import get_strategy
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 
+STRATEGY = get_strategy("split-field")
 T = TypeVar("T")
 MOST_GROUNDS = 6
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
@@ -63,11 +66,12 @@ class _TimedTours:
 class GroundEstimates:
     """The plans of one layout: tours are found once for a number of tractors and an order of the headland."""
 
-    def __init__(self, context: PlanningContext) -> None:
-        """For the ground of a context, whose speed is that at which tours are found."""
-        self._context = context
+    def __init__(self, context: PlanningContext, drives: bool = True) -> None:
+        """For the ground of a context, whose speed is that at which tours are found; with `drives` they are driven."""
+        self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
+        self._drive_factors = dict[int, float]()
         self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
 
     @property
@@ -85,7 +89,8 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                timed.append(self._time_tours(context, sketch))
+                alone, factor = self._time_tours(context, sketch), self._get_drive_factor(count)
+                timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
@@ -105,6 +110,12 @@ class GroundEstimates:
             except StrategyError as refusal:
                 self._sketches[key] = refusal
         return self._sketches[key]
+
+    def _get_drive_factor(self, tractors: int) -> float:
+        """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""
+        if tractors not in self._drive_factors:
+            self._drive_factors[tractors] = _measure_drive_factor(self._context, tractors) if self._drives else 1.0
+        return self._drive_factors[tractors]
 
     def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch at the speeds of a context."""
@@ -132,6 +143,25 @@ class GroundEstimates:
 def prepare_ground(order: WorkOrder) -> GroundEstimates:
     """The ground of an order, laid out as for a plan; raises HeadlandError."""
     return GroundEstimates(prepare_context(order))
+
+
+def _measure_drive_factor(context: PlanningContext, tractors: int) -> float:
+    """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
+
+    Strategies whose sketch takes longer than what was driven before are left out; 1 where none can be driven.
+    """
+    best_s, alone_s = math.inf, math.nan
+    for name in dict.fromkeys((STRATEGY.name, *context.request.strategies)):
+        with suppress(StrategyError):
+            sketch_s = max(sketch_plans(context, get_strategy(name), tractors)[0].tractor_s)
+            alone_s = sketch_s if name == STRATEGY.name else alone_s
+            if sketch_s < best_s:
+                driven = run_candidate(context, Candidate(name, tractors))
+                best_s = min(best_s, math.inf if driven.reason else driven.run.duration_s)
+        if name == STRATEGY.name and math.isfinite(best_s):
+            break
+    factor = best_s / alone_s
+    return factor if math.isfinite(factor) else 1.0
 
 
 def _refuse_idle(tractors: int) -> StrategyError:
@@ -245,8 +275,13 @@ class KeptGrounds:
         borrowed = _borrow_layout(reference.request, self._layouts.get(field_key))
         if borrowed is not None:
             with suppress(HeadlandError):  # what fits one width may not fit another
-                return _KeptGround(prepare_ground(replace(reference, request=borrowed)), True)
-        return _KeptGround(prepare_ground(reference), False)
+                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True)
+        return _KeptGround(_lay_out_undriven(reference), False)
+
+
+def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:
+    """A ground on which nothing is driven: an answer at once matters more than how tractors wait for each other."""
+    return GroundEstimates(prepare_context(order), drives=False)
 
 
 def _keep(kept: OrderedDict[str, T], key: str, value: T, most: int) -> None:

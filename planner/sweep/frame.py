@@ -7,15 +7,16 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import reports.sweep.notebook  # noqa: F401  # how a sweep is shown
+from planner.errors import RequestError
 from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
 from planner.sweep.axes import read_axes
 from planner.sweep.sweep import Sweep
-from reports.sweep.tables import build_sweep_frame
 from strategies.program.supply import Supply
-from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.tractor import Implement
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -25,7 +26,6 @@ def sweep(
     request: PlanRequest,
     *,
     field: FieldChoice = None,
-    tractor: Tractor | None = None,
     implement: Implement | None = None,
     cost_terms: CostTerms | None = None,
     supply: Supply | None = None,
@@ -41,16 +41,19 @@ def sweep(
     beats the plan (`on_front`) and which one to take (`is_best`); `frame.attrs["sweep"]` is the result that reports
     draw. Nothing is driven: `plan` with the values of a row does that. Raises HeadlandError.
     """
-    if "tractors" not in values:
+    if values.get("tractors") is None:
         values["tractors"] = list(request.tractors)
-    axes = read_axes({name.removesuffix("_m"): value for name, value in values.items()})
+    named = {name.removesuffix("_m"): value for name, value in values.items()}
+    if len(named) < len(values):
+        raise RequestError("The width, or another option, is given twice, with its unit and without; give it once.")
+    axes = read_axes(named)
 
     def build_order(_: str, parameters: Mapping[str, Any]) -> WorkOrder:
-        return WorkOrder(replace(request, **parameters), field, tractor, implement, None, cost_terms, supply)
+        return WorkOrder(replace(request, **parameters), field, None, implement, None, cost_terms, supply)
 
     found = Sweep(axes, (request.field,), build_order)
     found.run(executor, progress=progress)
     result = found.build_result()
-    frame = build_sweep_frame(result)
+    frame = result.to_pandas()
     frame.attrs["sweep"] = result
     return frame

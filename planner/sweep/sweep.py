@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from fields.units import DAY_S
 from planner.errors import HeadlandError
 from planner.evaluation.work_order import WorkOrder, read_requested_field
 from planner.pipeline.executors import create_executor, iter_completed
@@ -21,6 +22,7 @@ from planner.pipeline.many_fields import hash_question
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import format_clock
+from planner.request.plan_request import PlanRequest
 from planner.sweep.axes import Axis, list_points
 from planner.sweep.estimates import SUMMED, prepare_ground
 from reports.common.plan_results import PlanResult
@@ -29,8 +31,8 @@ from strategies.split_field import STRATEGY
 
 PROGRESS_STEP = 500
 _ADDED = (
-    "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s", "done_s", "home_s",
-    "finished_done_s", "transport_s", "fuel_l", "energy_kwh", "co2_kg",
+    "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s",
+    "fuel_l", "energy_kwh", "co2_kg",
 )  # fmt: skip
 _PLANS = TypeAdapter(list[PlanResult])
 _DEFAULTS = {one.name: one.default for one in fields(PlanResult)}
@@ -160,6 +162,15 @@ class Sweep:
         """The number of combinations, with several fields on each."""
         return len(self._points) * len(self.fields)
 
+    @property
+    def done(self) -> int:
+        """How many of them are known so far."""
+        return sum(map(len, self._found))
+
+    def build_point_order(self, numbers: Sequence[int]) -> WorkOrder:
+        """The order of a combination on the first field, to be driven in full."""
+        return self.build_order(self.fields[0], self._get_parameters(numbers))
+
     def run(
         self,
         executor: Executor | None = None,
@@ -184,9 +195,8 @@ class Sweep:
             for place, number, plan in iter_plans(every, executor, cache, describe_refusal):
                 found = self._found[owners[place]]
                 found[number] = plan
-                done = sum(map(len, self._found))
-                if progress is not None and (len(found) == len(self._points) or done % PROGRESS_STEP == 0):
-                    progress(done, self.total)
+                if progress is not None and (len(found) == len(self._points) or self.done % PROGRESS_STEP == 0):
+                    progress(self.done, self.total)
 
     def build_result(self) -> SweepResult:
         """The plans known so far; of several fields those that are known of all. Raises HeadlandError for a field."""
@@ -195,27 +205,48 @@ class Sweep:
         first, request = orders[0], orders[0].request
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
         areas_ha = [field.area_ha for field in read]
-        plans = [join_fields([found[number] for found in self._found], areas_ha) for number in numbers]
+        limits_s = [self._find_limit_s(request, self._points[number]) for number in numbers]
+        plans = [
+            join_fields([found[number] for found in self._found], areas_ha, limit_s)
+            for number, limit_s in zip(numbers, limits_s, strict=True)
+        ]
+        names = [field.name for field in read]
         by_field = {
-            field.name: tuple(SweptPlan(self._points[number], found[number]) for number in numbers)
-            for field, found in zip(read, self._found, strict=True)
+            name if names.count(name) == 1 else f"{name} ({place})": tuple(
+                SweptPlan(self._points[number], found[number]) for number in numbers
+            )
+            for place, (name, found) in enumerate(zip(names, self._found, strict=True), start=1)
         }
+        is_start_swept = any(axis.parameter == "start_s" for axis in self.axes)
         return SweepResult(
             field_name=" + ".join(field.name for field in read) if len(read) < 4 else f"{len(read)} fields",
             area_ha=math.fsum(areas_ha),
-            options=tuple(SweptOption(name_column(one), one.option.name, one.written) for one in self.axes),
+            options=tuple(build_option(one) for one in self.axes),
             plans=tuple(SweptPlan(self._points[number], plan) for number, plan in zip(numbers, plans, strict=True)),
             total=len(self._points),
             currency=None if first.cost_terms is None else first.cost_terms.prices.currency,
-            start=None if request.start_s is None else format_clock(request.start_s),
-            allowed_s=request.time_limit_s,
+            start=None if request.start_s is None or is_start_swept else format_clock(request.start_s),
+            allowed_s=limits_s[0] if len(set(limits_s)) == 1 else None,
             is_priced=first.cost_terms is not None or request.price_per_hour is not None,
             by_field=by_field if len(read) > 1 else {},
-            command=(*self.command, *(self.fields if len(self.fields) == 1 else ())),
+            command=(*self.command, *self.fields),
         )
+
+    def _find_limit_s(self, request: PlanRequest, numbers: Sequence[int]) -> float | None:
+        """Seconds from the start to the deadline of a combination; None without a deadline."""
+        values = self._get_parameters(numbers)
+        start_s, deadline_s = (values.get(name, getattr(request, name)) for name in ("start_s", "deadline_s"))
+        return None if start_s is None or deadline_s is None else float((deadline_s - start_s) % DAY_S)
 
     def _get_parameters(self, numbers: Sequence[int]) -> dict[str, Any]:
         return {axis.parameter: axis.values[number] for axis, number in zip(self.axes, numbers, strict=True)}
+
+
+def build_option(axis: Axis) -> SweptOption:
+    """An axis as reports know it."""
+    option, limits = axis.option, axis.option.limits
+    label = option.name.replace("_", " ") if limits is None or not limits.label else limits.label
+    return SweptOption(name_column(axis), option.name, axis.written, label, "" if limits is None else limits.unit)
 
 
 def name_column(axis: Axis) -> str:
@@ -225,21 +256,27 @@ def name_column(axis: Axis) -> str:
     return option.name if is_converted or option.parameter.endswith("_s") else option.parameter
 
 
-def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float]) -> PlanResult:
-    """The plans of several fields worked one after another by the same fleet; refused where one is."""
+def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s: float | None = None) -> PlanResult:
+    """The plans of several fields worked one after another by the same fleet; refused where one is.
+
+    Work in all of them together takes at most `limit_s` or is late. Roads between fields and breaks are not in it.
+    """
     if len(plans) == 1:
         return plans[0]
     refused = next((plan for plan in plans if not plan.feasible), None)
     if refused is not None:
         return refused
     sums: dict[str, Any] = {name: _add(plans, name) for name in _ADDED}
+    clock: dict[str, Any] = dict.fromkeys(("ready_s", "home_s", "finished_done_s", "transport_s"))
     worked_ha = math.fsum(area_ha * (plan.worked_pct or 0.0) for plan, area_ha in zip(plans, areas_ha, strict=True))
     return replace(
         plans[0],
         **sums,
+        **clock,
+        done_s=sums["time_s"],
         worked_pct=worked_ha / math.fsum(areas_ha),
         works_enough=all(plan.works_enough for plan in plans),
-        meets_deadline=None,
+        meets_deadline=None if limit_s is None else sums["time_s"] <= limit_s,
         fuel_l_by_tractor=None,
         energy_kwh_by_tractor=None,
         fuel_l_per_ha=None,

@@ -13,16 +13,22 @@ import numpy.typing as npt
 from reports.common.notebook import ShownResult
 from reports.common.plan_results import PlanResult, choose_plan, get_ranked_cost, get_ranked_s
 
+MOST_ROWS = 20  # of a table
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SweptOption:
-    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values."""
+    """An option that a sweep varies: its name in files (`width_m`, `speed_kmh`), as an option, and its values.
+
+    `label` and `unit` are what people call it.
+    """
 
     key: str
     flag: str
     values: tuple[Any, ...]
+    label: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +104,17 @@ class SweepResult(ShownResult):
             return None
         chosen = choose_plan([one.plan for one in feasible], self.allowed_s, self.is_priced)
         return next(one for one in feasible if one.plan is chosen)
+
+    @cached_property
+    def rows(self) -> tuple[SweptPlan, ...]:
+        """The rows of a table, quickest first: the front, spread evenly where it is too long, and the plan to take."""
+        front, best = self.front, self.best
+        if len(front) > MOST_ROWS:
+            places = np.unique(np.linspace(0, len(front) - 1, MOST_ROWS - 1).round().astype(int))
+            front = tuple(front[place] for place in places)
+        if best is not None and all(one.numbers != best.numbers for one in front):
+            front = tuple(sorted((*front, best), key=lambda one: get_ranked_s(one.plan)))
+        return front
 
     @cached_property
     def influences(self) -> tuple[OptionInfluence, ...]:

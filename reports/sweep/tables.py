@@ -2,10 +2,34 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Group, RenderableType
+
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    ReportError,
+    format_csv,
+    format_csv_cell,
+    format_json,
+    make_json_safe,
+)
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.wording import format_duration, format_number
 from reports.sweep.results import SweepResult, SweptPlan
+from reports.sweep.wording import (
+    ESTIMATED,
+    build_command,
+    describe_best,
+    describe_influences,
+    describe_marked_rows,
+    describe_refused,
+    describe_title,
+    format_value,
+    title_option,
+)
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -50,3 +74,108 @@ def _list_figures(plan: PlanResult) -> dict[str, Any]:
     if plan.feasible:
         figures |= {"finished_s": get_ranked_s(plan), "finished_cost": get_ranked_cost(plan)}
     return figures
+
+
+def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:
+    """The plan of a row of the table, counted from 1; the best without a number. Raises ReportError."""
+    rows = result.rows
+    if not rows or result.best is None:
+        raise ReportError("No combination has a plan, so none can be driven; vary other options.")
+    if row is None:
+        return result.best
+    if not 1 <= row <= len(rows):
+        raise ReportError(f"--pick is {row}; the table has rows 1 to {len(rows)}.")
+    return rows[row - 1]
+
+
+def build_sweep_screen(result: SweepResult) -> RenderableType:
+    """What to take, what matters, and the table of what nothing beats."""
+    rows = result.rows
+    sentences = [describe_best(result), describe_influences(result), describe_refused(result)]
+    parts: list[RenderableType] = [format_title(describe_title(result))]
+    parts += [format_sentence(text, style="" if place else "bold") for place, text in enumerate(sentences) if text]
+    if rows:
+        parts += ["", build_front_table(result), format_sentence(describe_marked_rows(result), style="dim")]
+        parts.append(format_sentence(ESTIMATED, style="dim"))
+    return Group(*parts)
+
+
+def build_front_table(result: SweepResult) -> FittedTable:
+    """The rows of `choose_rows` with their numbers, only varied options as columns."""
+    varied = [place for place, option in enumerate(result.options) if len(option.values) > 1]
+    rows = result.rows
+    uses_energy = any(one.plan.energy_kwh is not None for one in rows)
+    columns = [
+        TableColumn("Row"),
+        *(TableColumn(title_option(result.options[place]), drop_order=0) for place in varied),
+        TableColumn("Time"),
+        TableColumn("Cost"),
+        TableColumn("Worked %", drop_order=1),
+        TableColumn("Energy kWh" if uses_energy else "Fuel l", drop_order=2),
+    ]
+    best = None if result.best is None else result.best.numbers
+    cells = [
+        (
+            f"> {number}" if one.numbers == best else str(number),
+            *(format_value(result.get_values(one)[place]) for place in varied),
+            format_duration(get_ranked_s(one.plan)),
+            format_number(get_ranked_cost(one.plan), 2),
+            format_number(one.plan.worked_pct, 1),
+            format_number(one.plan.energy_kwh if uses_energy else one.plan.fuel_l, 1),
+        )
+        for number, one in enumerate(rows, start=1)
+    ]
+    styles = tuple("bold" if one.numbers == best else "" for one in rows)
+    return FittedTable(tuple(columns), tuple(cells), styles)
+
+
+def format_sweep_csv(result: SweepResult) -> str:
+    """All plans as CSV, a row each."""
+    rows = [make_json_safe(row, EXPORT_DECIMALS) for row in list_rows(result)]
+    heads = list(rows[0]) if rows else []
+    return format_csv([heads, *([format_csv_cell(row[head]) for head in heads] for row in rows)])
+
+
+def format_sweep_json(result: SweepResult) -> str:
+    """The sweep as JSON; the guide on sweeps lists the keys."""
+    best = result.best
+    return format_json(
+        {
+            "field": result.field_name,
+            "area_ha": result.area_ha,
+            "combinations": result.total,
+            "done": len(result.plans),
+            "estimated": True,
+            "currency": result.currency,
+            "options": {option.key: option.values for option in result.options},
+            "best": None if best is None else {"row": result.rows.index(best) + 1, **list_values(result, best)},
+            "front": [list_values(result, one) for one in result.front],
+            "influences": [
+                {"option": one.option.key, "time_share": one.time_share, "cost_share": one.cost_share}
+                for one in result.influences
+            ],
+            "without_plan": {"count": sum(not one.plan.feasible for one in result.plans), "reason": result.refusal},
+            "plans": list_rows(result),
+        },
+        EXPORT_DECIMALS,
+        is_ascii=False,
+    )
+
+
+def list_values(result: SweepResult, one: SweptPlan) -> dict[str, Any]:
+    """A plan as plain values with its command."""
+    keys = [option.key for option in result.options]
+    options = dict(zip(keys, result.get_values(one), strict=True))
+    return {**options, **_list_figures(one.plan), "command": build_command(result, one)}
+
+
+def render_sweep_parquet(result: SweepResult) -> bytes:
+    """All plans as a Parquet file; raises ReportError without pyarrow."""
+    buffer = io.BytesIO()
+    try:
+        build_sweep_frame(result).to_parquet(buffer, engine="pyarrow", index=False)
+    except ImportError:
+        raise ReportError(
+            "--parquet needs pyarrow, which is not installed; install headland[parquet], or use --csv."
+        ) from None
+    return buffer.getvalue()

@@ -32,11 +32,15 @@ def find_alarm(manager: FleetManager, code: str) -> str | None:
 
 
 def creep(manager: FleetManager, speed_mps: float, told_mps: float, seconds: float) -> float | None:
-    """Stop all; the robot goes on so slowly, and says so or not: the metres after which it drives on."""
+    """Stop all; the robot goes on so slowly, and says so or not: the metres after which it drives on.
+
+    Every half a minute it tells a little more.
+    """
     manager.operators.stop_all("anna", 0.0)
     for number in range(round(10.0 * seconds)):
         now = 0.1 * number
-        report = TractorReport(0.0, speed_mps * now, NORTH_RAD, told_mps, mode=STOPPED, time_s=now)
+        told = told_mps + 0.02 * (number % 300 == 150)
+        report = TractorReport(0.0, speed_mps * now, NORTH_RAD, told, mode=STOPPED, time_s=now)
         manager.take_report(0, report, now)
         manager.update_fleet(now)
         if find_alarm(manager, "drives on") == CRITICAL:

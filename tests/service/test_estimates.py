@@ -97,7 +97,7 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
     grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = estimate(grounds)
-    monkeypatch.setattr("planner.sweep.estimates.prepare_ground", pytest.fail)
+    monkeypatch.setattr("planner.sweep.estimates.prepare_context", pytest.fail)
     faster = estimate(grounds, speed_kmh=7.0, tractors="1-3", price_per_hour=30.0, start="09:00", deadline="12:00")
     assert len(faster.plans) == 3
     assert (faster.plans[0].time_s or 0.0) < (first.plans[0].time_s or 0.0)

@@ -30,12 +30,17 @@ NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 
 
 def note_standing(state: TractorState) -> None:
-    """Note where a tractor stands that was ordered to, by its own words: it may not be far from there later."""
+    """Note where a tractor stands that was ordered to, by its own words: it may not be far from there later.
+
+    That it tells a speed now and then changes nothing, unless somebody may drive it.
+    """
     report = state.report
-    if report is None or not state.standing_ordered or report.speed_mps >= MOVING_MPS:
+    if report is None or not state.standing_ordered:
         state.stood_at = None
-    elif state.stood_at is None:
-        state.stood_at = report.x_m, report.y_m
+    elif report.speed_mps < MOVING_MPS:
+        state.stood_at = state.stood_at or (report.x_m, report.y_m)
+    elif _may_be_driven(state, report):
+        state.stood_at = None
 
 
 def is_driving_on(state: TractorState) -> bool:
@@ -47,9 +52,14 @@ def is_driving_on(state: TractorState) -> bool:
     has_crept = state.stood_at is not None and math.dist(state.stood_at, (report.x_m, report.y_m)) > FARTHEST_M
     if report.speed_mps < MOVING_MPS and not state.is_moving_unreported and not has_crept:
         return False
+    return not _may_be_driven(state, report)
+
+
+def _may_be_driven(state: TractorState, report: TractorReport) -> bool:
+    """Whether a driver in the seat or by remote control may drive a tractor that has to stand by itself."""
     if report.mode == MANUAL:
-        return bool(state.holds & NOT_BY_HAND)
-    return not (report.mode == REMOTE and state.remote_command[1] != 0.0)
+        return not state.holds & NOT_BY_HAND
+    return report.mode == REMOTE and state.remote_command[1] != 0.0
 
 
 def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
@@ -73,7 +83,10 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     allowed_s = ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
     if _is_braking(report, motion, rules) and not state.is_moving_unreported:
         allowed_s += 2.0 * compute_stopping_time_s(motion.speed_mps, rules) / rules.times
-    return motion.observed_s >= allowed_s
+    is_noticed = motion.observed_s >= allowed_s
+    if is_noticed and report.speed_mps >= MOVING_MPS:
+        state.stood_at = None  # once it stands again, it is judged from there
+    return is_noticed
 
 
 def _is_braking(report: TractorReport, motion: DisobeyingMotion, rules: FleetRules) -> bool:

@@ -1,0 +1,58 @@
+"""What a sweep varies: lists, ranges, tractors, choices and clock times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.errors import RequestError
+from planner.sweep.axes import list_points, read_axes
+
+
+@pytest.mark.parametrize(("name", "text", "written"), [
+    ("width", "3,4.5,6", (3.0, 4.5, 6.0)),
+    ("width", "3, 3,3.0", (3.0,)),
+    ("speed_kmh", "6:12:2", (6.0, 8.0, 10.0, 12.0)),
+    ("speed_kmh", "6:8,10", (6.0, 7.0, 8.0, 10.0)),
+    ("width", "3:3.35:0.1", (3.0, 3.1, 3.2, 3.3)),
+    ("tractors", "1-3,5", (1, 2, 3, 5)),
+    ("headland_order", "first,last", ("first", "last")),
+    ("start", "07:00,08:30", ("07:00", "08:30")),
+])  # fmt: skip
+def test_texts(name: str, text: str, written: tuple[object, ...]) -> None:
+    (axis,) = read_axes({name: text})
+    assert axis.written == written
+
+
+def test_values_of_python_and_parameters() -> None:
+    width, speed, tractors = read_axes({"width": np.array([3.0, 6.0]), "speed_kmh": range(9, 19, 9), "tractors": "1-2"})
+    assert width.values == (3.0, 6.0) and speed.values == pytest.approx((2.5, 5.0)) and tractors.values == ((1,), (2,))
+
+
+@given(st.integers(1, 50), st.integers(0, 40), st.integers(1, 7))
+def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
+    (axis,) = read_axes({"width": f"{first}:{first + steps * step}:{step}"})
+    assert axis.written == tuple(float(first + number * step) for number in range(steps + 1))
+
+
+@pytest.mark.parametrize(("values", "sentence"), [
+    ({"color": "1"}, "A sweep cannot vary 'color'"),
+    ({"width": "3,x"}, "holds 'x', which is no number"),
+    ({"width": "6:3"}, "holds the range '6:3'"),
+    ({"width": "3:6:0"}, "holds the range '3:6:0'"),
+    ({"width": ""}, "has no value"),
+    ({"width": "1:999:0.1"}, "holds the range"),
+    ({"headland_order": "first,middle"}, "middle"),
+])  # fmt: skip
+def test_refusals(values: dict[str, str], sentence: str) -> None:
+    with pytest.raises(RequestError) as refusal:
+        read_axes(values)
+    assert sentence in str(refusal.value)
+
+
+def test_too_many_combinations_are_refused() -> None:
+    axes = read_axes({"width": "1:50:0.1", "speed_kmh": "1:30:0.1"})
+    with pytest.raises(RequestError, match="combinations are more than a sweep takes"):
+        list_points(axes)

@@ -1,0 +1,103 @@
+"""`headland sweep` as a user runs it: what it prints and writes, bad input, Ctrl-C and going on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.sweep import sweep as sweeps
+from tests.cli.conftest import built, headland
+
+__all__ = ["built", "headland"]
+Run = Callable[..., Any]
+FEW = ("--local", "--width", "3,6", "--speed-kmh", "6,9", "--tractors", "1-2", "--processes", "1")
+
+
+@pytest.fixture
+def field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A field file in a folder of its own, which keeps what is estimated too."""
+    from tests.drawn_fields import rectangle
+
+    monkeypatch.setenv("HEADLAND_CACHE", str(tmp_path / "kept"))
+    place = tmp_path / "small.geojson"
+    place.write_text(json.dumps(rectangle(0, 0, 90, 120)))
+    return place
+
+
+def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: Path) -> None:
+    page, saved = tmp_path / "page.html", tmp_path / "plan.json"
+    done = headland("sweep", field, *FEW, "--html", page, "--png", tmp_path / "p.png", "--save", saved, "--pick", "1")
+    assert done.status == 0, done.err
+    assert "8 combinations" in done.out and "driven in full" in done.out
+    assert "--width" in page.read_text() and json.loads(saved.read_text())
+    data = json.loads(headland("sweep", field, *FEW, "--json").out)
+    assert data["done"] == 8 and set(data["options"]) == {"width_m", "speed_kmh", "tractors"}
+    assert data["best"]["command"].startswith(f"headland plan --local {field} ")
+    assert len(headland("sweep", field, *FEW, "--csv").out.splitlines()) == 9
+    other = ("--tractors", "1-2", "--speed-kmh", "6,9", "--width", "3,6")
+    again = json.loads(headland("sweep", field, "--local", *other, "--processes", "1", "--json").out)
+    assert again["front"] == data["front"], "in whatever order the options are"
+
+
+@pytest.mark.parametrize(("words", "sentence"), [
+    ("--width 0", "--width"),
+    ("--width 3,0", "--width"),
+    ("--width 3,x", "holds 'x', which is no number"),
+    ("--width 6:3", "give from, to and step"),
+    ("--headland-order middle", "'middle' is no headland order; use first, last"),
+    ("--width 1:50:0.1 --speed-kmh 1:30:0.1", "more than a sweep takes"),
+    ("--tractors 1-99", "use 1 to 50"),
+    ("--turn-speed-kmh 5,99", "--turn-speed-kmh"),
+    ("--json --csv", "choose one"),
+    ("--html page.txt", "does not end in .html"),
+])  # fmt: skip
+def test_bad_input(headland: Run, field: Path, words: str, sentence: str) -> None:
+    done = headland("sweep", field, "--local", *words.split())
+    assert done.status == 2 and done.out == ""
+    assert sentence in done.err and len(done.err.strip().splitlines()) == 1
+
+
+def test_a_row_that_is_not_there_and_several_fields_to_save(headland: Run, field: Path, tmp_path: Path) -> None:
+    done = headland("sweep", field, *FEW, "--pick", "99")
+    assert done.status == 2 and "--pick is 99; the table has rows 1 to" in done.err
+    other = tmp_path / "other.geojson"
+    other.write_text(field.read_text())
+    done = headland("sweep", field, other, *FEW, "--save", tmp_path / "plan.json")
+    assert done.status == 2 and "are for one field" in done.err
+
+
+def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
+    headland: Run, field: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimate, calls = sweeps.estimate_task, list[int]()
+
+    def stop_at_second(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return estimate(*arguments)
+
+    monkeypatch.setattr(sweeps, "estimate_task", stop_at_second)
+    done = headland("sweep", field, *FEW)
+    assert done.status == 130
+    assert "4 of 8 combinations" in done.out
+    assert "4 of 8 combinations; the same command goes on with it" in done.err
+    done = headland("sweep", field, *FEW)
+    assert done.status == 0 and len(calls) == 3, "what was done is not done again"
+
+
+def test_files_beyond_the_bound_are_removed(tmp_path: Path) -> None:
+    import os
+
+    from planner.pipeline.result_cache import ResultCache
+
+    cache = ResultCache(tmp_path)
+    for number in range(4):
+        cache.write(f"n{number}", {"text": "x" * 1000})
+        os.utime(tmp_path / f"n{number}.json", (number, number))
+    cache.remove_oldest(2500)
+    assert [cache.read(f"n{number}") is not None for number in range(4)] == [False, False, True, True]

@@ -1,0 +1,48 @@
+"""The page of a sweep in a browser: a point shows its command, by pointer and keyboard, on every width."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+from reports.sweep.page import render_sweep_page
+from tests.service.accessibility import find_violations
+from tests.sweep.results import build_result
+
+BROWSER = shutil.which("chromium")
+pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Page]:
+    """A page of a browser without a window."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield browser.new_page()
+        browser.close()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_point_shows_its_command(tab: Page, tmp_path: Path, width: int) -> None:
+    page = tmp_path / "page.html"
+    page.write_text(render_sweep_page(build_result()), encoding="utf-8")
+    tab.set_viewport_size({"width": width, "height": 900})
+    tab.goto(page.as_uri())
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert find_violations(tab) == []
+    command = "headland plan --margin 1 'my field.geojson' --width 6 --tractors {} --price-per-hour 40"
+    assert tab.text_content("#command") == command.format(1)
+    tab.focus("#walk")
+    tab.keyboard.press("Home")
+    assert tab.text_content("#command") == command.format(3)
+    tab.keyboard.press("ArrowRight")
+    assert tab.text_content("#command") == command.format(2)
+    tab.locator(".front").last.click(force=True)
+    assert tab.text_content("#command") == command.format(1)
+    assert "1:40:00, cost 71.67" in (tab.text_content("#figures") or "")
+    tab.click("[data-point] >> nth=0")
+    assert tab.text_content("#command") == command.format(3)

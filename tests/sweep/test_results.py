@@ -1,0 +1,135 @@
+"""What a sweep says of its plans: the front against brute force, influences against closed forms, tables and pages."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rich.console import Console
+
+import reports.sweep.notebook  # noqa: F401
+from reports.common.rendering import ReportError
+from reports.sweep.page import ChartAxis, render_sweep_page, render_sweep_png
+from reports.sweep.results import find_front, measure_influence
+from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, pick_plan
+from reports.sweep.wording import build_command
+from tests.sweep.results import build_result
+
+AIMS = arrays(np.float64, st.tuples(st.integers(0, 30), st.integers(1, 4)), elements=st.integers(0, 4).map(float))
+
+
+def render_text(renderable: object, width: int = 100) -> str:
+    console = Console(width=width, record=True, file=StringIO())
+    console.print(renderable)
+    return console.export_text()
+
+
+@given(AIMS)
+def test_the_front_is_what_brute_force_finds(aims: np.ndarray) -> None:
+    kept = find_front(aims)
+    beaten = [
+        any((other <= row).all() and (other < row).any() for other in aims)
+        or any((other == row).all() for other in aims[:number])
+        for number, row in enumerate(aims)
+    ]
+    assert sorted(kept) == [number for number, is_beaten in enumerate(beaten) if not is_beaten]
+    assert [tuple(aims[number]) for number in kept] == sorted(tuple(aims[number]) for number in kept)
+
+
+@given(
+    arrays(np.float64, st.integers(1, 6), elements=st.floats(-10, 10)),
+    arrays(np.float64, st.integers(1, 6), elements=st.floats(-10, 10)),
+)
+def test_influences_of_a_sum_are_the_shares_of_its_variances(first: np.ndarray, second: np.ndarray) -> None:
+    values = (first[:, None] + second[None, :]).ravel()
+    groups = np.repeat(np.arange(len(first)), len(second)), np.tile(np.arange(len(second)), len(first))
+    shares = [measure_influence(values, one.astype(np.int64)) for one in groups]
+    total = first.var() + second.var()
+    if total > 1e-6:
+        assert shares == pytest.approx([first.var() / total, second.var() / total], abs=1e-6)
+
+
+def test_what_only_combinations_explain_is_nobodys() -> None:
+    values, groups = np.array([1.0, -1.0, -1.0, 1.0]), np.array([0, 0, 1, 1])
+    assert measure_influence(values, groups) == 0.0
+    assert measure_influence(np.ones(4), groups) == 0.0
+
+
+def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> None:
+    text = " ".join(render_text(build_sweep_screen(build_result())).split())
+    assert "my field, 3.92 ha: 12 combinations" in text
+    assert "6 m, 1 tractor, price per hour 40: 1 h 40 min, 72 EUR; estimated." in text
+    assert "Of the difference in time: tractors 63 %, working width 56 %." in text and "in cost: working width" in text
+    assert "2 combinations have no plan, the first: There is no work for 3." in text
+    assert "Estimated: each number of tractors was driven once" in text
+
+
+def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
+    result = build_result()
+    rows = result.rows
+    assert result.best in rows and [pick_plan(result, number + 1) for number in range(len(rows))] == list(rows)
+    assert pick_plan(result, None) is result.best
+    for row in (0, len(rows) + 1):
+        with pytest.raises(ReportError, match=rf"--pick is {row}; the table has rows 1 to {len(rows)}"):
+            pick_plan(result, row)
+
+
+def test_a_command_plans_the_combination() -> None:
+    result = build_result()
+    assert build_command(result, result.plans[2]) == (
+        "headland plan --margin 1 'my field.geojson' --width 3 --tractors 2 --price-per-hour 40"
+    )
+
+
+def test_json_and_csv_have_all_plans() -> None:
+    result = build_result()
+    data = json.loads(format_sweep_json(result))
+    assert result.best is not None
+    assert (data["combinations"], data["done"], data["estimated"]) == (12, 12, True)
+    assert data["without_plan"] == {"count": 2, "reason": "There is no work for 3."}
+    assert len(data["plans"]) == 12 and data["best"]["command"] == build_command(result, result.best)
+    lines = format_sweep_csv(result).splitlines()
+    assert len(lines) == 13 and lines[0].startswith("width_m,tractors,price_per_hour,finished_s")
+
+
+def test_an_unfinished_sweep_says_so() -> None:
+    assert "my field, 3.92 ha: 5 of 12 combinations" in render_text(build_sweep_screen(build_result(done=5)))
+
+
+def test_without_a_plan_nothing_is_drawn_and_the_page_says_why() -> None:
+    result = build_result()
+    refused = build_result(done=0)
+    assert "No combination has a plan." in render_sweep_page(refused)
+    with pytest.raises(ReportError, match="No combination has a plan"):
+        render_sweep_png(refused)
+    assert render_sweep_png(result).startswith(b"\x89PNG")
+
+
+def test_a_notebook_shows_it() -> None:
+    result = build_result()
+    assert "12 combinations" in repr(result) and "data:image/png" in result._repr_html_()
+    assert len(result.to_pandas()) == 12
+
+
+@settings(max_examples=50)
+@given(st.floats(-1e6, 1e6), st.floats(0.1, 1e6))
+def test_ticks_lie_within_the_axis(low: float, span: float) -> None:
+    axis = ChartAxis(low, low + span, 10.0, 500.0)
+    ticks = axis.list_ticks([number * 10.0**power for power in range(-2, 9) for number in (1, 2, 5)])
+    assert len(ticks) <= 8 and all(9.9 <= axis.place(tick) <= 500.1 for tick in ticks)
+
+
+def test_parquet_needs_pyarrow() -> None:
+    pytest.importorskip("pyarrow")
+    from io import BytesIO
+
+    import pandas as pd
+
+    from reports.sweep.tables import render_sweep_parquet
+
+    assert len(pd.read_parquet(BytesIO(render_sweep_parquet(build_result())))) == 12
