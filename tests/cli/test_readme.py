@@ -14,8 +14,16 @@ import pytest
 import shapely
 
 from fields.geometry.field import Field
-from planner.guide.guide_pages import read_page
-from tests.cli.examples import EXPERIMENTS, README, SERVING, list_guide_commands, list_readme_commands, run_as_written
+from planner.guide.guide_pages import list_pages, read_page
+from tests.cli.examples import (
+    EXPERIMENTS,
+    README,
+    SERVING,
+    list_commands,
+    list_guide_commands,
+    list_readme_commands,
+    run_as_written,
+)
 
 MAX_README_LINES = 150
 LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
@@ -37,7 +45,8 @@ def test_the_readme_is_short() -> None:
 def test_readme_and_guide_show_every_command() -> None:
     from planner.cli.main import app
 
-    shown = {line.split()[1] for line in (*list_readme_commands(), *list_guide_commands())}
+    pages = [line for page in list_pages() for line in list_commands(page.text)]
+    shown = {line.split()[1] for line in (*list_readme_commands(), *pages)}
     assert {info.name or info.callback.__name__ for info in app.registered_commands if info.callback} <= shown
 
 
