@@ -40,13 +40,13 @@ from planner.service.gateway.responses import (
     ApiRequest,
     ApiRouter,
     CallerInfo,
-    EventInfo,
+    EventList,
     HealthInfo,
-    ItemList,
     NewToken,
     ReadinessInfo,
     StoreAccess,
     TokenInfo,
+    TokenList,
     TokenScope,
     build_error_response,
     build_refusal_response,
@@ -264,9 +264,9 @@ def list_events(
     _caller: ReadAccess,
     since: Annotated[int, Query(ge=0, le=LIMITS.largest_event_id, description="Only events of a higher number.")] = 0,
     fleet: Annotated[str | None, Query(max_length=32, description="Only events of this fleet.")] = None,
-) -> ItemList[EventInfo]:
+) -> EventList:
     """Events after a number, the oldest first, at most 1000; for more, ask again from the last number."""
-    return ItemList[EventInfo].model_validate({"items": store.list_events(since, fleet)})
+    return EventList.model_validate({"items": store.list_events(since, fleet)})
 
 
 tokens_router = ApiRouter(prefix="/tokens", tags=["tokens"])
@@ -287,9 +287,9 @@ class TokenRequest(ApiRequest):
 
 
 @tokens_router.get("", operation_id="list_tokens")
-def list_tokens(store: StoreAccess, _caller: AdminAccess) -> ItemList[TokenInfo]:
+def list_tokens(store: StoreAccess, _caller: AdminAccess) -> TokenList:
     """All tokens with name, scopes and expiry; their texts are stored nowhere."""
-    return ItemList[TokenInfo].model_validate({"items": store.list_tokens()})
+    return TokenList.model_validate({"items": store.list_tokens()})
 
 
 @tokens_router.post("", status_code=201, operation_id="make_token")

@@ -15,8 +15,8 @@ from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParame
 from planner.service.gateway.responses import (
     ApiModel,
     ApiRouter,
-    ItemList,
     JobInfo,
+    JobList,
     JobProgress,
     StoreAccess,
     ViewInfo,
@@ -79,9 +79,9 @@ def export_plan_result(
 
 
 @all_jobs_router.get("/jobs", operation_id="list_jobs")
-def list_jobs_of_all_kinds(store: StoreAccess, _caller: ReadAccess) -> ItemList[JobInfo]:
+def list_jobs_of_all_kinds(store: StoreAccess, _caller: ReadAccess) -> JobList:
     """Jobs of all kinds, the newest first, at most 500."""
-    return ItemList[JobInfo](items=[describe_job(row) for row in store.list_jobs()])
+    return JobList(items=[describe_job(row) for row in store.list_jobs()])
 
 
 @all_jobs_router.get("/views/{view}", response_class=Response, responses=RESULT_ANSWER, operation_id="show_view")
@@ -120,9 +120,9 @@ def build_jobs_router(path: str) -> APIRouter:
 
 def _add_read_routes(router: APIRouter, kind: str) -> None:
     @router.get("", operation_id=f"list_{kind}_jobs")
-    def list_jobs(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> ItemList[JobInfo]:
+    def list_jobs(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> JobList:
         """All of them or those that are searched for, the newest first, at most 500."""
-        return ItemList[JobInfo](items=[describe_job(row) for row in store.list_jobs(kind, search)])
+        return JobList(items=[describe_job(row) for row in store.list_jobs(kind, search)])
 
     @router.get("/{id}", operation_id=f"watch_{kind}")
     def show_job(store: StoreAccess, _who: ReadAccess, id: str) -> JobInfo:

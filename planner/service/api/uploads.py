@@ -21,7 +21,7 @@ from fields.sample_fields import list_sample_names, read_sample_text
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import refuse_unknown_form_parts
-from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, ItemList, StoreAccess, document_file
+from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, FileList, StoreAccess, document_file
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
@@ -92,12 +92,10 @@ def build_files_router(path: str) -> APIRouter:
 
 def _add_read_routes(router: APIRouter, kind: str) -> None:
     @router.get("", operation_id=f"list_{kind}s")
-    def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> ItemList[FileInfo]:
+    def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> FileList:
         """All of them by name, or those that are searched for; those of Headland first."""
         samples = [_describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
-        return ItemList[FileInfo](
-            items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))]
-        )
+        return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
     media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
 

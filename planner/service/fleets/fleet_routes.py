@@ -231,6 +231,10 @@ class FleetAnswer(ApiModel):
     videos: dict[int, str] = Field(default_factory=dict)
 
 
+class FleetList(ItemList[FleetAnswer]):
+    """Fleets of the caller."""
+
+
 async def get_sessions(request: Request) -> FleetSessions:
     """The live fleets, for routes."""
     sessions: FleetSessions = request.app.state.hub
@@ -257,12 +261,10 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
 
 
 @fleet_router.get("/fleets")
-async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> ItemList[FleetAnswer]:
+async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> FleetList:
     """All fleets; a robot sees only its own."""
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
-    return ItemList[FleetAnswer](
-        items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)]
-    )
+    return FleetList(items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)])
 
 
 @fleet_router.post("/fleets", status_code=201, openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY})

@@ -193,6 +193,10 @@ class TwinAnswer(ApiModel):
     finding: dict[str, Any] | None = None
 
 
+class TwinList(ItemList[TwinAnswer]):
+    """Twins of a fleet."""
+
+
 class ExtendModelRequest(ApiRequest):
     """The name of the new tractor file."""
 
@@ -244,7 +248,7 @@ def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: 
 
 
 @twin_router.get("/twins")
-async def list_twins(request: Request, _who: ReadAccess) -> ItemList[TwinAnswer]:
+async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
     """All twins, without their corrections."""
     sessions: FleetSessions = request.app.state.hub
     items = [
@@ -252,7 +256,7 @@ async def list_twins(request: Request, _who: ReadAccess) -> ItemList[TwinAnswer]
         for session in sessions.by_id.values()
         for number in range(1, session.tractor_count + 1)
     ]
-    return ItemList[TwinAnswer](items=items)
+    return TwinList(items=items)
 
 
 @twin_router.get("/twins/{fleet}/{tractor}")

@@ -50,14 +50,9 @@ class ApiRequest(BaseModel):
 
 
 class ItemList(ApiModel, Generic[Item]):
-    """All there are, in the order that the route describes; in the documentation a list of FileInfo is FileList."""
+    """All there are, in the order that the route describes; each kind has a name of its own in the documentation."""
 
     items: list[Item]
-
-    @classmethod
-    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
-        """Overrides pydantic's name of the list of one kind of item."""
-        return f"{params[0].__name__.removesuffix('Info').removesuffix('Answer')}List"
 
 
 class ErrorInfo(ApiModel):
@@ -118,6 +113,10 @@ class FileInfo(ApiModel):
     changed: str | None = None
 
 
+class FileList(ItemList[FileInfo]):
+    """Files, those that come with Headland first."""
+
+
 class JobProgress(ApiModel):
     """Progress of a job: steps done, all steps, and what it is doing now."""
 
@@ -147,6 +146,10 @@ class JobInfo(ApiModel):
     owner_identity: str | None = None
 
 
+class JobList(ItemList[JobInfo]):
+    """Jobs, the newest first."""
+
+
 class ViewInfo(ApiModel):
     """The path below /api/v1 at which a result is shown once."""
 
@@ -169,6 +172,10 @@ class TokenInfo(ApiModel):
         return scopes.split() if isinstance(scopes, str) else scopes
 
 
+class TokenList(ItemList[TokenInfo]):
+    """Tokens, the oldest first."""
+
+
 class NewToken(TokenInfo):
     """A new token; its text is shown only once."""
 
@@ -184,6 +191,10 @@ class EventInfo(ApiModel):
     who: str
     what: str
     data: dict[str, Any]
+
+
+class EventList(ItemList[EventInfo]):
+    """Events, the oldest first."""
 
 
 def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
