@@ -6,7 +6,7 @@ risk        how sure a plan is and what it costs: Monte Carlo, prices, advice
 traffic     who waits for whom, so that no two tractors meet
 evaluation  one candidate in its planning context: composed, driven, measured
 pipeline    plan, study, diagnose: candidates on any executor, ranked; pictures, saved plans
-sweep       many combinations of options, estimated on shared ground
+sweeps      many combinations of options, estimated on shared ground
 day         several fields and fleets on one day
 task_logs   as-driven work: imported, compared with plans, learned from
 fleet       fleets while they drive: messages, safety, replanning, robots
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from planner.pipeline.planning import PlanningResult, plan
     from planner.pipeline.thesis_study import study
     from planner.request.plan_request import PlanRequest
-    from planner.sweep.frame import sweep
+    from planner.sweeps.frame import sweep
 
 __all__ = [
     "HeadlandError",
@@ -56,7 +56,7 @@ _HOMES = {
     "pipeline.planning": ("PlanningResult", "plan"),
     "pipeline.thesis_study": ("study",),
     "request.plan_request": ("PlanRequest",),
-    "sweep.frame": ("sweep",),
+    "sweeps.frame": ("sweep",),
 }
 
 

@@ -38,13 +38,13 @@ from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.options import list_options
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, FarmChoice, PlanRequest
-from planner.sweep.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
+from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
     from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.farm_inputs import GivenOptions
-    from planner.sweep.sweep import Sweep
+    from planner.sweeps.sweep import Sweep
     from reports.sweep.results import SweepResult, SweptPlan
 
 MOST_CACHED_BYTES = 200_000_000
@@ -165,7 +165,7 @@ class _Question:
 
     def build_sweep(self) -> Sweep:
         """The sweep over all combinations; without tractors among the options over those of the farm."""
-        from planner.sweep.sweep import Sweep
+        from planner.sweeps.sweep import Sweep
 
         requests = {name: self.given.build_request(field=name) for name in self.fields}
         axes, given = self.axes, self.given

@@ -25,9 +25,9 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest
-from planner.sweep.axes import read_axes
-from planner.sweep.estimates import prepare_ground
-from planner.sweep.sweep import Sweep
+from planner.sweeps.axes import read_axes
+from planner.sweeps.estimates import prepare_ground
+from planner.sweeps.sweep import Sweep
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 

@@ -13,7 +13,7 @@ from planner.service.errors import BusyError
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
-from planner.sweep.estimates import KeptGrounds, OrderEstimate
+from planner.sweeps.estimates import KeptGrounds, OrderEstimate
 from tests.service.conftest import Shared, bearer
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
@@ -97,7 +97,7 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
     grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = estimate(grounds)
-    monkeypatch.setattr("planner.sweep.estimates.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.estimates.prepare_context", pytest.fail)
     faster = estimate(grounds, speed_kmh=7.0, tractors="1-3", price_per_hour=30.0, start="09:00", deadline="12:00")
     assert len(faster.plans) == 3
     assert (faster.plans[0].time_s or 0.0) < (first.plans[0].time_s or 0.0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.errors import RequestError
-from planner.sweep.axes import list_points, read_axes
+from planner.sweeps.axes import list_points, read_axes
 
 
 @pytest.mark.parametrize(("name", "text", "written"), [

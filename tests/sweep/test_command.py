@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from planner.sweep import sweep as sweeps
+from planner.sweeps import sweep as sweeps
 from tests.cli.conftest import built, headland
 
 __all__ = ["built", "headland"]

@@ -91,8 +91,8 @@ class FleetManager(FleetState):
     def disconnect_tractor(self, number: int, now: float, is_orderly: bool) -> None:
         """The link of a tractor is down: closed by the tractor (`is_orderly`), or broken."""
         state = self.states[number]
-        state.is_linked, state.has_disconnected = False, is_orderly and not state.is_moving
-        if not state.has_disconnected:  # who moves as it leaves may go anywhere
+        state.is_linked, state.has_disconnected = False, is_orderly
+        if not is_orderly or state.is_moving:  # who moves as it leaves may go anywhere
             self._alarm_broken_link(number, now)
 
     def take_report(

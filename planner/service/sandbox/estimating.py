@@ -21,7 +21,7 @@ from planner.errors import HeadlandError
 from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
 from planner.service.sandbox.confinement import confine_process, list_library_folders
 from planner.service.sandbox.readings import build_work_order
-from planner.sweep.estimates import KeptGrounds, OrderEstimate
+from planner.sweeps.estimates import KeptGrounds, OrderEstimate
 from reports.common.wording import round_up_to_minute
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}

@@ -10,8 +10,6 @@ from itertools import product
 from math import prod
 from typing import Any
 
-import numpy as np
-
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
@@ -110,7 +108,7 @@ def _read_axis(option: RequestOption, given: Any) -> Axis:
 def _list_values(option: RequestOption, given: Any) -> list[Any]:
     """Values that Python gives, of numpy too; texts among them are read as on the command line."""
     ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
-    values = [one.item() if isinstance(one, np.generic) else one for one in _iterate(ordered)]
+    values = [one.item() if hasattr(one, "item") else one for one in _iterate(ordered)]
     wrong = next((value for value in values if not isinstance(value, str | int | float | time)), None)
     if wrong is not None:
         raise RequestError(

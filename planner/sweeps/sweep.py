@@ -23,8 +23,8 @@ from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
-from planner.sweep.axes import Axis, list_points
-from planner.sweep.estimates import SUMMED, prepare_ground
+from planner.sweeps.axes import Axis, list_points
+from planner.sweeps.estimates import SUMMED, prepare_ground
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 from strategies.split_field import STRATEGY

@@ -13,8 +13,8 @@ from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
-from planner.sweep.axes import read_axes
-from planner.sweep.sweep import Sweep
+from planner.sweeps.axes import read_axes
+from planner.sweeps.sweep import Sweep
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement
 
