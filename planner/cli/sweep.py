@@ -119,7 +119,7 @@ def sweep(
 
     Example: headland sweep denmark --width 3,6 --speed-kmh 6:12:2 --tractors 1-4 --headland-order first,last
     """
-    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, pick_plan
+    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
     if cache is not None and cache.exists() and not cache.is_dir():
@@ -142,6 +142,18 @@ def sweep(
         _drive(order, result, picked, executor_choice, save, form.is_for_programs)
     if result.best is None:
         raise typer.Exit(NO_PLAN_STATUS)
+
+
+def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:
+    """The plan of a row of the table, counted from 1; the best without a number. Raises RequestError."""
+    rows = result.rows
+    if not rows or result.best is None:
+        raise RequestError("No combination has a plan, so none can be driven; vary other options.")
+    if row is None:
+        return result.best
+    if not 1 <= row <= len(rows):
+        raise RequestError(f"--pick is {row}; the table has rows 1 to {len(rows)}.")
+    return rows[row - 1]
 
 
 @dataclass(frozen=True)

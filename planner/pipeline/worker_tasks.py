@@ -45,7 +45,7 @@ def evaluate_task(
     Only feasible plans keep their run.
     Where time does not suffice for all, those that it sufficed for; raises TimeSpentError without any.
     """
-    context, outcomes = _unpack_context(packed_context), list[tuple[int, Outcome]]()
+    context, outcomes = unpack_context(packed_context), list[tuple[int, Outcome]]()
     try:
         for number, one in simulate_candidates(context, candidates, prunes):
             result, run = one.result, one.run
@@ -60,7 +60,7 @@ def evaluate_task(
     return outcomes
 
 
-def _unpack_context(packed_context: bytes) -> PlanningContext:
+def unpack_context(packed_context: bytes) -> PlanningContext:
     """The context, unpacked once for consecutive tasks of a thread, so that paths found for one serve the next.
 
     The thread keeps it until it ends or gets another one.

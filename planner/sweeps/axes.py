@@ -21,7 +21,7 @@ _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
 _ROUNDING = 1e-9
 _TEXTS = ("tractors", "start_s", "deadline_s", "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
-_DRIVEN = ("samples", "seed", "moisture_pct", "et0_mm", "budget", "clearance_m", "part", "objective")
+_UNSWEPT = ("samples", "seed", "budget", "part", "objective")
 """Parameters that change no estimate, or what is chosen and not what is planned."""
 HEADLAND_ORDER = RequestOption(
     "headland_order",
@@ -59,22 +59,29 @@ def list_swept_options() -> tuple[RequestOption, ...]:
         option
         for option in list_options(PlanRequest)
         if option.value is None
-        and option.parameter not in _DRIVEN
+        and option.parameter not in _UNSWEPT
         and (option.type in (int, float) or option.rules.choices or option.parameter in _TEXTS)
     ]
     return (*found, HEADLAND_ORDER)
 
 
 def read_axes(values: Mapping[str, Any]) -> tuple[Axis, ...]:
-    """The axes of options by name, each a text (`3,4.5,6`, `6:12:1`, `1-8`), a value or several of them.
+    """The axes of options, each a text (`3,4.5,6`, `6:12:1`, `1-8`), a value or several of them.
 
-    Options without a value are none. Raises RequestError.
+    They go by the name of the option or of its parameter; those without a value are none. Raises RequestError.
     """
-    options = {option.name: option for option in list_swept_options()}
+    swept = list_swept_options()
+    options = {option.parameter: option for option in swept} | {option.name: option for option in swept}
     unknown = next((name for name in values if name not in options), None)
     if unknown is not None:
-        raise RequestError(f"A sweep cannot vary {unknown!r}; it varies {', '.join(options)}.")
-    return tuple(_read_axis(options[name], given) for name, given in values.items() if given is not None)
+        names = ", ".join(option.name for option in swept)
+        raise RequestError(f"A sweep cannot vary {unknown!r}; it varies {names}.")
+    given = [(options[name], value) for name, value in values.items() if value is not None]
+    found = [option.name for option, _ in given]
+    twice = next((name for name in found if found.count(name) > 1), None)
+    if twice is not None:
+        raise RequestError(f"The {twice.replace('_', ' ')} is given twice, with its unit and without; give it once.")
+    return tuple(_read_axis(option, value) for option, value in given)
 
 
 def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:

@@ -114,8 +114,31 @@ class GroundEstimates:
     def _get_drive_factor(self, tractors: int) -> float:
         """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""
         if tractors not in self._drive_factors:
-            self._drive_factors[tractors] = _measure_drive_factor(self._context, tractors) if self._drives else 1.0
+            self._drive_factors[tractors] = self._measure_drive_factor(tractors) if self._drives else 1.0
         return self._drive_factors[tractors]
+
+    def _measure_drive_factor(self, tractors: int) -> float:
+        """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
+
+        1 where none can be driven.
+        """
+        sketches = [self._sketch(tractors, headland) for headland in self._context.request.headland_orders or ("",)]
+        sketched = [sketch for sketch in sketches if not isinstance(sketch, StrategyError)]
+        if not sketched:
+            return 1.0
+        alone_s = min(float((np.array(one.tractor_s) + np.array(one.served_s)).max()) for one in sketched)
+        best_s = self._drive(STRATEGY.name, tractors, sketched)
+        if not math.isfinite(best_s):
+            others = [name for name in self._context.request.strategies if name != STRATEGY.name]
+            best_s = min((self._drive(name, tractors) for name in others), default=math.inf)
+        return best_s / alone_s if math.isfinite(best_s) else 1.0
+
+    def _drive(self, strategy: str, tractors: int, sketches: list[SketchedPlan] | None = None) -> float:
+        """Seconds of the plan of a strategy as driven; infinite where it cannot be driven."""
+        with suppress(StrategyError):
+            driven = run_candidate(self._context, Candidate(strategy, tractors), sketches)
+            return math.inf if driven.reason else driven.run.duration_s
+        return math.inf
 
     def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch at the speeds of a context."""
@@ -138,30 +161,6 @@ class GroundEstimates:
         if key not in self._moves:
             self._moves[key] = SiteMoves(build_site(context), get_site_moves(self._context).lines)
         return self._moves[key]
-
-
-def prepare_ground(order: WorkOrder) -> GroundEstimates:
-    """The ground of an order, laid out as for a plan; raises HeadlandError."""
-    return GroundEstimates(prepare_context(order))
-
-
-def _measure_drive_factor(context: PlanningContext, tractors: int) -> float:
-    """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
-
-    Strategies whose sketch takes longer than what was driven before are left out; 1 where none can be driven.
-    """
-    best_s, alone_s = math.inf, math.nan
-    for name in dict.fromkeys((STRATEGY.name, *context.request.strategies)):
-        with suppress(StrategyError):
-            sketch_s = max(sketch_plans(context, get_strategy(name), tractors)[0].tractor_s)
-            alone_s = sketch_s if name == STRATEGY.name else alone_s
-            if sketch_s < best_s:
-                driven = run_candidate(context, Candidate(name, tractors))
-                best_s = min(best_s, math.inf if driven.reason else driven.run.duration_s)
-        if name == STRATEGY.name and math.isfinite(best_s):
-            break
-    factor = best_s / alone_s
-    return factor if math.isfinite(factor) else 1.0
 
 
 def _refuse_idle(tractors: int) -> StrategyError:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import reports.sweep.notebook  # noqa: F401  # how a sweep is shown
-from planner.errors import RequestError
 from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
@@ -39,14 +38,13 @@ def sweep(
     tractors="1-8", headland_order=["first", "last"]`; texts are read as `headland sweep` reads them. The other
     arguments are those of `plan`. The columns are the options, then seconds, cost, share worked, fuel, whether nothing
     beats the plan (`on_front`) and which one to take (`is_best`); `frame.attrs["sweep"]` is the result that reports
-    draw. Nothing is driven: `plan` with the values of a row does that. Raises HeadlandError.
+    draw. Each number of tractors is driven once on each layout, at a speed in the middle of those swept, and its other
+    rows follow from that by sums: a row changes a little with what else is swept. `plan` with the values of a row
+    drives it. Raises HeadlandError.
     """
     if values.get("tractors") is None:
         values["tractors"] = list(request.tractors)
-    named = {name.removesuffix("_m"): value for name, value in values.items()}
-    if len(named) < len(values):
-        raise RequestError("The width, or another option, is given twice, with its unit and without; give it once.")
-    axes = read_axes(named)
+    axes = read_axes(values)
 
     def build_order(_: str, parameters: Mapping[str, Any]) -> WorkOrder:
         return WorkOrder(replace(request, **parameters), field, None, implement, None, cost_terms, supply)

@@ -3,33 +3,35 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from hashlib import sha256
+from itertools import groupby
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from fields.units import DAY_S
 from planner.errors import HeadlandError
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import recall
 from planner.evaluation.work_order import WorkOrder, read_requested_field
-from planner.pipeline.executors import create_executor, iter_completed
+from planner.pipeline.executors import collect_answers, create_executor, iter_completed
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
-from planner.pipeline.worker_tasks import Progress
+from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import Axis, list_points
-from planner.sweeps.estimates import SUMMED, prepare_ground
+from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
-from strategies.split_field import STRATEGY
 
 PROGRESS_STEP = 500
+MOST_GROUNDS_AT_ONCE = 32  # laid out before they are estimated: enough for all processes, few enough to hold
 _ADDED = (
     "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s",
     "fuel_l", "energy_kwh", "co2_kg",
@@ -39,8 +41,14 @@ _DEFAULTS = {one.name: one.default for one in fields(PlanResult)}
 
 
 @dataclass(frozen=True, eq=False)
-class GroundTask:
-    """The orders of one ground: numbers of their combinations, and the first of them, at a middling speed."""
+class EstimateTask:
+    """The orders of one number of tractors on one ground.
+
+    Attributes:
+        numbers: of the combinations.
+        orders: of the combinations.
+        reference: the order whose layout they share, at a middling speed; the same for all numbers of tractors.
+    """
 
     numbers: tuple[int, ...]
     orders: tuple[WorkOrder, ...]
@@ -52,58 +60,57 @@ class GroundTask:
         return sha256(f"{hash_question(self.reference)}{requests}".encode()).hexdigest()
 
 
-def build_tasks(
-    axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder], processes: int
-) -> list[GroundTask]:
-    """One task for every ground, or as many as there are processes, each with some numbers of tractors.
+def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder]) -> list[EstimateTask]:
+    """A task for every number of tractors on every ground.
 
     `build_order` makes the order of the parameters of a combination. Raises HeadlandError.
     """
-    by_ground: dict[tuple[int, ...], list[tuple[int, tuple[int, ...]]]] = {}
+    by_ground: dict[tuple[int, ...], dict[int, WorkOrder]] = {}
     places = [place for place, axis in enumerate(axes) if axis.parameter not in SUMMED]
     for number, values in enumerate(list_points(axes)):
-        by_ground.setdefault(tuple(values[place] for place in places), []).append((number, values))
-    share = max(1, processes // len(by_ground))
-    tasks = []
-    for points in by_ground.values():
-        orders = [
-            build_order({axis.parameter: axis.values[place] for axis, place in zip(axes, values, strict=True)})
-            for _, values in points
-        ]
-        counts = sorted({order.request.tractors for order in orders})
-        middle = sorted(orders, key=lambda order: order.request.speed_mps)[len(orders) // 2]
-        for part in range(share):
-            of_part = [place for place, one in enumerate(orders) if counts.index(one.request.tractors) % share == part]
-            if of_part:
-                numbers = tuple(points[place][0] for place in of_part)
-                tasks.append(GroundTask(numbers, tuple(orders[place] for place in of_part), middle))
-    return tasks
+        parameters = {axis.parameter: axis.values[place] for axis, place in zip(axes, values, strict=True)}
+        of_ground = by_ground.setdefault(tuple(values[place] for place in places), {})
+        of_ground[number] = build_order(parameters)
+    return [task for orders in by_ground.values() for task in _split_by_tractors(orders)]
 
 
-def estimate_task(
-    orders: Sequence[WorkOrder], reference: WorkOrder, describe_refusal: Callable[[HeadlandError], str] = str
-) -> list[PlanResult]:
-    """The plans of orders on one ground; where that cannot be planned all are refused for its reason."""
+def _split_by_tractors(orders: Mapping[int, WorkOrder]) -> Iterator[EstimateTask]:
+    """The tasks of one ground, whose orders are by the number of their combination."""
+    middle = sorted(orders.values(), key=lambda order: order.request.speed_mps)[len(orders) // 2]
+    for count in sorted({order.request.tractors for order in orders.values()}):
+        numbers = tuple(number for number, order in orders.items() if order.request.tractors == count)
+        yield EstimateTask(numbers, tuple(orders[number] for number in numbers), middle)
+
+
+def lay_out_ground(reference: WorkOrder, describe_refusal: Callable[[HeadlandError], str] = str) -> bytes | str:
+    """The packed context of an order, or why the ground cannot be laid out."""
     try:
-        ground = prepare_ground(reference)
+        return pack_context(prepare_context(reference))
     except HeadlandError as refusal:
-        reason = describe_refusal(refusal)
+        return describe_refusal(refusal)
+
+
+def estimate_task(orders: Sequence[WorkOrder], ground: bytes | str) -> list[PlanResult]:
+    """The plans of orders on one ground; where that could not be laid out all are refused for its reason."""
+    if isinstance(ground, str):
         return [
-            PlanResult(STRATEGY.name, one.request.tractors[0], one.request.turn, False, reason, is_simulated=False)
+            PlanResult(STRATEGY.name, one.request.tractors[0], one.request.turn, False, ground, is_simulated=False)
             for one in orders
         ]
-    return [ground.estimate(one) for one in orders]
+    context = unpack_context(ground)
+    estimates = recall(context, GroundEstimates, lambda: GroundEstimates(context))
+    return [estimates.estimate(one) for one in orders]
 
 
 def iter_plans(
-    tasks: Sequence[GroundTask],
+    tasks: Sequence[EstimateTask],
     executor: Executor,
     cache: ResultCache,
     describe_refusal: Callable[[HeadlandError], str] = str,
 ) -> Iterator[tuple[int, int, PlanResult]]:
     """Yield the plans of all tasks, each with the number of its task and of its combination.
 
-    Those known come at once, others as they are estimated.
+    Those known come at once, others as they are estimated: each ground is laid out once, then its tasks follow.
     """
     keys = [task.hash() for task in tasks]
     missing = []
@@ -113,11 +120,18 @@ def iter_plans(
             missing.append(place)
         else:
             yield from ((place, number, plan) for number, plan in zip(task.numbers, known, strict=True))
-    arguments = [(tasks[place].orders, tasks[place].reference, describe_refusal) for place in missing]
-    for number, plans in iter_completed(executor, estimate_task, arguments):
-        place = missing[number]
-        cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
-        yield from ((place, combination, plan) for combination, plan in zip(tasks[place].numbers, plans, strict=True))
+    grounds = [list(group) for _, group in groupby(missing, key=lambda place: id(tasks[place].reference))]
+    for first in range(0, len(grounds), MOST_GROUNDS_AT_ONCE):
+        some = grounds[first : first + MOST_GROUNDS_AT_ONCE]
+        references = [(tasks[places[0]].reference, describe_refusal) for places in some]
+        packed = collect_answers(executor, lay_out_ground, references)
+        chosen = [(place, ground) for places, ground in zip(some, packed, strict=True) for place in places]
+        arguments = [(tasks[place].orders, ground) for place, ground in chosen]
+        for number, plans in iter_completed(executor, estimate_task, arguments):
+            place = chosen[number][0]
+            cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
+            numbers = tasks[place].numbers
+            yield from ((place, combination, plan) for combination, plan in zip(numbers, plans, strict=True))
 
 
 def _pack(plan: PlanResult) -> dict[str, Any]:
@@ -139,7 +153,7 @@ def _unpack(content: Mapping[str, Any] | None, count: int) -> list[PlanResult] |
 
 @dataclass(eq=False)
 class Sweep:
-    """A sweep over one field or several, and the plans that are known of it so far.
+    """A sweep over one field or several, and the plans that are known of it so far; raises HeadlandError.
 
     Attributes:
         axes: what is varied.
@@ -155,6 +169,7 @@ class Sweep:
 
     def __post_init__(self) -> None:
         self._points = list(list_points(self.axes))
+        self._tasks = [build_tasks(self.axes, partial(self.build_order, name)) for name in self.fields]
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
 
     @property
@@ -184,14 +199,9 @@ class Sweep:
         What is found before an exception, such as Ctrl-C, stays: `build_result` shows it.
         """
         with ExitStack() as opened:
-            count = processes or os.cpu_count() or 1
-            tasks = [
-                build_tasks(self.axes, partial(self.build_order, name), max(1, count // len(self.fields)))
-                for name in self.fields
-            ]
-            every = [task for of_field in tasks for task in of_field]
+            every = [task for of_field in self._tasks for task in of_field]
             executor = executor or opened.enter_context(create_executor(len(every), processes))
-            owners = [place for place, of_field in enumerate(tasks) for _ in of_field]
+            owners = [place for place, of_field in enumerate(self._tasks) for _ in of_field]
             for place, number, plan in iter_plans(every, executor, cache, describe_refusal):
                 found = self._found[owners[place]]
                 found[number] = plan

@@ -76,18 +76,6 @@ def _list_figures(plan: PlanResult) -> dict[str, Any]:
     return figures
 
 
-def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:
-    """The plan of a row of the table, counted from 1; the best without a number. Raises ReportError."""
-    rows = result.rows
-    if not rows or result.best is None:
-        raise ReportError("No combination has a plan, so none can be driven; vary other options.")
-    if row is None:
-        return result.best
-    if not 1 <= row <= len(rows):
-        raise ReportError(f"--pick is {row}; the table has rows 1 to {len(rows)}.")
-    return rows[row - 1]
-
-
 def build_sweep_screen(result: SweepResult) -> RenderableType:
     """What to take, what matters, and the table of what nothing beats."""
     rows = result.rows
@@ -176,6 +164,6 @@ def render_sweep_parquet(result: SweepResult) -> bytes:
         build_sweep_frame(result).to_parquet(buffer, engine="pyarrow", index=False)
     except ImportError:
         raise ReportError(
-            "--parquet needs pyarrow, which is not installed; install headland[parquet], or use --csv."
+            "Parquet needs pyarrow, which is not installed; install headland[parquet], or write CSV."
         ) from None
     return buffer.getvalue()

@@ -21,12 +21,13 @@ from typing import Any
 import headland
 
 from fields.units import MPS_PER_KMH
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import read_axes
-from planner.sweeps.estimates import prepare_ground
+from planner.sweeps.estimates import GroundEstimates
 from planner.sweeps.sweep import Sweep
 from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -94,7 +95,7 @@ def draw_requests(count: int, seed: int) -> list[PlanRequest]:
 def compare_with_drive(request: PlanRequest) -> Difference | None:
     """An estimate beside the plan to take when the same is driven; None where there is none of either."""
     order = WorkOrder(request)
-    estimate, driven = prepare_ground(order).estimate(order), plan_order(order).ranking.best
+    estimate, driven = GroundEstimates(prepare_context(order)).estimate(order), plan_order(order).ranking.best
     if driven is None or not estimate.feasible:
         return None
     options = f"{request.width_m:g} m, {request.speed_mps * 3.6:g} km/h, {request.tractors[0]}"

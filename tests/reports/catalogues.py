@@ -117,6 +117,7 @@ def find_untranslated(language: str) -> list[Text]:
 def write_catalogue(language: str) -> None:
     """Add the missing texts to a PO file, untranslated, and remove those that nobody reads any more."""
     before, after = read_catalogue(language), Catalog(locale=language)
+    after.mime_headers = before.mime_headers  # the number of plurals that the file has, not that of the locale
     for text in sorted(collect_texts(), key=str):
         known = before.get(text[0] if isinstance(text, tuple) else text)
         after.add(text, known.string if known is not None and known.id == text else "")

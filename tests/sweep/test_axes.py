@@ -39,6 +39,7 @@ def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
 
 @pytest.mark.parametrize(("values", "sentence"), [
     ({"color": "1"}, "A sweep cannot vary 'color'"),
+    ({"width": "3", "width_m": "4"}, "The width is given twice, with its unit and without"),
     ({"width": "3,x"}, "holds 'x', which is no number"),
     ({"width": "6:3"}, "holds the range '6:3'"),
     ({"width": "3:6:0"}, "holds the range '3:6:0'"),

@@ -13,10 +13,12 @@ from hypothesis.extra.numpy import arrays
 from rich.console import Console
 
 import reports.sweep.notebook  # noqa: F401
+from planner.cli.sweep import pick_plan
+from planner.errors import RequestError
 from reports.common.rendering import ReportError
 from reports.sweep.page import ChartAxis, render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influence
-from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, pick_plan
+from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
 from reports.sweep.wording import build_command
 from tests.sweep.results import build_result
 
@@ -75,7 +77,7 @@ def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
     assert result.best in rows and [pick_plan(result, number + 1) for number in range(len(rows))] == list(rows)
     assert pick_plan(result, None) is result.best
     for row in (0, len(rows) + 1):
-        with pytest.raises(ReportError, match=rf"--pick is {row}; the table has rows 1 to {len(rows)}"):
+        with pytest.raises(RequestError, match=rf"--pick is {row}; the table has rows 1 to {len(rows)}"):
             pick_plan(result, row)
 
 

@@ -137,9 +137,15 @@ def _simulate_sketched(
     return _build_refusal(context, candidate, reason, bound_s=round(driven, 3), is_simulated=False)
 
 
-def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
-    """Compose and drive one candidate; raises StrategyError if its strategy cannot work the field."""
-    outcome = _run_unless_pruned(context, candidate, _sketch(context, candidate), None)
+def run_candidate(
+    context: PlanningContext, candidate: Candidate, sketches: list[SketchedPlan] | None = None
+) -> CandidateRun:
+    """Compose and drive one candidate, as sketched before where `sketches` are given.
+
+    Raises StrategyError if its strategy cannot work the field.
+    """
+    sketched = _sketch(context, candidate) if sketches is None else sketches
+    outcome = _run_unless_pruned(context, candidate, sketched, None)
     assert isinstance(outcome, CandidateRun)  # nothing prunes without an incumbent
     return outcome
 
