@@ -36,8 +36,9 @@ from planner.cli.common.terminal import AnswerForm, print_remarks, print_rendera
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
+from planner.request.farm_choice import FarmChoice
 from planner.request.options import list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, WORK, FarmChoice, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:

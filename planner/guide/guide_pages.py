@@ -17,10 +17,9 @@ from vehicle.energy.draft import DraftRule, load_draft_rules
 
 TOPICS = (
     "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "implements", "weather", "refills",
-    "going-on", "day", "many-fields", "sweep", "terminals", "task-logs", "diagnosis", "diagnosis-method", "vehicle",
-    "service", "operations", "workers", "proxy", "threat-model", "python", "strategies", "reference", "options",
-    "architecture",
-    "benchmarks", "glossary",
+    "going-on", "day", "many-fields", "sweep", "tracks", "terminals", "task-logs", "diagnosis", "diagnosis-method",
+    "vehicle", "service", "operations", "workers", "proxy", "threat-model", "python", "strategies", "reference",
+    "options", "architecture", "benchmarks", "glossary",
 )  # fmt: skip
 """In the order in which people need them."""
 OPTIONS_TOPIC, IMPLEMENTS_TOPIC = "options", "implements"

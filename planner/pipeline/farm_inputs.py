@@ -15,8 +15,9 @@ from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
+from planner.request.farm_choice import FarmChoice
 from planner.request.options import convert_options_to_parameters, list_given_parameters, list_options
-from planner.request.plan_request import FarmChoice, PlanRequest
+from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
 from vehicle.model.tractor import list_tractor_names

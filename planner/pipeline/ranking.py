@@ -16,7 +16,12 @@ from fields.units import MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
+from planner.evaluation.ground.left_out import measure_left_out_m2
+from planner.evaluation.ground.unworked_area import (
+    KEPT_HEADLAND,
+    LEFT_OUT,
+    find_unworked_areas,
+)
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
@@ -40,6 +45,7 @@ from reports.common.plan_results import (
 )
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
+from strategies.registry import get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
@@ -129,14 +135,16 @@ def _format_minutes(seconds: float) -> str:
 def list_candidates(request: PlanRequest) -> list[Candidate]:
     """Every combination worth simulating.
 
-    One tractor alone does the same by all strategies of Headland, so the first of them is tried.
+    One tractor alone does the same by all strategies of Headland, so the first of them is tried. Where something is
+    wanted of single lines, those are tried that deal lines out, if any is asked for.
     """
     foreign = [name for name in request.strategies if name not in STRATEGY_NAMES]
     own = [name for name in STRATEGY_NAMES if name in request.strategies]
+    dealing = [name for name in request.strategies if not request.line_wishes or get_strategy(name).formation is None]
     return [
         Candidate(name, tractors)
         for tractors in request.tractors
-        for name in (request.strategies if tractors > 1 else [*own[:1], *foreign])
+        for name in (dealing or request.strategies if tractors > 1 else [*own[:1], *foreign])
     ]
 
 
@@ -202,8 +210,9 @@ def _is_enough(result: PlanResult, requested_share: float) -> bool:
 
 
 def _measure_requested_share(context: PlanningContext) -> float:
-    """The share of the field that is to be worked: all but a headland that is kept free on request."""
+    """The share of the field that is to be worked: all but what is to be left, headland or tracks."""
     kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
+    kept_m2 += measure_left_out_m2(context)
     return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
 
 
@@ -212,11 +221,13 @@ def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     requested_share = _measure_requested_share(context)
     requested_m2 = requested_share * context.layout.field.due_region.area
     worked_pct = (best.worked_pct or 0.0) / requested_share
-    areas = [(one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason != KEPT_HEADLAND]
+    areas = [
+        (one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason not in (KEPT_HEADLAND, LEFT_OUT)
+    ]
     unexplained_m2 = 0.01 * (100.0 - worked_pct) * requested_m2 - sum(area_m2 for area_m2, _ in areas)
     most_m2, reason = max([*areas, (unexplained_m2, "reached by no pass of this plan as it is driven")])
     most_pct = 100.0 * most_m2 / requested_m2
-    ground = mark_text("the field") if requested_share == 1.0 else mark_text("the ground inside the headland")
+    ground = mark_text("the field") if requested_share == 1.0 else mark_text("the ground asked for")
     return f"No recommendation: only {worked_pct:.1f} % of {ground} is worked; {most_pct:.0f} % is {reason}."
 
 

@@ -45,6 +45,7 @@ from strategies.names import STRATEGY_NAMES
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, HEADLAND_ORDERS, TURN_KINDS
 
 if TYPE_CHECKING:
+    from strategies.lines.line_wishes import LineWishes
     from vehicle.energy.draft import DraftRule
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
@@ -108,7 +109,8 @@ class PlanRequest:
     names the implement in the table of drafts (vehicle.energy.draft). `samples` is None for as many as usual where
     there is a deadline, rain, an objective or a budget, else for none; `rain` says when it begins (planner.risk.rain).
     `refill` is "headland", "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None:
-    at the place of the field file, else on the headland.
+    at the place of the field file, else on the headland. `leave_out`, `work_first` and `give` name tracks and headland
+    passes of the layout (strategies.lines.line_wishes).
 
     Raises RequestError for values and combinations that cannot be planned.
     """
@@ -395,6 +397,23 @@ class PlanRequest:
     ] = STRAIGHT
     open_edges: Annotated[bool, OptionHelp("Let machines swing freely over edges that are not fenced.", FIELD)] = False
     sections: Annotated[Count, OptionHelp("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
+    leave_out: Annotated[
+        Text | None,
+        OptionHelp("Tracks and headland passes to leave out, named as on the map: 3,7-9,5b,R1.", WORK),
+    ] = None
+    work_first: Annotated[
+        Text | None,
+        OptionHelp("Tracks and headland passes to work before all others, in this order: 12,11.", WORK),
+    ] = None
+    give: Annotated[
+        Names,
+        OptionHelp(
+            "Tracks and headland passes that one tractor works: 2=5-8; once for every such tractor.",
+            WORK,
+            api_help="Tracks and headland passes that one tractor works, such as 2=5-8.",
+        ),
+        OptionTextForm(list[str], tuple),
+    ] = ()
 
     def __post_init__(self) -> None:
         check_option_limits(self)
@@ -411,6 +430,10 @@ class PlanRequest:
         if self.draft is not None or self.depth_cm is not None:
             self.find_draft_rule()
         option_checks.check_gnss(self.gnss, self.gnss_table)
+        if self.leave_out is not None or self.work_first is not None or self.give:
+            from strategies.lines.line_wishes import check_first_lines
+
+            check_first_lines(self.line_wishes, HEADLAND_ORDERS_BY_OPERATION[self.operation])
 
     def __repr__(self) -> str:
         """What differs from the defaults, as Python would write it."""
@@ -460,6 +483,13 @@ class PlanRequest:
         return HEADLAND_ORDERS_BY_OPERATION[self.operation] if self.headland_order is None else (self.headland_order,)
 
     @property
+    def line_wishes(self) -> LineWishes:
+        """What is wanted of single tracks and headland passes; raises HeadlandError for what names none."""
+        from strategies.lines.line_wishes import read_line_wishes
+
+        return read_line_wishes(self.leave_out, self.work_first, self.give)
+
+    @property
     def time_limit_s(self) -> float | None:
         """Seconds from start to deadline, over midnight if need be; None without a deadline."""
         deadline_s, start_s = self.deadline_s, self.start_s
@@ -468,22 +498,3 @@ class PlanRequest:
     def format_clock_after(self, elapsed_s: float | None) -> str:
         """The clock so many seconds after the start, with the day where that is another one; "" without a clock."""
         return "" if self.start_s is None or elapsed_s is None else format_later_clock(self.start_s, elapsed_s)
-
-
-@raise_request_errors
-@dataclass(frozen=True, config=STRICT)
-class FarmChoice:
-    """A farm file whose machines and values complete a request, and whether every plan is simulated."""
-
-    farm: Annotated[
-        Text | None,
-        OptionHelp(
-            "A farm file (headland farm new): tractors, implements, prices. Options win over it.",
-            MACHINES,
-            api_help="An uploaded farm; what the request gives wins over it.",
-        ),
-    ] = None
-    implement: Annotated[
-        str | None, OptionHelp("The implement of the farm file, by name; by default the first that fits.", MACHINES)
-    ] = None
-    simulate_all: Annotated[bool, OptionHelp("Simulate and show every plan, however slow.", OUTPUT, name="all")] = False

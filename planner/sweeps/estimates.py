@@ -21,6 +21,7 @@ from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import add_clock_times, compute_cost
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.layout_choice import compute_covered_share
 from planner.evaluation.preparation import change_terms, prepare_context
 from planner.evaluation.site import build_site, get_site_moves
@@ -29,6 +30,7 @@ from planner.pipeline.ranking import mark_worked_shares
 from planner.request.plan_request import STRAIGHT, PlanRequest
 from planner.risk.costs import DrivenTimes
 from reports.common.plan_results import PlanResult, choose_plan
+from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
 from strategies.programmes.site_moves import SiteMoves
@@ -38,6 +40,7 @@ from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 STRATEGY = get_strategy("split-field")
 T = TypeVar("T")
 MOST_GROUNDS = 6
+WISHES = ("leave_out", "work_first", "give")
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = frozenset(
     {
@@ -49,6 +52,7 @@ SUMMED = frozenset(
         "price_per_tractor",
         "start_s",
         "deadline_s",
+        *WISHES,
     }
 )
 """Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
@@ -70,7 +74,7 @@ class GroundEstimates:
         """For the ground of a context, whose speed is that at which tours are found; with `drives` they are driven."""
         self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
-        self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
+        self._sketches = dict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
         self._drive_factors = dict[int, float]()
         self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
 
@@ -85,7 +89,7 @@ class GroundEstimates:
         timed = list[_TimedTours]()
         refusal: StrategyError | None = None
         for headland in order.request.headland_orders or ("",):
-            sketch = self._sketch(count, headland)
+            sketch = self._sketch(count, headland, order.request)
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
@@ -96,11 +100,12 @@ class GroundEstimates:
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
         return _build_result(context, best)
 
-    def _sketch(self, tractors: int, headland: str) -> SketchedPlan | StrategyError:
-        """The plan of a number of tractors with the headland in an order, or why there is none."""
-        key = tractors, headland
+    def _sketch(self, tractors: int, headland: str, requested: PlanRequest) -> SketchedPlan | StrategyError:
+        """The plan of a number of tractors with the headland in an order and lines as asked, or why there is none."""
+        key = tractors, headland, requested.line_wishes
         if key not in self._sketches:
-            request = replace(self._context.request, tractors=(tractors,), headland_order=headland or None)
+            wishes = {name: getattr(requested, name) for name in WISHES}
+            request = replace(self._context.request, tractors=(tractors,), headland_order=headland or None, **wishes)
             context = replace(self._context, request=request)
             context.site_cache.update(self._context.site_cache)
             try:
@@ -122,7 +127,8 @@ class GroundEstimates:
 
         1 where none can be driven.
         """
-        sketches = [self._sketch(tractors, headland) for headland in self._context.request.headland_orders or ("",)]
+        requested = self._context.request
+        sketches = [self._sketch(tractors, headland, requested) for headland in requested.headland_orders or ("",)]
         sketched = [sketch for sketch in sketches if not isinstance(sketch, StrategyError)]
         if not sketched:
             return 1.0
@@ -169,7 +175,9 @@ def _refuse_idle(tractors: int) -> StrategyError:
 
 def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
     """The figures of a plan as a drive would have them, as far as they are estimated."""
-    times, share = timed.times, timed.worked_share
+    times, share, due_m2 = timed.times, timed.worked_share, context.layout.field.due_region.area
+    missed_m2 = (1.0 - share) * due_m2
+    whole = 1.0 + (missed_m2 - measure_left_out_m2(context)) / (share * due_m2)
     finish_s = float(times.tractor_s.max())
     energy = _estimate_energy(context, times)
     hourly, hiring = compute_cost(context, times, energy)
@@ -182,16 +190,16 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
         tractor_time_s=float(times.tractor_s.sum()),
         cost=hourly + hiring,
         worked_pct=100.0 * share,
-        missed_m2=(1.0 - share) * context.layout.field.due_region.area,
-        finished_s=finish_s / share,
-        finished_cost=hourly / share + hiring,
+        missed_m2=missed_m2,
+        finished_s=finish_s * whole,
+        finished_cost=hourly * whole + hiring,
         turning_s=times.turn_s,
         headland_passes=context.layout.headland_passes,
         headland_order=timed.order or None,
         is_simulated=False,
         **list_energy_figures(context, times, energy),
     )
-    return add_clock_times(mark_worked_shares([figures], context)[0], context, finish_s, finish_s / share)
+    return add_clock_times(mark_worked_shares([figures], context)[0], context, finish_s, finish_s * whole)
 
 
 def _estimate_energy(context: PlanningContext, times: DrivenTimes) -> tuple[float, ...] | None:
@@ -303,7 +311,10 @@ def _choose_reference(order: WorkOrder) -> WorkOrder:
     request = order.request
     least_mps, greatest_mps = request.min_speed_mps or 0.0, request.max_speed_mps or math.inf
     speed_mps = min(max(PlanRequest.speed_mps, least_mps), greatest_mps)
-    return replace(order, request=replace(request, speed_mps=speed_mps, turn_speed_mps=None))
+    return replace(
+        order,
+        request=replace(request, speed_mps=speed_mps, turn_speed_mps=None, leave_out=None, work_first=None, give=()),
+    )
 
 
 def _borrow_layout(request: PlanRequest, layout: tuple[float, int] | None) -> PlanRequest | None:

@@ -14,8 +14,9 @@ from planner.cli.common.options import get_option_name
 from planner.cli.field import field
 from planner.cli.plan import plan
 from planner.errors import RequestError, strip_unit
+from planner.request.farm_choice import FarmChoice
 from planner.request.options import list_options
-from planner.request.plan_request import FarmChoice, PlanRequest
+from planner.request.plan_request import PlanRequest
 from planner.service.jobs.job_requests import PLAN_JOB_MODEL
 
 OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}

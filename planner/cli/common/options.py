@@ -16,9 +16,10 @@ from typer.models import ArgumentInfo
 
 from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError, strip_unit
+from planner.request.farm_choice import FarmChoice
 from planner.request.option_texts import parse_widths
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions

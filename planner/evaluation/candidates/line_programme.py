@@ -29,6 +29,7 @@ from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
+from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal, group_swath_lines
@@ -177,6 +178,11 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
     rule = strategy.formation
     if rule is None or tractors == 1:
         return _deal_lines(context, strategy, tractors)
+    if context.request.line_wishes:
+        raise StrategyError(
+            "Tractors in formation work all tracks side by side, and some are to be left out or worked first or by one "
+            "of them; use split-field or interleaved."
+        )
     _check_supply_lasts(context, tractors)
 
     def form_up(order: str) -> SketchedPlan:
@@ -251,6 +257,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+    wishes = context.request.line_wishes
+    wishes.check(moves.lines, tractors)
     shares = [deal.allowed]
     if context.going_on is not None:
         shares += _list_deals_from_here(moves, tractors)
@@ -258,8 +266,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         shares += list_deals_apart(moves.lines, deal.allowed)
 
     def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
-        allowed, table = shares[number], MoveTable(moves)
-        stages = list_stages(table.lines, order)
+        allowed, table = wishes.limit(moves.lines, shares[number]), MoveTable(moves)
+        stages = wishes.rank(table.lines, list_stages(table.lines, order))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         sketched = sketch_programme(table, tractors, stages, allowed, served_s)
@@ -355,15 +363,30 @@ class ProgrammeDriver:
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[str, ...]:
     """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
-    if programme.left_m2 < MENTIONED_M2:
-        return ()
-    left = [programme.table.lines[number] for number in programme.left]
+    lines = programme.table.lines
+    wanted_out = context.request.line_wishes.find_left_out(lines)
+    wanted = [lines[number] for number in wanted_out]
+    left = [lines[number] for number in programme.left if number not in wanted_out]
+    left_out = _describe_left_out(wanted)
+    left_m2 = math.fsum(line.own_m2 for line in left)
+    if left_m2 < MENTIONED_M2:
+        return left_out
     largest = max(left, key=lambda line: line.own_m2)
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
     where, count = describe_position(x_m, y_m, context), "1 line of work is"
     if len(left) > 1:
         where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
-        f"{count} left ({programme.left_m2:.0f} m2 {where}): not worth the drive for this machine",
+        *left_out,
+        f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine",
         "a smaller turning radius or a narrower implement may help",
     )
+
+
+def _describe_left_out(lines: Sequence[WorkLine]) -> tuple[str, ...]:
+    """A remark on the lines that were to be left out; empty without any."""
+    if not lines:
+        return ()
+    area_m2 = math.fsum(line.own_m2 for line in lines)
+    count = "1 line of work is" if len(lines) == 1 else f"{len(lines)} lines of work are"
+    return (f"{count} left out as asked ({area_m2:.0f} m2)",)

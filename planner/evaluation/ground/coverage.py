@@ -16,6 +16,7 @@ import shapely
 
 from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_results import UnworkedPiece
 from vehicle.jit import compile_function
@@ -65,9 +66,9 @@ class Coverage:
     """Areas in m2: field without obstacles, worked, worked more than once, unworked; worked + unworked = field.
 
     `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
-    working width separate pieces); None without any. `cut_off_m2` of the unworked ground are cut off by obstacles: no
-    plan can work them, and none is charged for them. `spoilt_m2` of the worked ground were driven over when finished,
-    and are charged like unworked ground.
+    working width separate pieces); None without any. `spared_m2` of the unworked ground are cut off by obstacles or to
+    be left out: no plan is to work them, and none is charged for them. `spoilt_m2` of the worked ground were driven
+    over when finished, and are charged like unworked ground.
     """
 
     field_m2: float
@@ -76,7 +77,7 @@ class Coverage:
     unworked_m2: float
     unworked_ground: shapely.Geometry
     largest_piece: UnworkedPiece | None
-    cut_off_m2: float = 0.0
+    spared_m2: float = 0.0
     spoilt_m2: float = 0.0
 
     @cached_property
@@ -96,7 +97,7 @@ class Coverage:
 
     def extrapolate_to_field(self, spent: float) -> float:
         """Time or hourly cost for all reachable ground, with unworked and spoilt ground at the plan's own rate."""
-        charged_m2 = self.unworked_m2 - self.cut_off_m2 + self.spoilt_m2
+        charged_m2 = self.unworked_m2 - self.spared_m2 + self.spoilt_m2
         return spent * (1.0 + charged_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 
 
@@ -128,12 +129,9 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
     worked = unite_areas(clipped) if field.done is None else clip_area(unite_areas(clipped), boundary)
     unworked = subtract_area(boundary, worked)
     area, total = float(worked.area), float(shapely.area(clipped).sum())
-    reachable = (
-        subtract_area(unworked, unite_areas(np.array(context.layout.field.cut_off_parts)))
-        if context.layout.field.cut_off_parts
-        else unworked
-    )
-    largest = _find_largest_piece(reachable, 0.5 * context.implement.width_m)
+    spared = [*field.cut_off_parts, find_left_out_ground(context)]
+    due = subtract_area(unworked, unite_areas(np.array([one for one in spared if not one.is_empty])))
+    largest = _find_largest_piece(due, 0.5 * context.implement.width_m)
     return Coverage(
         boundary.area,
         area,
@@ -141,7 +139,7 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
         float(unworked.area),
         unworked,
         largest,
-        max(0.0, float(unworked.area - reachable.area)),
+        max(0.0, float(unworked.area - due.area)),
     )
 
 

@@ -13,6 +13,7 @@ from fields.geometry.overlays import extract_polygons
 from fields.geometry.tolerances import GRID_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
+from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.site import recall
 from reports.common.language import mark_text
 from reports.common.plan_results import UnworkedPiece
@@ -29,6 +30,7 @@ MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
 MENTIONED_SHARE = 0.01  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
+LEFT_OUT = "left out as asked"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         parts_by_reason.append((why, part))
         remainder = extract_polygons(shapely.difference(remainder, part, grid_size=GRID_M))
     parts_by_reason += _find_unexplained_ground(context, remainder)
+    parts_by_reason.append((LEFT_OUT, find_left_out_ground(context)))
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
     areas.append(UnworkedArea("estimate: tips of rounded corners", _estimate_corner_loss_m2(context), ()))
     return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)
@@ -77,7 +80,7 @@ def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None
         (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()),
         "reached by no pass of this plan",
     )
-    if reason == KEPT_HEADLAND:
+    if reason in (KEPT_HEADLAND, LEFT_OUT):
         return None
     area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
     return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"

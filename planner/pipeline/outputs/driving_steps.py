@@ -17,6 +17,7 @@ import shapely
 
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
+from strategies.lines.line_wishes import format_piece_letter
 from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import DRIVE, DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
 from vehicle.missions.run import SimulationRun
@@ -121,14 +122,7 @@ def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
     """Names of swaths given by (line, piece) from 0: 14, or 14a and 14b where a line has several pieces."""
     swath_keys = tuple(swath_keys)
     split_lines = {line for line, piece in swath_keys if piece}
-    return tuple(
-        f"{line + 1}{_format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys
-    )
-
-
-def _format_piece_letter(piece: int) -> str:
-    """a to z, then aa, ab, ..."""
-    return (_format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
+    return tuple(f"{line + 1}{format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys)
 
 
 def _iter_steps(
@@ -309,7 +303,7 @@ def _count_swaths_over(legs: Sequence[Leg], from_index: int, to_index: int, widt
 
 
 def _name_part(task: LegTask, lettered: frozenset[int]) -> str:
-    return _format_piece_letter(task.piece) if task.number in lettered else ""
+    return format_piece_letter(task.piece) if task.number in lettered else ""
 
 
 def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:

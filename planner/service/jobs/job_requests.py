@@ -10,9 +10,10 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from planner.errors import mark_parameter, strip_unit
+from planner.request.farm_choice import FarmChoice
 from planner.request.option_checks import check_day_options, check_demo_options
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import MAX_SEED, FarmChoice, PlanRequest
+from planner.request.plan_request import MAX_SEED, PlanRequest
 from planner.service.settings import LIMITS
 from planner.service.store.job_queue import ResultFile
 

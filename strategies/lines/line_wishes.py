@@ -1,0 +1,215 @@
+"""What somebody wants of single work lines: left out, worked before all others, or worked by one tractor."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import HeadlandError, mark_parameter, shorten_value
+from strategies.lines.work_line import WorkLine
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
+
+Bools = npt.NDArray[np.bool_]
+
+MOST_NAMED = 10_000
+_NAMES = re.compile(
+    r"(?P<ring>R)?(?P<first>\d{1,5})(?:-R?(?P<last>\d{1,5})|(?P<piece>[a-z]{1,2})|\.(?P<side>\d{1,4}))?"
+)
+
+
+@dataclass(frozen=True)
+class LineName:
+    """A track as maps number it, or a headland pass (R2); None as the piece means all pieces or sides.
+
+    One inside a range of names need not be there: layouts leave numbers out.
+    """
+
+    kind: str
+    number: int
+    piece: int | None = None
+    is_in_range: bool = field(default=False, compare=False)
+
+    def __str__(self) -> str:
+        if self.kind == HEADLAND_PASS:
+            return f"R{self.number}" if self.piece is None else f"R{self.number}.{self.piece + 1}"
+        return f"{self.number}" if self.piece is None else f"{self.number}{format_piece_letter(self.piece)}"
+
+    def is_of(self, task: LegTask) -> bool:
+        """Whether it names the line of a task."""
+        number = None if task.number is None else task.number + (task.kind == SWATH)
+        return (task.kind, number) == (self.kind, self.number) and self.piece in (None, task.piece)
+
+
+def format_piece_letter(piece: int) -> str:
+    """a to z, then aa, ab, ... for pieces counted from 0."""
+    return (format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
+
+
+def name_line(task: LegTask) -> str:
+    """The name of one line: the piece of a track, the side of a headland pass."""
+    assert task.number is not None
+    return str(LineName(task.kind, task.number + (task.kind == SWATH), task.piece))
+
+
+def parse_line_names(text: str, parameter: str) -> tuple[LineName, ...]:
+    """Names of tracks, a range of them, a piece, a headland pass, one of its sides: "3,7-9,5b,R1,R2.4".
+
+    Raises HeadlandError.
+    """
+    names = list[LineName]()
+    for part in text.split(","):
+        found = _NAMES.fullmatch(part.strip())
+        last = found and int(found["last"] or found["first"])
+        if found is None or last is None or not int(found["first"]) <= last <= MOST_NAMED or not _fits(found):
+            raise HeadlandError(
+                f"{mark_parameter(parameter)} holds {shorten_value(part)}, which names no track; write tracks and "
+                "headland passes as the map does, for instance 3,7-9,5b,R1.",
+                parameter=parameter,
+            )
+        kind = HEADLAND_PASS if found["ring"] else SWATH
+        piece = _read_piece(found["piece"]) if found["piece"] else int(found["side"]) - 1 if found["side"] else None
+        first = int(found["first"])
+        names += [LineName(kind, number, piece, first < number < last) for number in range(first, last + 1)]
+    return tuple(dict.fromkeys(names))
+
+
+def _fits(found: re.Match[str]) -> bool:
+    """Whether tracks have pieces and headland passes sides, both counted from 1."""
+    return not found["piece" if found["ring"] else "side"] and int(found["first"]) > 0 and found["side"] != "0"
+
+
+def _read_piece(letters: str) -> int:
+    """The piece of its letters, from 0."""
+    count = 0
+    for letter in letters:
+        count = 26 * count + ord(letter) - ord("a") + 1
+    return count - 1
+
+
+@dataclass(frozen=True)
+class LineWishes:
+    """What somebody wants of lines; empty by default.
+
+    Attributes:
+        left_out: lines that nobody works.
+        first: lines that come before all others, in this order.
+        given: pairs of a tractor, counted from 1, and the lines that it alone works.
+    """
+
+    left_out: tuple[LineName, ...] = ()
+    first: tuple[LineName, ...] = ()
+    given: tuple[tuple[int, tuple[LineName, ...]], ...] = ()
+
+    @property
+    def orders(self) -> bool:
+        """Whether it says who works a line, or when."""
+        return bool(self.first or self.given)
+
+    def __bool__(self) -> bool:
+        return bool(self.left_out or self.orders)
+
+    def check(self, lines: Sequence[WorkLine], tractors: int) -> None:
+        """Raise HeadlandError for a line that is not there, and StrategyError for a tractor that is not."""
+        tasks = [line.task for line in lines if line.task.is_work]
+        named = (*self.left_out, *self.first, *(name for _, names in self.given for name in names))
+        needed = [name for name in named if not name.is_in_range]
+        unknown = next((name for name in needed if not any(name.is_of(task) for task in tasks)), None)
+        if unknown is not None:
+            raise HeadlandError(f"{unknown} names no work of this layout, which has {_describe_lines(tasks)}.")
+        beyond = next((tractor for tractor, _ in self.given if tractor > tractors), None)
+        if beyond is not None:
+            have = "there is only 1 tractor" if tractors == 1 else f"there are only {tractors} tractors"
+            raise StrategyError(f"Tracks are given to tractor {beyond}, and {have}.")
+
+    def find_left_out(self, lines: Sequence[WorkLine]) -> list[int]:
+        """The numbers of lines that nobody is to work."""
+        return _find_lines(self.left_out, lines)
+
+    def limit(self, lines: Sequence[WorkLine], allowed: Bools) -> Bools:
+        """Which lines (tractors, n) tractors may work of those `allowed`; a line that is given is its tractor's."""
+        allowed = allowed.copy()
+        for tractor, names in self.given:
+            given = _find_lines(names, lines)
+            allowed[:, given], allowed[tractor - 1, given] = False, True
+        allowed[:, self.find_left_out(lines)] = False
+        return allowed
+
+    def rank(self, lines: Sequence[WorkLine], stages: Sequence[int]) -> list[int]:
+        """Stages of lines in which those that come first have each one of its own before all others."""
+        ranked = [stage + len(self.first) for stage in stages]
+        for place, name in reversed(list(enumerate(self.first))):
+            for number in _find_lines((name,), lines):
+                ranked[number] = place
+        return ranked
+
+
+def _find_lines(names: Iterable[LineName], lines: Sequence[WorkLine]) -> list[int]:
+    named = tuple(names)
+    return [number for number, line in enumerate(lines) if any(name.is_of(line.task) for name in named)]
+
+
+def _describe_lines(tasks: Sequence[LegTask]) -> str:
+    """ "tracks 1 to 24 and headland passes R1 to R2"."""
+    tracks = sorted({(task.number or 0) + 1 for task in tasks if task.kind == SWATH})
+    passes = sorted({task.number or 0 for task in tasks if task.kind == HEADLAND_PASS})
+    found = [f"tracks {tracks[0]} to {tracks[-1]}"] if tracks else []
+    found += [f"headland passes R{passes[0]} to R{passes[-1]}"] if passes else []
+    return " and ".join(found) or "none"
+
+
+def read_line_wishes(leave_out: str | None, work_first: str | None, give: Iterable[str]) -> LineWishes:
+    """The wishes of `leave_out` ("3,7-9"), `work_first` ("12,11") and `give` ("2=5-8"); raises HeadlandError."""
+    out, first = (
+        () if text is None else parse_line_names(text, parameter)
+        for text, parameter in ((leave_out, "leave_out"), (work_first, "work_first"))
+    )
+    given = tuple(map(_read_given, give))
+    named = [*out, *(name for _, names in given for name in names)]
+    twice = next((name for name in named if named.count(name) > 1), None)
+    if twice is not None:
+        raise HeadlandError(
+            f"{twice} is named twice in {mark_parameter('leave_out')} and {mark_parameter('give')}; name it once.",
+            parameter="give",
+        )
+    idle = next((name for name in first if name in out), None)
+    if idle is not None:
+        raise HeadlandError(
+            f"{idle} is left out and worked first; take it from {mark_parameter('leave_out')} or "
+            f"{mark_parameter('work_first')}.",
+            parameter="leave_out",
+        )
+    return LineWishes(out, first, given)
+
+
+def _read_given(text: str) -> tuple[int, tuple[LineName, ...]]:
+    """ "2=5-8" as a tractor and its lines."""
+    tractor, is_given, names = text.partition("=")
+    number = int(tractor) if tractor.strip().isdecimal() and len(tractor.strip()) < 4 else 0
+    if not is_given or number < 1:
+        raise HeadlandError(
+            f"{mark_parameter('give')} {shorten_value(text)} is not a tractor with its tracks; write for "
+            "instance 2=5-8.",
+            parameter="give",
+        )
+    return number, parse_line_names(names, "give")
+
+
+def check_first_lines(wishes: LineWishes, headland_orders: Sequence[str]) -> None:
+    """Raise HeadlandError for a line that is to come first where the only order of the headland needs the other."""
+    if len(headland_orders) != 1:
+        return
+    is_headland_first = headland_orders[0] == HEADLAND_FIRST
+    late = next((name for name in wishes.first if (name.kind == HEADLAND_PASS) != is_headland_first), None)
+    if late is not None:
+        before = "headland" if is_headland_first else "tracks"
+        raise HeadlandError(
+            f"{mark_parameter('work_first')} names {late}, and this operation has to work the {before} first; "
+            f"leave out {late}, or change {mark_parameter('operation')}.",
+            parameter="work_first",
+        )

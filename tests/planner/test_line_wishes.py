@@ -1,0 +1,122 @@
+"""Single tracks left out, worked first or given to a tractor: names, rules, and plans that keep to them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fields.errors import HeadlandError
+from fields.geometry.field import Field
+from planner.evaluation.ground.left_out import measure_left_out_m2
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.planning import plan_order
+from planner.request.plan_request import PlanRequest
+from planner.sweeps.estimates import GroundEstimates
+from strategies.lines.line_wishes import LineName, LineWishes, parse_line_names
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
+
+FIELD = Field("rectangle", shapely.box(0.0, 0.0, 150.0, 100.0))
+BASE: dict[str, Any] = {"width_m": 6.0, "tractors": (2,), "headland_order": "last"}
+WISHES: dict[str, Any] = {"leave_out": "3", "work_first": "7,R1.2", "give": ("2=5-6",)}
+
+NAMES = st.one_of(
+    st.builds(LineName, st.just(SWATH), st.integers(1, 9999), st.none() | st.integers(0, 700)),
+    st.builds(LineName, st.just(HEADLAND_PASS), st.integers(1, 9999), st.none() | st.integers(0, 9998)),
+)
+
+
+@given(st.lists(NAMES, min_size=1, max_size=8, unique=True))
+def test_names_are_read_as_they_are_written(names: list[LineName]) -> None:
+    assert parse_line_names(",".join(map(str, names)), "leave_out") == tuple(names)
+
+
+def test_ranges_and_their_ends() -> None:
+    found = parse_line_names(" 3, 7-9,r2".replace("r", "R"), "leave_out")
+    assert [str(name) for name in found] == ["3", "7", "8", "9", "R2"]
+    assert [name.is_in_range for name in found] == [False, False, True, False, False]
+    assert parse_line_names("R1-R3", "give") == parse_line_names("R1-3", "give")
+
+
+@pytest.mark.parametrize("text", ["", "x", "0", "5-3", "R", "3.2", "R2b", "R1.0", "1-99999", "1;2", "-1", "5bcd"])
+def test_what_names_no_line_is_refused(text: str) -> None:
+    with pytest.raises(HeadlandError, match="names no track; write tracks and headland passes as the map does"):
+        parse_line_names(text, "leave_out")
+
+
+@pytest.mark.parametrize(
+    ("wishes", "sentence"),
+    [
+        ({"give": ("5",)}, "is not a tractor with its tracks"),
+        ({"give": ("0=5",)}, "is not a tractor with its tracks"),
+        ({"leave_out": "5", "give": ("1=4-6",)}, "5 is named twice"),
+        ({"give": ("1=4", "2=4")}, "4 is named twice"),
+        ({"leave_out": "4-6", "work_first": "5"}, "5 is left out and worked first"),
+        ({"work_first": "5", "operation": "mow"}, "has to work the headland first"),
+        ({"work_first": "R1", "operation": "sow"}, "has to work the tracks first"),
+    ],
+)
+def test_wishes_that_exclude_each_other_are_refused(wishes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(HeadlandError, match=sentence):
+        PlanRequest(**wishes)
+
+
+def test_rules_for_the_search_by_hand() -> None:
+    tracks = [LegTask(SWATH, 0), LegTask(SWATH, 1), LegTask(SWATH, 1, 1), LegTask(SWATH, 2)]
+    lines: Any = [SimpleNamespace(task=task) for task in (*tracks[:3], LegTask(HEADLAND_PASS, 1, 0), tracks[3])]
+    out, first, given = (parse_line_names(text, "give") for text in ("1", "3,2b", "R1"))
+    wishes = LineWishes(out, first, ((2, given),))
+    allowed = wishes.limit(lines, np.array([[1, 1, 1, 1, 0], [1, 0, 1, 0, 1]], bool))
+    assert allowed.astype(int).tolist() == [[0, 1, 1, 0, 0], [0, 0, 1, 1, 1]]
+    assert wishes.rank(lines, [0, 0, 0, 1, 0]) == [2, 2, 1, 3, 0]
+    assert LineWishes().rank(lines, [0, 0, 0, 1, 0]) == [0, 0, 0, 1, 0] and not LineWishes()
+
+
+def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
+    order = WorkOrder(PlanRequest(**BASE, **WISHES), field=FIELD)
+    context = prepare_context(order)
+    best = plan_order(order).ranking.best
+    assert best is not None and best.works_enough
+    assert any("left out as asked" in remark for remark in best.remarks)
+    run = plan_order(order).run
+    assert run is not None
+    worked = [[leg.task for leg in mission.legs if leg.implement] for mission in run.plan.missions]
+    numbers = [[task.number for task in tasks if task.kind == SWATH] for tasks in worked]
+    assert not {2} & {number for own in numbers for number in own}
+    assert {4, 5} <= set(numbers[1]) and not {4, 5} & set(numbers[0])
+    firsts = [tasks[0] for tasks in worked]
+    assert any(task.kind == SWATH and task.number == 6 for task in firsts)
+    sides = [task for task in next(own for own in worked if LegTask(HEADLAND_PASS, 1, 1) in own) if task.is_work]
+    before = sides[: sides.index(LegTask(HEADLAND_PASS, 1, 1))]
+    assert {task.number for task in before} <= {6}, "the side that is worked first comes before all but track 7"
+    whole = plan_order(WorkOrder(PlanRequest(**BASE), field=FIELD)).ranking.best
+    assert whole is not None and whole.worked_pct is not None and best.worked_pct is not None
+    left_pct = 100.0 * measure_left_out_m2(context) / context.layout.field.due_region.area
+    assert best.worked_pct == pytest.approx(whole.worked_pct - left_pct, abs=0.3)
+    assert best.finished_s is not None and best.time_s is not None
+    assert best.finished_s - best.time_s == pytest.approx((whole.finished_s or 0.0) - (whole.time_s or 0.0), abs=20.0)
+    estimate = GroundEstimates(prepare_context(WorkOrder(PlanRequest(**BASE), field=FIELD))).estimate(order)
+    assert estimate.finished_s == pytest.approx(best.finished_s, rel=0.06)
+    assert estimate.works_enough and estimate.worked_pct == pytest.approx(best.worked_pct, abs=0.5)
+
+
+def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
+    with pytest.raises(HeadlandError, match=r"99 names no work of this layout, which has tracks 1 to \d+ and headland"):
+        plan_order(WorkOrder(PlanRequest(**BASE, leave_out="99"), field=FIELD))
+    ranking = plan_order(WorkOrder(PlanRequest(**BASE, give=("3=5",)), field=FIELD)).ranking
+    assert ranking.best is None and "there are only 2 tractors" in str(ranking.plans[0].reason)
+
+
+def test_formations_do_not_deal_out_single_lines() -> None:
+    request = PlanRequest(**BASE, leave_out="3", strategies=("row-by-row",))
+    ranking = plan_order(WorkOrder(request, field=FIELD)).ranking
+    assert ranking.best is None and "use split-field or interleaved" in str(ranking.plans[0].reason)
+    lines = get_site_moves(prepare_context(WorkOrder(PlanRequest(**BASE), field=FIELD))).lines
+    assert LineWishes(parse_line_names("3", "leave_out")).find_left_out(lines)
