@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
+import shapely
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
@@ -30,7 +31,8 @@ from planner.pipeline.ranking import mark_worked_shares
 from planner.request.plan_request import STRAIGHT, PlanRequest
 from planner.risk.costs import DrivenTimes
 from reports.common.plan_results import PlanResult, choose_plan
-from strategies.lines.line_wishes import LineWishes
+from strategies.lines.line_wishes import LineWishes, name_lines
+from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
 from strategies.programmes.site_moves import SiteMoves
@@ -40,6 +42,8 @@ from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 STRATEGY = get_strategy("split-field")
 T = TypeVar("T")
 MOST_GROUNDS = 6
+DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
+Points = tuple[tuple[float, ...], ...]
 WISHES = ("leave_out", "work_first", "give")
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = frozenset(
@@ -56,6 +60,28 @@ SUMMED = frozenset(
     }
 )
 """Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
+
+
+@dataclass(frozen=True)
+class EstimatedLine:
+    """A work line of an estimated plan.
+
+    Attributes:
+        name: as maps and requests name it.
+        tractor: the one that works it, counted from 1; None where it is left.
+        place: its place in the tour of that tractor, from 1.
+        points: its path as driven, metres.
+    """
+
+    name: str
+    tractor: int | None
+    place: int | None
+    points: Points
+
+
+def _describe_line(name: str, line: WorkLine, tractor: int | None, place: int | None, way: int) -> EstimatedLine:
+    path = shapely.LineString(line.paths[way]).simplify(DRAWN_M)
+    return EstimatedLine(name, tractor, place, tuple(path.coords))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +125,27 @@ class GroundEstimates:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
         return _build_result(context, best)
+
+    def list_lines(self, order: WorkOrder, plan: PlanResult) -> tuple[EstimatedLine, ...]:
+        """All work lines, as an estimated plan of an order works them."""
+        sketch = self._sketch(plan.tractors, plan.headland_order or "", order.request)
+        tours = [] if isinstance(sketch, StrategyError) else sketch.tours
+        places = {
+            node // 2: (tractor, place, node % 2)
+            for tractor, tour in enumerate(tours, start=1)
+            for place, node in enumerate(tour, start=1)
+        }
+        lines = [(number, line) for number, line in enumerate(get_site_moves(self._context).lines) if line.task.is_work]
+        names = name_lines([line.task for _, line in lines])
+        return tuple(
+            _describe_line(name, line, *places.get(number, (None, None, 0)))
+            for name, (number, line) in zip(names, lines, strict=True)
+        )
+
+    def list_outlines(self) -> tuple[Points, ...]:
+        """The outline of the field and its holes, metres."""
+        boundary = self._context.layout.field.boundary
+        return tuple(tuple(ring.coords) for ring in (boundary.exterior, *boundary.interiors))
 
     def _sketch(self, tractors: int, headland: str, requested: PlanRequest) -> SketchedPlan | StrategyError:
         """The plan of a number of tractors with the headland in an order and lines as asked, or why there is none."""
@@ -231,6 +278,8 @@ class OrderEstimate:
         bearing_deg: of the tracks of the largest cell, clockwise from north.
         headland_passes: around the field.
         is_layout_borrowed: whether these are those of another width; a plan would choose anew.
+        lines: the work lines as the best plan works them; empty without one.
+        outlines: of the field and its holes, metres.
     """
 
     order: WorkOrder
@@ -239,6 +288,8 @@ class OrderEstimate:
     bearing_deg: float
     headland_passes: int
     is_layout_borrowed: bool
+    lines: tuple[EstimatedLine, ...]
+    outlines: tuple[Points, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +319,9 @@ class KeptGrounds:
         feasible = [plan for plan in plans if plan.feasible]
         is_priced = order.cost_terms is not None or request.price_per_hour is not None
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
-        return OrderEstimate(order, plans, best, *ground.estimates.layout, ground.is_borrowed)
+        lines = () if best is None else ground.estimates.list_lines(order, best)
+        outlines = ground.estimates.list_outlines()
+        return OrderEstimate(order, plans, best, *ground.estimates.layout, ground.is_borrowed, lines, outlines)
 
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
         key = _build_key(order, files, SUMMED)

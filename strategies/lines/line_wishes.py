@@ -51,10 +51,16 @@ def format_piece_letter(piece: int) -> str:
     return (format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
 
 
-def name_line(task: LegTask) -> str:
-    """The name of one line: the piece of a track, the side of a headland pass."""
-    assert task.number is not None
-    return str(LineName(task.kind, task.number + (task.kind == SWATH), task.piece))
+def name_lines(tasks: Sequence[LegTask]) -> list[str]:
+    """The names of lines by their tasks: sides of headland passes, and tracks, whose pieces have letters if several."""
+    divided = {task.number for task in tasks if task.kind == SWATH and task.piece}
+    return [
+        str(LineName(task.kind, task.number + 1, task.piece if task.number in divided else None))
+        if task.kind == SWATH
+        else str(LineName(task.kind, task.number, task.piece))
+        for task in tasks
+        if task.number is not None
+    ]
 
 
 def parse_line_names(text: str, parameter: str) -> tuple[LineName, ...]:

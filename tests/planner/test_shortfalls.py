@@ -55,7 +55,7 @@ def test_a_headland_that_is_kept_free_is_not_asked_for() -> None:
     enough, little = mark_worked_shares([build_result(0.901 * inside_pct), build_result(0.899 * inside_pct)], context)
     assert enough.works_enough and not little.works_enough
     (lacking,) = rank_plans(context, [little]).shortfalls
-    assert lacking.sentence.startswith("No recommendation: only 89.9 % of the ground inside the headland is worked; ")
+    assert lacking.sentence.startswith("No recommendation: only 89.9 % of the ground asked for is worked; ")
 
 
 @pytest.mark.parametrize("samples", [0, 20])

@@ -138,3 +138,24 @@ def test_the_confined_process_estimates_refuses_and_cannot_leave_its_folder(tmp_
         assert refused is not None and b'"refused"' in refused and b"ermission" in refused
     finally:
         process.end()
+
+
+def test_lines_say_who_works_them_and_follow_what_is_wanted(shared: Shared) -> None:
+    status, plain = ask(shared, tractors="2")
+    assert status == 200
+    assert {line["tractor"] for line in plain["lines"] if line["tractor"]} == {1, 2}
+    for tractor in (1, 2):
+        places = sorted(line["place"] for line in plain["lines"] if line["tractor"] == tractor)
+        assert places == list(range(1, len(places) + 1))
+    west, east = (pick(point[0] for point in plain["outlines"][0]) for pick in (min, max))
+    assert all(west - 1.0 <= x <= east + 1.0 for line in plain["lines"] for x, _ in line["points"])
+    tracks = [line["name"] for line in plain["lines"] if line["name"].isdecimal() and line["tractor"]]
+    out, first, given = tracks[0], tracks[len(tracks) // 2], tracks[-1]
+    status, other = ask(shared, tractors="2", leave_out=out, work_first=first, give=[f"1={given}"])
+    assert status == 200
+    by_name = {line["name"]: line for line in other["lines"]}
+    assert by_name[out]["tractor"] is None
+    assert by_name[first]["place"] == 1
+    assert by_name[given]["tractor"] == 1
+    assert other["plans"][0]["worked_pct"] < plain["plans"][0]["worked_pct"]
+    assert ask(shared, leave_out="999")[0] == 422

@@ -205,10 +205,20 @@ class EstimatedPlan(ApiModel):
     in_time: bool | None = None
 
 
+class EstimatedLine(ApiModel):
+    """A track or the side of a headland pass: its name as on maps, who works it and when, and its path in metres."""
+
+    name: str
+    tractor: int | None = Field(description="The tractor that works it, from 1; null where it is left.")
+    place: int | None = Field(description="Its place in the tour of that tractor, from 1.")
+    points: list[list[float]]
+
+
 class EstimateInfo(ApiModel):
     """Plans by their number of tractors, the one to take, and the layout: bearing in degrees, headland passes.
 
-    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one.
+    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one. `lines` are
+    those of the plan to take, `outlines` the field and its holes, in metres east and north of a point of the field.
     """
 
     recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")
@@ -218,6 +228,8 @@ class EstimateInfo(ApiModel):
     bearing: float
     headland_passes: int
     is_layout_borrowed: bool
+    lines: list[EstimatedLine]
+    outlines: list[list[list[float]]]
 
 
 @plans_router.post("/estimates", operation_id="estimate_plan")

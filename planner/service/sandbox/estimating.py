@@ -21,7 +21,7 @@ from planner.errors import HeadlandError
 from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
 from planner.service.sandbox.confinement import confine_process, list_library_folders
 from planner.service.sandbox.readings import build_work_order
-from planner.sweeps.estimates import KeptGrounds, OrderEstimate
+from planner.sweeps.estimates import KeptGrounds, OrderEstimate, Points
 from reports.common.wording import round_up_to_minute
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
@@ -50,10 +50,21 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
         "currency": None if order.cost_terms is None else order.cost_terms.prices.currency,
         "width": request.width_m,
-        "bearing": round(estimate.bearing_deg, 3),
+        "bearing": round(estimate.bearing_deg, 6),
         "headland_passes": estimate.headland_passes,
         "is_layout_borrowed": estimate.is_layout_borrowed,
+        "lines": [
+            {"name": one.name, "tractor": one.tractor, "place": one.place, "points": _round_points(one.points)}
+            for one in estimate.lines
+        ],
+        "outlines": [_round_points(ring) for ring in estimate.outlines],
     }
+
+
+def _round_points(points: Points) -> list[list[float]]:
+    """Places to the decimetre, without those that are then the same."""
+    rounded = [[round(x_m, 1), round(y_m, 1)] for x_m, y_m in points]
+    return [one for one, before in zip(rounded, [None, *rounded], strict=False) if one != before]
 
 
 def _describe_plan(estimate: OrderEstimate, place: int) -> dict[str, Any]:
