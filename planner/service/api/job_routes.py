@@ -205,7 +205,7 @@ class EstimatedPlan(ApiModel):
     in_time: bool | None = None
 
 
-class EstimatedLine(ApiModel):
+class LineInfo(ApiModel):
     """A track or the side of a headland pass: its name as on maps, who works it and when, and its path in metres."""
 
     name: str
@@ -228,7 +228,7 @@ class EstimateInfo(ApiModel):
     bearing: float
     headland_passes: int
     is_layout_borrowed: bool
-    lines: list[EstimatedLine]
+    lines: list[LineInfo]
     outlines: list[list[list[float]]]
 
 
