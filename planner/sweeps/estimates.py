@@ -79,6 +79,11 @@ class GroundEstimates:
         """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes."""
         return self._context.layout.bearing_deg, self._context.layout.headland_passes
 
+    @property
+    def width_m(self) -> float:
+        """Working width, metres."""
+        return self._context.request.width_m
+
     def estimate(self, order: WorkOrder) -> PlanResult:
         """The plan of an order for one number of tractors on this ground, the quicker of its orders of the headland."""
         context, count = change_terms(self._context, order), order.request.tractors[0]
@@ -95,6 +100,32 @@ class GroundEstimates:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
         return _build_result(context, best)
+
+    def knows(self, order: WorkOrder) -> bool:
+        """Whether tours are there for all that an order asks for."""
+        request = order.request
+        wanted = ((count, headland) for count in request.tractors for headland in request.headland_orders or ("",))
+        return all(each in self._sketches for each in wanted)
+
+    def scale(self, order: WorkOrder) -> PlanResult:
+        """The plan of an order for one number of tractors, of another width or number: nothing is laid out or sought.
+
+        Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
+        nearest number of tractors are, whose last one ends by as much later than all on average.
+        """
+        context, count = change_terms(self._context, order), order.request.tractors[0]
+        found = [
+            (abs(known - count), headland, sketch)
+            for (known, headland), sketch in self._sketches.items()
+            if headland in (order.request.headland_orders or ("",)) and not isinstance(sketch, StrategyError)
+        ]
+        if not found:
+            return self.estimate(order)
+        least = min(distance for distance, _, _ in found)
+        width_ratio = self.width_m / order.request.width_m
+        near = (self._time_tours(context, sketch) for distance, _, sketch in found if distance == least)
+        scaled = [_scale_tours(one, count, width_ratio) for one in near]
+        return _build_result(context, min(scaled, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share))
 
     def _sketch(self, tractors: int, headland: str) -> SketchedPlan | StrategyError:
         """The plan of a number of tractors with the headland in an order, or why there is none."""
@@ -164,6 +195,18 @@ def _measure_drive_factor(context: PlanningContext, tractors: int) -> float:
     return factor if math.isfinite(factor) else 1.0
 
 
+def _scale_tours(timed: _TimedTours, tractors: int, ratio: float) -> _TimedTours:
+    """Tours with all seconds times a ratio, shared by another number of tractors."""
+    times = timed.times
+    tractor_s = ratio * times.tractor_s
+    if len(tractor_s) != tractors:
+        mean_s = float(tractor_s.sum()) / tractors
+        last_s = mean_s if tractors == 1 else mean_s * float(tractor_s.max() / tractor_s.mean())
+        others_s = (tractors * mean_s - last_s) / max(1, tractors - 1)
+        tractor_s = np.array([last_s] + [others_s] * (tractors - 1))
+    return replace(timed, times=DrivenTimes(tractor_s, ratio * times.work_s, ratio * times.turn_s))
+
+
 def _refuse_idle(tractors: int) -> StrategyError:
     return StrategyError(f"There is no work for tractor {tractors} that is worth the drive.")
 
@@ -224,6 +267,7 @@ class OrderEstimate:
         bearing_deg: of the tracks of the largest cell, clockwise from north.
         headland_passes: around the field.
         is_layout_borrowed: whether these are those of another width; a plan would choose anew.
+        is_scaled: whether tours are those of another width or number of tractors.
     """
 
     order: WorkOrder
@@ -232,12 +276,14 @@ class OrderEstimate:
     bearing_deg: float
     headland_passes: int
     is_layout_borrowed: bool
+    is_scaled: bool
 
 
 @dataclass(frozen=True, eq=False)
 class _KeptGround:
     estimates: GroundEstimates
     is_borrowed: bool
+    field_key: str
 
 
 class KeptGrounds:
@@ -247,21 +293,34 @@ class KeptGrounds:
         self._grounds = OrderedDict[str, _KeptGround]()
         self._layouts = OrderedDict[str, tuple[float, int]]()
 
-    def estimate(self, order: WorkOrder, files: str = "") -> OrderEstimate:
+    def estimate(self, order: WorkOrder, files: str = "", *, at_once: bool = False) -> OrderEstimate:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
 
-        A width that is new takes bearing and headland passes of the last answer for the same field, where it may.
+        A width that is new takes bearing and headland passes of the last answer for the same field, where it may. With
+        `at_once` nothing is laid out or sought but what no ground of the field is near to.
         """
-        ground = self._find_ground(order, files)
+        ground = self._find_near_ground(order, files) if at_once else None
+        is_scaled = ground is not None
+        ground = ground or self._find_ground(order, files)
+        estimate = ground.estimates.scale if is_scaled else ground.estimates.estimate
         request = order.request
         plans = tuple(
-            ground.estimates.estimate(replace(order, request=replace(request, tractors=(count,))))
-            for count in sorted(request.tractors)
+            estimate(replace(order, request=replace(request, tractors=(count,)))) for count in sorted(request.tractors)
         )
         feasible = [plan for plan in plans if plan.feasible]
         is_priced = order.cost_terms is not None or request.price_per_hour is not None
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
-        return OrderEstimate(order, plans, best, *ground.estimates.layout, ground.is_borrowed)
+        return OrderEstimate(order, plans, best, *ground.estimates.layout, ground.is_borrowed or is_scaled, is_scaled)
+
+    def _find_near_ground(self, order: WorkOrder, files: str) -> _KeptGround | None:
+        """The ground of the nearest width; None where the order's own has all its tours, or the field has none."""
+        own = self._grounds.get(_build_key(order, files, SUMMED))
+        if own is not None and own.estimates.knows(order):
+            return None
+        field_key = _build_key(order, files, SUMMED | {"width_m"})
+        width_m = order.request.width_m
+        near = (ground for ground in self._grounds.values() if ground.field_key == field_key)
+        return min(near, key=lambda ground: abs(math.log(ground.estimates.width_m / width_m)), default=None)
 
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
         key = _build_key(order, files, SUMMED)
@@ -275,8 +334,8 @@ class KeptGrounds:
         borrowed = _borrow_layout(reference.request, self._layouts.get(field_key))
         if borrowed is not None:
             with suppress(HeadlandError):  # what fits one width may not fit another
-                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True)
-        return _KeptGround(_lay_out_undriven(reference), False)
+                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
+        return _KeptGround(_lay_out_undriven(reference), False, field_key)
 
 
 def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:

@@ -1,8 +1,8 @@
 """The confined process that estimates plans, with the grounds that it keeps from one answer to the next.
 
 It is started without secrets, loads and warms up what estimates take, and then confines itself as readings are, to the
-folder of the requests' files. A line of JSON is an order, {folder, values, files}, and a line its answer: {value},
-{refused, parameter}, {memory} or {fault}, each with `computing_s`.
+folder of the requests' files. A line of JSON is an order, {folder, values, files, at_once}, and a line its answer:
+{value}, {refused, parameter}, {memory} or {fault}, each with `computing_s`.
 """
 
 from __future__ import annotations
@@ -28,18 +28,19 @@ WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
 
 
-Estimate = Callable[[Mapping[str, Any], str], dict[str, Any]]
-"""The estimate of the options of a plan, as the API answers it; takes what names the content of its files too."""
+Estimate = Callable[[Mapping[str, Any]], dict[str, Any]]
+"""The estimate of an order, as the API answers it."""
 
 
 def create_estimate() -> Estimate:
     """Estimates with grounds of its own, which it keeps; raises HeadlandError for what cannot be planned."""
     grounds = KeptGrounds()
 
-    def estimate_values(values: Mapping[str, Any], files: str) -> dict[str, Any]:
-        return describe_estimate(grounds.estimate(build_work_order(values), files))
+    def estimate_order(order: Mapping[str, Any]) -> dict[str, Any]:
+        work_order = build_work_order(order["values"])
+        return describe_estimate(grounds.estimate(work_order, order["files"], at_once=order["at_once"]))
 
-    return estimate_values
+    return estimate_order
 
 
 def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
@@ -53,6 +54,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
         "bearing": round(estimate.bearing_deg, 3),
         "headland_passes": estimate.headland_passes,
         "is_layout_borrowed": estimate.is_layout_borrowed,
+        "is_scaled": estimate.is_scaled,
     }
 
 
@@ -93,8 +95,8 @@ def _warm_up() -> Estimate:
     compile_kernels(list_missing_kernels(), 1)
     estimate = create_estimate()
     with suppress(HeadlandError):
-        estimate(WARM_UP, "")
-        estimate(WARM_UP | {"speed_kmh": 7.0}, "")
+        for values in (WARM_UP, WARM_UP | {"speed_kmh": 7.0}):
+            estimate({"values": values, "files": "", "at_once": False})
     return estimate
 
 
@@ -103,7 +105,7 @@ def _answer_order(estimate: Estimate, order: Mapping[str, Any]) -> bytes:
     begun_s = time.process_time()
     try:
         os.chdir(order["folder"])
-        answer: dict[str, Any] = {"value": estimate(order["values"], order["files"])}
+        answer: dict[str, Any] = {"value": estimate(order)}
     except HeadlandError as refusal:
         answer = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
     except MemoryError:
