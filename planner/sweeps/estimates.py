@@ -38,6 +38,7 @@ from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 STRATEGY = get_strategy("split-field")
 T = TypeVar("T")
 MOST_GROUNDS = 6
+MOST_PREPARED = 8  # tractors
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = frozenset(
     {
@@ -292,6 +293,19 @@ class KeptGrounds:
     def __init__(self) -> None:
         self._grounds = OrderedDict[str, _KeptGround]()
         self._layouts = OrderedDict[str, tuple[float, int]]()
+        self._unprepared = list[tuple[GroundEstimates, WorkOrder]]()
+
+    def prepare(self) -> bool:
+        """Seek tours of one more number of tractors on the ground laid out last; False where there are all.
+
+        Answers at once are scaled from them.
+        """
+        if not self._unprepared:
+            return False
+        estimates, order = self._unprepared.pop()
+        with suppress(HeadlandError):
+            estimates.estimate(order)
+        return True
 
     def estimate(self, order: WorkOrder, files: str = "", *, at_once: bool = False) -> OrderEstimate:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
@@ -304,9 +318,7 @@ class KeptGrounds:
         ground = ground or self._find_ground(order, files)
         estimate = ground.estimates.scale if is_scaled else ground.estimates.estimate
         request = order.request
-        plans = tuple(
-            estimate(replace(order, request=replace(request, tractors=(count,)))) for count in sorted(request.tractors)
-        )
+        plans = tuple(estimate(_set_tractors(order, count)) for count in sorted(request.tractors))
         feasible = [plan for plan in plans if plan.feasible]
         is_priced = order.cost_terms is not None or request.price_per_hour is not None
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
@@ -325,7 +337,11 @@ class KeptGrounds:
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
         key = _build_key(order, files, SUMMED)
         field_key = _build_key(order, files, SUMMED | {"width_m"})
-        ground = self._grounds.pop(key, None) or self._lay_out(_choose_reference(order), field_key)
+        ground = self._grounds.pop(key, None)
+        if ground is None:
+            ground = self._lay_out(_choose_reference(order), field_key)
+            counts = range(MOST_PREPARED, 0, -1)
+            self._unprepared = [(ground.estimates, _set_tractors(order, count)) for count in counts]
         _keep(self._grounds, key, ground, MOST_GROUNDS)
         _keep(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
         return ground
@@ -336,6 +352,10 @@ class KeptGrounds:
             with suppress(HeadlandError):  # what fits one width may not fit another
                 return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
         return _KeptGround(_lay_out_undriven(reference), False, field_key)
+
+
+def _set_tractors(order: WorkOrder, count: int) -> WorkOrder:
+    return replace(order, request=replace(order.request, tractors=(count,)))
 
 
 def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:

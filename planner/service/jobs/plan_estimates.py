@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from contextlib import chdir
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from planner.service.errors import BusyError, ServiceError
 from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
@@ -28,6 +28,9 @@ from planner.service.sandbox.reader_processes import (
 )
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
+
+if TYPE_CHECKING:
+    from planner.sweeps.estimates import KeptGrounds
 
 MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S, PROCESS_LIFE_S = 20.0, 60.0, 3600.0
@@ -157,7 +160,7 @@ class _EstimateQueue:
         self._budget, self._queue = budget, FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
         self._process: _EstimatingProcess | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._inline: Callable[[Mapping[str, Any]], dict[str, Any]] | None = None
+        self._inline: KeptGrounds | None = None
         self._lock = threading.Lock()
 
     async def estimate(self, client: str, order: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -221,11 +224,12 @@ class _EstimateQueue:
         return report
 
     def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        from planner.service.sandbox.estimating import create_estimate
+        from planner.service.sandbox.estimating import estimate_order
+        from planner.sweeps.estimates import KeptGrounds
 
-        self._inline = self._inline or create_estimate()
+        self._inline = self._inline or KeptGrounds()
         with WORKING_FOLDER_LOCK, chdir(order["folder"]):
-            return self._inline(order)
+            return estimate_order(self._inline, order)
 
     def _end_process(self) -> None:
         process, self._process = self._process, None

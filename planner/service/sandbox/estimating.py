@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,19 +29,10 @@ WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
 
 
-Estimate = Callable[[Mapping[str, Any]], dict[str, Any]]
-"""The estimate of an order, as the API answers it."""
-
-
-def create_estimate() -> Estimate:
-    """Estimates with grounds of its own, which it keeps; raises HeadlandError for what cannot be planned."""
-    grounds = KeptGrounds()
-
-    def estimate_order(order: Mapping[str, Any]) -> dict[str, Any]:
-        work_order = build_work_order(order["values"])
-        return describe_estimate(grounds.estimate(work_order, order["files"], at_once=order["at_once"]))
-
-    return estimate_order
+def estimate_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, Any]:
+    """The estimate of an order, as the API answers it; raises HeadlandError for what cannot be planned."""
+    work_order = build_work_order(order["values"])
+    return describe_estimate(grounds.estimate(work_order, order["files"], at_once=order["at_once"]))
 
 
 def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
@@ -80,32 +72,42 @@ def serve(descriptor: int, folder: str, memory_bytes: int, computing_s: float) -
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(READER_NICENESS)
-    estimate, libraries = _warm_up(), list_library_folders()
+    grounds, libraries = _warm_up(), list_library_folders()
     confine_process(Path(folder), libraries, memory_bytes, computing_s, descriptor)
     write_all(descriptor, READY)
     with open(descriptor, "rb") as orders:  # a socket, of which confinement leaves reading and writing
         for line in orders:
-            write_all(descriptor, _answer_order(estimate, json.loads(line)) + b"\n")
+            order = json.loads(line)
+            write_all(descriptor, _answer_order(grounds, order) + b"\n")
+            while order["at_once"] and not _has_order(descriptor) and grounds.prepare():
+                pass
 
 
-def _warm_up() -> Estimate:
+def _has_order(descriptor: int) -> bool:
+    """Whether something can be read; the service waits for each answer, so that nothing is in a buffer."""
+    poll = select.poll()  # which confinement leaves
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(0))
+
+
+def _warm_up() -> KeptGrounds:
     """Compile and load everything that an estimate calls, by making one."""
     from planner.pipeline.kernels import compile_kernels, list_missing_kernels
 
     compile_kernels(list_missing_kernels(), 1)
-    estimate = create_estimate()
+    grounds = KeptGrounds()
     with suppress(HeadlandError):
         for values in (WARM_UP, WARM_UP | {"speed_kmh": 7.0}):
-            estimate({"values": values, "files": "", "at_once": False})
-    return estimate
+            estimate_order(grounds, {"values": values, "files": "", "at_once": False})
+    return grounds
 
 
-def _answer_order(estimate: Estimate, order: Mapping[str, Any]) -> bytes:
+def _answer_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> bytes:
     """The answer to an order as JSON, with the seconds that it took to compute."""
     begun_s = time.process_time()
     try:
         os.chdir(order["folder"])
-        answer: dict[str, Any] = {"value": estimate(order)}
+        answer: dict[str, Any] = {"value": estimate_order(grounds, order)}
     except HeadlandError as refusal:
         answer = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
     except MemoryError:

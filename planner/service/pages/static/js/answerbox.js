@@ -6,15 +6,16 @@ import { DASH, chance, doneBy, money, percent, plural } from "./words.js";
 
 const COLUMNS = ["Tractors", "Done", "Cost", "Worked", "In time"];
 
-/** `show(answer, {isDriven, isLatest})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
+/** `show(answer, {isDriven, isLatest, words})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
 export function answerBox() {
   const mark = el("span", { class: "badge warn" }, "estimated"), state = el("p", { class: "small soft state" });
   const place = el("a", { class: "small", onclick: () => box.kept() }, "Show the plan"), rows = [];
-  const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, ["Fleet", "Done", "Cost", "Worked"].map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
+  const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, COLUMNS.slice(0, 4).map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
   const body = el("tbody"), heads = COLUMNS.map((name) => el("th", { scope: "col" }, name));
   const table = el("div", { class: "scroll rows", tabindex: "0", role: "region", "aria-label": "Each number of tractors" }, el("table", {}, el("thead", {}, el("tr", {}, heads)), body));
   const details = el("details", { open: matchMedia("(min-width: 64.01rem)").matches }, el("summary", {}, "Each number of tractors"), table);
-  const node = el("section", { class: "panel answer", "aria-label": "Answer" }, el("div", { class: "title" }, el("h2", {}, "Answer"), mark), figures, el("div", { class: "line" }, state, place), details);
+  const head = el("div", { class: "now" }, el("div", { class: "title" }, el("h2", {}, "Answer"), mark), figures, el("div", { class: "line" }, state, place));
+  const node = el("section", { class: "answer", "aria-label": "Answer" }, head, details);
   mark.hidden = place.hidden = true;
 
   const row = (index) => {
@@ -39,14 +40,14 @@ export function answerBox() {
     kept() {},
     wait() { node.setAttribute("aria-busy", "true"); },
     tell(words) { say(state, words); },
-    show(answer, { isDriven, isLatest }) {
-      const best = answer.plans.find((plan) => plan.tractors === answer.recommended), texts = best ? [plural(best.tractors, "tractor"), ...figuresOf(best, answer)] : [DASH, DASH, DASH, DASH];
+    show(answer, { isDriven, isLatest, words }) {
+      const best = answer.plans.find((plan) => plan.tractors === answer.recommended), texts = best ? [String(best.tractors), ...figuresOf(best, answer)] : [DASH, DASH, DASH, DASH];
       values.forEach((value, k) => say(value, texts[k]));
       fill(answer.plans, answer);
       mark.hidden = isDriven;
       place.hidden = !isDriven;
       if (isDriven) place.href = answer.address;
-      box.tell(best ? (isDriven ? "Driven in full." : "") : answer.unmet ?? answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible.");
+      box.tell(best ? words : answer.unmet ?? answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible.");
       if (isLatest) node.setAttribute("aria-busy", "false");
     },
     refuse(sentence) {
@@ -57,7 +58,7 @@ export function answerBox() {
       node.setAttribute("aria-busy", "false");
     },
     /** All of it in a sentence. */
-    words: () => (mark.hidden ? state.textContent : t`${values[0].textContent}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`),
+    words: () => (mark.hidden ? state.textContent : t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`),
   };
   return box;
 }

@@ -5,51 +5,43 @@ import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
 
 const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, TOO_MANY = 429;
+const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
-/** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice.
-
-`most` is the number of tractors that estimates are prepared for. A drive begins once a request that was changed rests. */
-export function liveAnswer(most) {
+/** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice. */
+export function liveAnswer() {
   const box = answerBox();
-  let changes = 0, shown = -1, latest = "", resting = 0, speaking = 0, drive = null, prepared = "", closed = false;
+  let changes = 0, shown = -1, latest = "", resting = 0, speaking = 0, drive = null, closed = false;
 
   // An answer takes the place of those to earlier changes, and of less exact ones to its own.
-  const show = (answer, change, level) => {
+  const show = (answer, change, level, words = "") => {
     const rank = LEVELS * change + level;
     if (closed || rank < shown) return;
     shown = rank;
-    box.show(answer, { isDriven: level === DRIVEN, isLatest: change === changes });
+    box.show(answer, { isDriven: level === DRIVEN, isLatest: change === changes, words });
     clearTimeout(speaking);
     speaking = setTimeout(() => speak(box.words()), SPOKEN_MS);
   };
-  const refuse = (error, change) => {
-    if (closed || change !== changes) return;
-    shown = LEVELS * change;
+  // What is refused as too much for now is asked again while it is the latest.
+  const refuse = (error, asked, again) => {
+    if (closed || asked.change !== changes) return;
+    shown = LEVELS * asked.change;
     box.refuse(error.message);
+    if (error.status === TOO_MANY) setTimeout(() => { if (!closed && asked.change === changes) again(asked); }, BUSY_MS);
   };
 
-  // One request at a time, always the latest; `spare` is asked while there is no other.
+  // One request at a time, always the latest.
   const lane = (path, answered) => {
-    let busy = false, waiting = null, spare = null;
-    const run = async () => {
-      busy = true;
-      for (let asked; (asked = waiting ?? spare) && !closed;) {
-        if (asked === waiting) waiting = null; else spare = null;
-        try {
-          const answer = await post(path, asked.values);
-          if (!asked.isSpare) answered(answer, asked);
-        } catch (error) {
-          if (asked.isSpare) continue;
-          refuse(error, asked.change);
-          if (error.status === TOO_MANY) setTimeout(() => { if (asked.change === changes && !closed) ask(asked); }, BUSY_MS);
-        }
+    let busy = false, waiting = null;
+    const ask = async (asked) => {
+      waiting = asked;
+      if (busy) return;
+      for (busy = true; waiting && !closed; ) {
+        const now = waiting;
+        waiting = null;
+        try { answered(await post(path, now.values), now); } catch (error) { refuse(error, now, ask); }
       }
       busy = false;
-    };
-    const ask = (asked) => {
-      if (asked.isSpare) spare = asked; else waiting = asked;
-      if (!busy) run();
     };
     return ask;
   };
@@ -58,22 +50,14 @@ export function liveAnswer(most) {
     if (asked.change === changes && asked.isDriven) resting = setTimeout(() => startDrive(asked), REST_MS);
   };
   const layOut = lane("estimates", (answer, asked) => {
-    show({ ...answer, start: asked.values.start }, asked.change, LAID_OUT);
+    show({ ...answer, start: asked.values.start }, asked.change, LAID_OUT, WILL[asked.isDriven]);
     settle(asked);
   });
   const answerAtOnce = lane("estimates?at_once=true", (answer, asked) => {
-    show({ ...answer, start: asked.values.start }, asked.change, answer.is_scaled ? SCALED : LAID_OUT);
-    if (answer.is_scaled) { if (asked.change === changes) layOut(asked); return; }
-    prepare(asked.values);
-    settle(asked);
+    show({ ...answer, start: asked.values.start }, asked.change, answer.is_scaled ? SCALED : LAID_OUT, WILL[asked.isDriven]);
+    if (!answer.is_scaled) settle(asked);
+    else if (asked.change === changes) layOut(asked);
   });
-  // The ground that was just laid out gets its tours for all numbers of tractors, from which those of other widths are scaled.
-  const prepare = (values) => {
-    const ground = JSON.stringify({ ...values, width: 0, tractors: 0, speed_kmh: 0, start: 0, deadline: 0, price_per_hour: 0 });
-    if (ground !== prepared) answerAtOnce({ values: { ...values, tractors: `1-${most}` }, isSpare: true });
-    prepared = ground;
-  };
-
   const startDrive = async (asked) => {
     const mine = drive = { key: latest, id: null, isKept: false, isOver: false };
     box.tell("Driving it in full");
@@ -95,7 +79,7 @@ export function liveAnswer(most) {
       await new Promise((looked) => setTimeout(looked, LOOK_MS));
     }
     const answer = await get(`${path}/results/result.json`);
-    if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN);
+    if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };
   const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
   const end = () => {

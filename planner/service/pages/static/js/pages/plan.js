@@ -9,7 +9,7 @@ import { fieldMap } from "../fieldmap.js";
 import { earlier, progressBar } from "../jobs.js";
 import { liveAnswer } from "../liveanswer.js";
 import { planAddress, requestOfAddress } from "../planaddress.js";
-import { MACHINES, MORE, MOST_TRACTORS, TIME, WORK, controlName, planOptions } from "../planoptions.js";
+import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
@@ -49,7 +49,7 @@ export async function open(main, shell, _parts, query) {
     look();
     changed();
   };
-  const live = liveAnswer(MOST_TRACTORS);
+  const live = liveAnswer();
   let changed = () => {}; // until the form is whole
   let field = null;
   field = await filePicker("fields", labels.field, { accept: ACCEPTED.fields, first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
@@ -101,9 +101,9 @@ export async function open(main, shell, _parts, query) {
   put(form,
     el("section", { class: "panel stack" }, el("h2", {}, labels.tractor), machine, el("div", { class: "two even" }, tractor.node, farm.node), ofFarm),
     el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, keep, reading), preview.node), drawing),
-    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES), strategies),
-    el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK)),
-    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), options.grid(TIME),
+    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Time, price and weather"), options.grid(TIME)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK), strategies,
       el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), options.grid(rows)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run), running);
