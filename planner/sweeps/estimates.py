@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from fields.units import MPS_PER_KMH
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
@@ -39,6 +40,7 @@ STRATEGY = get_strategy("split-field")
 T = TypeVar("T")
 MOST_GROUNDS = 6
 MOST_PREPARED = 8  # tractors
+PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = frozenset(
     {
@@ -73,7 +75,7 @@ class GroundEstimates:
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str], SketchedPlan | StrategyError]()
         self._drive_factors = dict[int, float]()
-        self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
+        self._moves = {_list_speeds(context.request): get_site_moves(context)}
 
     @property
     def layout(self) -> tuple[float, int]:
@@ -95,7 +97,8 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                alone, factor = self._time_tours(context, sketch), self._get_drive_factor(count)
+                moves, factor = self._get_moves(context), self._get_drive_factor(count)
+                alone = _time_tours(context, sketch, moves, self._covered_share)
                 timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
@@ -103,13 +106,13 @@ class GroundEstimates:
         return _build_result(context, best)
 
     def knows(self, order: WorkOrder) -> bool:
-        """Whether tours are there for all that an order asks for."""
+        """Whether tours, and moves at its speeds, are there for all that an order asks for."""
         request = order.request
         wanted = ((count, headland) for count in request.tractors for headland in request.headland_orders or ("",))
-        return all(each in self._sketches for each in wanted)
+        return _list_speeds(request) in self._moves and all(each in self._sketches for each in wanted)
 
     def scale(self, order: WorkOrder) -> PlanResult:
-        """The plan of an order for one number of tractors, of another width or number: nothing is laid out or sought.
+        """The plan of an order for one number of tractors, of another width, number or speed: nothing is sought.
 
         Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
         nearest number of tractors are, whose last one ends by as much later than all on average.
@@ -122,11 +125,26 @@ class GroundEstimates:
         ]
         if not found:
             return self.estimate(order)
-        least = min(distance for distance, _, _ in found)
-        width_ratio = self.width_m / order.request.width_m
-        near = (self._time_tours(context, sketch) for distance, _, sketch in found if distance == least)
-        scaled = [_scale_tours(one, count, width_ratio) for one in near]
-        return _build_result(context, min(scaled, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share))
+        least, ratio = min(distance for distance, _, _ in found), self.width_m / order.request.width_m
+        near = [
+            _scale_tours(self._time_between(context, sketch), count, ratio)
+            for distance, _, sketch in found
+            if distance == least
+        ]
+        return _build_result(context, min(near, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share))
+
+    def _time_between(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
+        """The tours of a sketch, their moves between those of the two nearest speeds by one over the speed."""
+        speed_mps, turn_mps = own = _list_speeds(context.request)
+        known = [key for key in self._moves if key[1] == (key[0] if turn_mps == speed_mps else turn_mps)]
+        if own in self._moves or len(known) < 2:
+            return _time_tours(context, sketch, self._get_moves(context), self._covered_share)
+        near = sorted(known, key=lambda key: abs(math.log(key[0] / speed_mps)))[:2]
+        share = (1.0 / speed_mps - 1.0 / near[0][0]) / (1.0 / near[1][0] - 1.0 / near[0][0])
+        one, other = (_time_tours(context, sketch, self._moves[key], self._covered_share) for key in near)
+        tractor_s = (1.0 - share) * one.times.tractor_s + share * other.times.tractor_s
+        turn_s = (1.0 - share) * one.times.turn_s + share * other.times.turn_s
+        return replace(one, times=DrivenTimes(tractor_s, one.times.work_s, turn_s))
 
     def _sketch(self, tractors: int, headland: str) -> SketchedPlan | StrategyError:
         """The plan of a number of tractors with the headland in an order, or why there is none."""
@@ -149,24 +167,9 @@ class GroundEstimates:
             self._drive_factors[tractors] = _measure_drive_factor(self._context, tractors) if self._drives else 1.0
         return self._drive_factors[tractors]
 
-    def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
-        """The tours of a sketch at the speeds of a context."""
-        moves, rules, tours = self._get_moves(context), context.driving_rules, sketch.tours
-        work_m = [math.fsum(moves.lines[node // 2].measure_path_m(node % 2) for node in tour) for tour in tours]
-        pairs = [list_pairs(moves, [tour]) for tour in tours]
-        moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
-        work_s = np.array(work_m) / rules.work_speed_mps
-        tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
-        worked = {node // 2 for tour in tours for node in tour}
-        all_m2 = math.fsum(line.own_m2 for line in moves.lines)
-        worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
-        share = self._covered_share * worked_m2 / all_m2
-        return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
-
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
-        request = context.request
-        key = request.speed_mps, request.effective_turn_speed_mps
+        key = _list_speeds(context.request)
         if key not in self._moves:
             self._moves[key] = SiteMoves(build_site(context), get_site_moves(self._context).lines)
         return self._moves[key]
@@ -194,6 +197,26 @@ def _measure_drive_factor(context: PlanningContext, tractors: int) -> float:
             break
     factor = best_s / alone_s
     return factor if math.isfinite(factor) else 1.0
+
+
+def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves, covered_share: float) -> _TimedTours:
+    """The tours of a sketch at the working speed of a context, with these moves."""
+    rules, tours = context.driving_rules, sketch.tours
+    work_m = [math.fsum(moves.lines[node // 2].measure_path_m(node % 2) for node in tour) for tour in tours]
+    pairs = [list_pairs(moves, [tour]) for tour in tours]
+    moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
+    work_s = np.array(work_m) / rules.work_speed_mps
+    tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
+    worked = {node // 2 for tour in tours for node in tour}
+    all_m2 = math.fsum(line.own_m2 for line in moves.lines)
+    worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
+    share = covered_share * worked_m2 / all_m2
+    return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
+
+
+def _list_speeds(request: PlanRequest) -> tuple[float, float]:
+    """Speeds at work and in turns, m/s."""
+    return request.speed_mps, request.effective_turn_speed_mps
 
 
 def _scale_tours(timed: _TimedTours, tractors: int, ratio: float) -> _TimedTours:
@@ -296,7 +319,7 @@ class KeptGrounds:
         self._unprepared = list[tuple[GroundEstimates, WorkOrder]]()
 
     def prepare(self) -> bool:
-        """Seek tours of one more number of tractors on the ground laid out last; False where there are all.
+        """Find tours or moves of one more number of tractors and speed on the ground laid out last; False without any.
 
         Answers at once are scaled from them.
         """
@@ -340,8 +363,7 @@ class KeptGrounds:
         ground = self._grounds.pop(key, None)
         if ground is None:
             ground = self._lay_out(_choose_reference(order), field_key)
-            counts = range(MOST_PREPARED, 0, -1)
-            self._unprepared = [(ground.estimates, _set_tractors(order, count)) for count in counts]
+            self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
         _keep(self._grounds, key, ground, MOST_GROUNDS)
         _keep(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
         return ground
@@ -352,6 +374,12 @@ class KeptGrounds:
             with suppress(HeadlandError):  # what fits one width may not fit another
                 return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
         return _KeptGround(_lay_out_undriven(reference), False, field_key)
+
+
+def _list_prepared(order: WorkOrder) -> list[WorkOrder]:
+    """The orders from which others are scaled, the last one first: all numbers as asked, then at other speeds."""
+    faster = [replace(order, request=replace(order.request, speed_mps=each)) for each in PREPARED_MPS]
+    return [_set_tractors(one, count + 1) for one in (*faster, order) for count in reversed(range(MOST_PREPARED))]
 
 
 def _set_tractors(order: WorkOrder, count: int) -> WorkOrder:

@@ -2,7 +2,7 @@
 
 A service of its own and Chromium on this machine. The six controls that move are set to random places, one after the
 other, some by their sliders and some by their texts. Told are the times from the event of the control to the frame that
-shows an answer to it, and to that of an answer that is laid out, where one came before the next change.
+shows an answer to it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from tests.service.watching import BROWSER, LONGEST_WAIT_S, WIDE
 KNOBS = ("width", "tractors", "speed_kmh", "start", "deadline", "price_per_hour")
 QUIET_S = 1.0
 CHANGE = """([name, share, typed]) => {
-  const text = document.querySelector(`input[name="${name}"]`), range = text.closest(".knob").querySelector("[type=range]");
+  const text = document.querySelector(`input[name="${name}"]`);
+  const range = text.closest(".knob").querySelector("[type=range]");
   const box = document.querySelector(".answer"), before = text.value;
   const steps = Math.round((range.max - range.min) / range.step), place = Math.round(share * steps);
   range.value = Number(range.min) + place * range.step;
@@ -41,7 +42,7 @@ CHANGE = """([name, share, typed]) => {
     look();
   });
 }"""
-"""Set a control to a share of its range; milliseconds until the frame with the answer is through, null for no change."""
+"""Set a control to a share of its range; milliseconds until the frame with the answer is there, null for no change."""
 
 
 def change_at_random(page: Page, changes: int, seed: int, wait_s: float) -> list[tuple[str, float]]:
