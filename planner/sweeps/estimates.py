@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+from fields.units import MPS_PER_KMH
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
@@ -45,6 +46,8 @@ MOST_GROUNDS = 6
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 WISHES = ("leave_out", "work_first", "give")
+MOST_PREPARED = 8  # tractors
+PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = frozenset(
     {
@@ -102,12 +105,17 @@ class GroundEstimates:
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = dict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
         self._drive_factors = dict[int, float]()
-        self._moves = {(context.request.speed_mps, context.request.effective_turn_speed_mps): get_site_moves(context)}
+        self._moves = {_list_speeds(context.request): get_site_moves(context)}
 
     @property
     def layout(self) -> tuple[float, int]:
         """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes."""
         return self._context.layout.bearing_deg, self._context.layout.headland_passes
+
+    @property
+    def width_m(self) -> float:
+        """Working width, metres."""
+        return self._context.request.width_m
 
     def estimate(self, order: WorkOrder) -> PlanResult:
         """The plan of an order for one number of tractors on this ground, the quicker of its orders of the headland."""
@@ -119,12 +127,56 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                alone, factor = self._time_tours(context, sketch), self._get_drive_factor(count)
+                moves, factor = self._get_moves(context), self._get_drive_factor(count)
+                alone = _time_tours(context, sketch, moves, self._covered_share)
                 timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
         return _build_result(context, best)
+
+    def knows(self, order: WorkOrder) -> bool:
+        """Whether tours, and moves at its speeds, are there for all that an order asks for."""
+        request = order.request
+        orders, wishes = request.headland_orders or ("",), request.line_wishes
+        wanted = ((count, headland, wishes) for count in request.tractors for headland in orders)
+        return _list_speeds(request) in self._moves and all(each in self._sketches for each in wanted)
+
+    def scale(self, order: WorkOrder) -> PlanResult:
+        """The plan of an order for one number of tractors, of another width, number or speed: nothing is sought.
+
+        Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
+        nearest number of tractors are, whose last one ends by as much later than all on average.
+        """
+        context, request = change_terms(self._context, order), order.request
+        count, orders = request.tractors[0], request.headland_orders or ("",)
+        found = [
+            (abs(known - count), headland, sketch)
+            for (known, headland, wishes), sketch in self._sketches.items()
+            if headland in orders and wishes == request.line_wishes and not isinstance(sketch, StrategyError)
+        ]
+        if not found:
+            return self.estimate(order)
+        least, ratio = min(distance for distance, _, _ in found), self.width_m / request.width_m
+        near = [
+            _scale_tours(self._time_between(context, sketch), count, ratio)
+            for distance, _, sketch in found
+            if distance == least
+        ]
+        return _build_result(context, min(near, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share))
+
+    def _time_between(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
+        """The tours of a sketch, their moves between those of the two nearest speeds by one over the speed."""
+        speed_mps, turn_mps = own = _list_speeds(context.request)
+        known = [key for key in self._moves if key[1] == (key[0] if turn_mps == speed_mps else turn_mps)]
+        if own in self._moves or len(known) < 2:
+            return _time_tours(context, sketch, self._get_moves(context), self._covered_share)
+        near = sorted(known, key=lambda key: abs(math.log(key[0] / speed_mps)))[:2]
+        share = (1.0 / speed_mps - 1.0 / near[0][0]) / (1.0 / near[1][0] - 1.0 / near[0][0])
+        one, other = (_time_tours(context, sketch, self._moves[key], self._covered_share) for key in near)
+        tractor_s = (1.0 - share) * one.times.tractor_s + share * other.times.tractor_s
+        turn_s = (1.0 - share) * one.times.turn_s + share * other.times.turn_s
+        return replace(one, times=DrivenTimes(tractor_s, one.times.work_s, turn_s))
 
     def list_lines(self, order: WorkOrder, plan: PlanResult) -> tuple[EstimatedLine, ...]:
         """All work lines, as an estimated plan of an order works them."""
@@ -193,27 +245,44 @@ class GroundEstimates:
             return math.inf if driven.reason else driven.run.duration_s
         return math.inf
 
-    def _time_tours(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
-        """The tours of a sketch at the speeds of a context."""
-        moves, rules, tours = self._get_moves(context), context.driving_rules, sketch.tours
-        work_m = [math.fsum(moves.lines[node // 2].measure_path_m(node % 2) for node in tour) for tour in tours]
-        pairs = [list_pairs(moves, [tour]) for tour in tours]
-        moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
-        work_s = np.array(work_m) / rules.work_speed_mps
-        tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
-        worked = {node // 2 for tour in tours for node in tour}
-        all_m2 = math.fsum(line.own_m2 for line in moves.lines)
-        worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
-        share = self._covered_share * worked_m2 / all_m2
-        return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
-
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
-        request = context.request
-        key = request.speed_mps, request.effective_turn_speed_mps
+        key = _list_speeds(context.request)
         if key not in self._moves:
             self._moves[key] = SiteMoves(build_site(context), get_site_moves(self._context).lines)
         return self._moves[key]
+
+
+def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves, covered_share: float) -> _TimedTours:
+    """The tours of a sketch at the working speed of a context, with these moves."""
+    rules, tours = context.driving_rules, sketch.tours
+    work_m = [math.fsum(moves.lines[node // 2].measure_path_m(node % 2) for node in tour) for tour in tours]
+    pairs = [list_pairs(moves, [tour]) for tour in tours]
+    moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
+    work_s = np.array(work_m) / rules.work_speed_mps
+    tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
+    worked = {node // 2 for tour in tours for node in tour}
+    all_m2 = math.fsum(line.own_m2 for line in moves.lines)
+    worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
+    share = covered_share * worked_m2 / all_m2
+    return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
+
+
+def _list_speeds(request: PlanRequest) -> tuple[float, float]:
+    """Speeds at work and in turns, m/s."""
+    return request.speed_mps, request.effective_turn_speed_mps
+
+
+def _scale_tours(timed: _TimedTours, tractors: int, ratio: float) -> _TimedTours:
+    """Tours with all seconds times a ratio, shared by another number of tractors."""
+    times = timed.times
+    tractor_s = ratio * times.tractor_s
+    if len(tractor_s) != tractors:
+        mean_s = float(tractor_s.sum()) / tractors
+        last_s = mean_s if tractors == 1 else mean_s * float(tractor_s.max() / tractor_s.mean())
+        others_s = (tractors * mean_s - last_s) / max(1, tractors - 1)
+        tractor_s = np.array([last_s] + [others_s] * (tractors - 1))
+    return replace(timed, times=DrivenTimes(tractor_s, ratio * times.work_s, ratio * times.turn_s))
 
 
 def _refuse_idle(tractors: int) -> StrategyError:
@@ -280,6 +349,7 @@ class OrderEstimate:
         is_layout_borrowed: whether these are those of another width; a plan would choose anew.
         lines: the work lines as the best plan works them; empty without one.
         outlines: of the field and its holes, metres.
+        is_scaled: whether tours are those of another width or number of tractors.
     """
 
     order: WorkOrder
@@ -290,12 +360,14 @@ class OrderEstimate:
     is_layout_borrowed: bool
     lines: tuple[EstimatedLine, ...]
     outlines: tuple[Points, ...]
+    is_scaled: bool
 
 
 @dataclass(frozen=True, eq=False)
 class _KeptGround:
     estimates: GroundEstimates
     is_borrowed: bool
+    field_key: str
 
 
 class KeptGrounds:
@@ -304,29 +376,57 @@ class KeptGrounds:
     def __init__(self) -> None:
         self._grounds = OrderedDict[str, _KeptGround]()
         self._layouts = OrderedDict[str, tuple[float, int]]()
+        self._unprepared = list[tuple[GroundEstimates, WorkOrder]]()
 
-    def estimate(self, order: WorkOrder, files: str = "") -> OrderEstimate:
+    def prepare(self) -> bool:
+        """Find tours or moves of one more number of tractors and speed on the ground laid out last; False without any.
+
+        Answers at once are scaled from them.
+        """
+        if not self._unprepared:
+            return False
+        estimates, order = self._unprepared.pop()
+        with suppress(HeadlandError):
+            estimates.estimate(order)
+        return True
+
+    def estimate(self, order: WorkOrder, files: str = "", *, at_once: bool = False) -> OrderEstimate:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
 
-        A width that is new takes bearing and headland passes of the last answer for the same field, where it may.
+        A width that is new takes bearing and headland passes of the last answer for the same field, where it may. With
+        `at_once` nothing is laid out or sought but what no ground of the field is near to.
         """
-        ground = self._find_ground(order, files)
+        ground = self._find_near_ground(order, files) if at_once else None
+        is_scaled = ground is not None
+        ground = ground or self._find_ground(order, files)
+        estimate = ground.estimates.scale if is_scaled else ground.estimates.estimate
         request = order.request
-        plans = tuple(
-            ground.estimates.estimate(replace(order, request=replace(request, tractors=(count,))))
-            for count in sorted(request.tractors)
-        )
+        plans = tuple(estimate(_set_tractors(order, count)) for count in sorted(request.tractors))
         feasible = [plan for plan in plans if plan.feasible]
         is_priced = order.cost_terms is not None or request.price_per_hour is not None
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
-        lines = () if best is None else ground.estimates.list_lines(order, best)
+        lines = () if best is None or is_scaled else ground.estimates.list_lines(order, best)
         outlines = ground.estimates.list_outlines()
-        return OrderEstimate(order, plans, best, *ground.estimates.layout, ground.is_borrowed, lines, outlines)
+        is_borrowed = ground.is_borrowed or is_scaled
+        return OrderEstimate(order, plans, best, *ground.estimates.layout, is_borrowed, lines, outlines, is_scaled)
+
+    def _find_near_ground(self, order: WorkOrder, files: str) -> _KeptGround | None:
+        """The ground of the nearest width; None where the order's own has all its tours, or the field has none."""
+        own = self._grounds.get(_build_key(order, files, SUMMED))
+        if own is not None and own.estimates.knows(order):
+            return None
+        field_key = _build_key(order, files, SUMMED | {"width_m"})
+        width_m = order.request.width_m
+        near = (ground for ground in self._grounds.values() if ground.field_key == field_key)
+        return min(near, key=lambda ground: abs(math.log(ground.estimates.width_m / width_m)), default=None)
 
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
         key = _build_key(order, files, SUMMED)
         field_key = _build_key(order, files, SUMMED | {"width_m"})
-        ground = self._grounds.pop(key, None) or self._lay_out(_choose_reference(order), field_key)
+        ground = self._grounds.pop(key, None)
+        if ground is None:
+            ground = self._lay_out(_choose_reference(order), field_key)
+            self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
         _keep(self._grounds, key, ground, MOST_GROUNDS)
         _keep(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
         return ground
@@ -335,8 +435,18 @@ class KeptGrounds:
         borrowed = _borrow_layout(reference.request, self._layouts.get(field_key))
         if borrowed is not None:
             with suppress(HeadlandError):  # what fits one width may not fit another
-                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True)
-        return _KeptGround(_lay_out_undriven(reference), False)
+                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
+        return _KeptGround(_lay_out_undriven(reference), False, field_key)
+
+
+def _list_prepared(order: WorkOrder) -> list[WorkOrder]:
+    """The orders from which others are scaled, the last one first: all numbers as asked, then at other speeds."""
+    faster = [replace(order, request=replace(order.request, speed_mps=each)) for each in PREPARED_MPS]
+    return [_set_tractors(one, count + 1) for one in (*faster, order) for count in reversed(range(MOST_PREPARED))]
+
+
+def _set_tractors(order: WorkOrder, count: int) -> WorkOrder:
+    return replace(order, request=replace(order.request, tractors=(count,)))
 
 
 def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:

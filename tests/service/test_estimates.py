@@ -31,8 +31,8 @@ def grounds() -> KeptGrounds:
     return KeptGrounds()
 
 
-def estimate(grounds: KeptGrounds, **values: Any) -> OrderEstimate:
-    return grounds.estimate(build_work_order({**VALUES, **values}))
+def estimate(grounds: KeptGrounds, *, at_once: bool = False, **values: Any) -> OrderEstimate:
+    return grounds.estimate(build_work_order({**VALUES, **values}), at_once=at_once)
 
 
 def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(shared: Shared) -> None:
@@ -80,7 +80,7 @@ def test_the_budget_is_asked_before_anything_is_computed(shared: Shared) -> None
     budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
     spender = bearer(client.app, "planner")  # type: ignore[arg-type]
     for key in client_keys(client, spender):
-        budget.charge(key, MOST_COMPUTING_S + 1.0)
+        budget.charge(key, 10.0 * MOST_COMPUTING_S)
     answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
     assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
     assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200
@@ -121,6 +121,51 @@ def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: Kept
     assert not own.is_layout_borrowed and own.bearing_deg == pytest.approx(30.0)
 
 
+def test_an_answer_at_once_is_scaled_from_the_nearest_width(
+    grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, laid_out = estimate(grounds), estimate(grounds, width=6.4)
+    own = KeptGrounds()
+    assert not estimate(own, at_once=True).is_scaled, "without a ground one is laid out"
+    monkeypatch.setattr("planner.sweeps.estimates.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.estimates.sketch_plans", pytest.fail)
+    assert not estimate(own, at_once=True, start="08:00", price_per_hour=30.0).is_scaled
+    scaled = estimate(own, at_once=True, width=6.4)
+    assert scaled.is_scaled and not first.is_scaled
+    for plan, before, exact in zip(scaled.plans, first.plans, laid_out.plans, strict=True):
+        assert plan.time_s == pytest.approx((before.time_s or 0.0) * 6.0 / 6.4)
+        assert plan.time_s == pytest.approx(exact.time_s, rel=0.1)
+
+
+def test_an_answer_at_once_for_another_number_deals_out_the_same_work(grounds: KeptGrounds) -> None:
+    two = estimate(grounds).plans[1]
+    own = KeptGrounds()
+    estimate(own)
+    (four,) = estimate(own, at_once=True, tractors="4").plans
+    assert four.tractors == 4 and four.tractor_time_s == pytest.approx(two.tractor_time_s)
+    assert (two.time_s or 0.0) / 2.0 == pytest.approx(four.time_s)
+
+
+def test_tours_of_other_numbers_are_sought_between_orders() -> None:
+    own = KeptGrounds()
+    assert not own.prepare()
+    estimate(own, at_once=True)
+    assert estimate(own, at_once=True, tractors="3").is_scaled
+    while own.prepare():
+        pass
+    prepared = estimate(own, at_once=True, tractors="3")
+    assert not prepared.is_scaled and prepared.plans == estimate(KeptGrounds(), tractors="3").plans
+
+
+def test_the_api_says_what_is_scaled(shared: Shared) -> None:
+    client, headers = shared
+    answers = [
+        client.post("/api/v1/estimates?at_once=true", json=VALUES | {"width": width}, headers=headers).json()
+        for width in (6.0, 6.3)
+    ]
+    assert [answer["is_scaled"] for answer in answers] == [False, True]
+
+
 @pytest.mark.slow
 def test_the_confined_process_estimates_refuses_and_cannot_leave_its_folder(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
@@ -131,7 +176,7 @@ def test_the_confined_process_estimates_refuses_and_cannot_leave_its_folder(tmp_
         until_s = time.monotonic() + 600.0
         while not process.wait_until_ready():
             assert time.monotonic() < until_s
-        order = {"folder": str(tmp_path / "one"), "files": "", "values": VALUES}
+        order = {"folder": str(tmp_path / "one"), "files": "", "values": VALUES, "at_once": True}
         answer = process.ask(order)
         assert answer is not None and b'"recommended"' in answer
         refused = process.ask(order | {"values": VALUES | {"field": str(secret)}})

@@ -217,8 +217,9 @@ class LineInfo(ApiModel):
 class EstimateInfo(ApiModel):
     """Plans by their number of tractors, the one to take, and the layout: bearing in degrees, headland passes.
 
-    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one. `lines` are
-    those of the plan to take, `outlines` the field and its holes, in metres east and north of a point of the field.
+    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one. Where
+    `is_scaled`, so are the tours, or they are those of another number of tractors. `lines` are those of the plan to
+    take, `outlines` the field and its holes, in metres east and north of a point of the field; a scaled answer has none.
     """
 
     recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")
@@ -230,11 +231,18 @@ class EstimateInfo(ApiModel):
     is_layout_borrowed: bool
     lines: list[LineInfo]
     outlines: list[list[list[float]]]
+    is_scaled: bool
 
 
 @plans_router.post("/estimates", operation_id="estimate_plan")
-async def estimate_plan(request: Request, caller: PlanAccess, body: EstimateRequest) -> EstimateInfo:
-    """Estimate plans without driving them; nothing is stored. It takes what a plan job takes."""
+async def estimate_plan(
+    request: Request, caller: PlanAccess, body: EstimateRequest, at_once: bool = False
+) -> EstimateInfo:
+    """Estimate plans without driving them; nothing is stored. It takes what a plan job takes.
+
+    With `at_once` tours of another width or number of tractors are scaled instead of new ones being laid out.
+    """
     estimator: PlanEstimator = request.app.state.estimator
     values, inputs = await run_in_threadpool(collect_inputs, request.app.state.store, body)
-    return EstimateInfo(**await estimator.estimate(build_client_queue_key(request, caller), values, inputs))
+    client = build_client_queue_key(request, caller)
+    return EstimateInfo(**await estimator.estimate(client, values, inputs, at_once=at_once))

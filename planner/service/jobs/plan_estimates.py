@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from contextlib import chdir
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from planner.service.errors import BusyError, ServiceError
 from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
@@ -28,6 +28,9 @@ from planner.service.sandbox.reader_processes import (
 )
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
+
+if TYPE_CHECKING:
+    from planner.sweeps.estimates import KeptGrounds
 
 MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S, PROCESS_LIFE_S = 20.0, 60.0, 3600.0
@@ -118,28 +121,51 @@ class _EstimatingProcess:
 
 
 class PlanEstimator:
-    """Estimates plans in one confined process, started when first needed; or `runs_inline` in this one, for tests.
+    """Estimates plans in confined processes, started when first needed; or `runs_inline` in this one, for tests.
 
-    Clients take turns, and each has a budget of computing.
+    One process lays out what is asked for, the other answers at once, so that nothing keeps it waiting. Clients take
+    turns at each, and have a budget of computing for both.
     """
 
     def __init__(self, settings: ServiceSettings, store: Store, *, runs_inline: bool = False) -> None:
-        self._work_folder, self._store, self._runs_inline = settings.data.resolve() / WORK_FOLDER, store, runs_inline
-        self._memory_bytes = compute_reading_memory_limit_bytes()
         self.budget = ComputingBudget()
-        self._queue = FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
-        self._process: _EstimatingProcess | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._inline: Callable[[Mapping[str, Any], str], dict[str, Any]] | None = None
-        self._lock = threading.Lock()
+        self._at_once, self._laid_out = (
+            _EstimateQueue(settings, store, self.budget, runs_inline=runs_inline) for _ in range(2)
+        )
 
-    async def estimate(self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
+    async def estimate(
+        self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str], *, at_once: bool = False
+    ) -> dict[str, Any]:
         """The estimate of the options of a plan and its files, at the client's turn.
 
-        Raises HeadlandError for what cannot be planned, BusyError where the client asks for too much.
+        With `at_once` it may be scaled from another (KeptGrounds). Raises HeadlandError for what cannot be planned,
+        BusyError where the client asks for too much.
         """
         self.budget.check(client)
-        return await asyncio.wrap_future(self._queue.submit_work(client, lambda: self._run(client, values, inputs)))
+        queue = self._at_once if at_once else self._laid_out
+        return await queue.estimate(client, {"values": dict(values), "at_once": at_once}, inputs)
+
+    def close(self) -> None:
+        """End the processes; what waits is dropped."""
+        self._at_once.close()
+        self._laid_out.close()
+
+
+class _EstimateQueue:
+    """One process, who waits for it, and the folder that it reads."""
+
+    def __init__(self, settings: ServiceSettings, store: Store, budget: ComputingBudget, *, runs_inline: bool) -> None:
+        self._work_folder, self._store, self._runs_inline = settings.data.resolve() / WORK_FOLDER, store, runs_inline
+        self._memory_bytes = compute_reading_memory_limit_bytes()
+        self._budget, self._queue = budget, FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
+        self._process: _EstimatingProcess | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._inline: KeptGrounds | None = None
+        self._lock = threading.Lock()
+
+    async def estimate(self, client: str, order: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
+        """The answer to an order, at the client's turn."""
+        return await asyncio.wrap_future(self._queue.submit_work(client, lambda: self._run(client, order, inputs)))
 
     def close(self) -> None:
         """End the process; what waits is dropped."""
@@ -153,14 +179,14 @@ class PlanEstimator:
                 self._folder.cleanup()
                 self._folder = None
 
-    def _run(self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
+    def _run(self, client: str, order: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
         files = sha256(json.dumps(sorted(inputs.items())).encode()).hexdigest()
         with self._lock:
-            order = {"folder": str(self._write_files(files, inputs)), "values": dict(values), "files": files}
+            placed = {**order, "folder": str(self._write_files(files, inputs)), "files": files}
             if self._runs_inline:
-                return self._estimate_inline(order)
-            report = self._ask_process(order)
-            self.budget.charge(client, float(report.get("computing_s", 0.0)))
+                return self._estimate_inline(placed)
+            report = self._ask_process(placed)
+            self._budget.charge(client, float(report.get("computing_s", 0.0)))
         return _extract_estimate(report, self._memory_bytes)
 
     def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
@@ -198,11 +224,12 @@ class PlanEstimator:
         return report
 
     def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        from planner.service.sandbox.estimating import create_estimate
+        from planner.service.sandbox.estimating import estimate_order
+        from planner.sweeps.estimates import KeptGrounds
 
-        self._inline = self._inline or create_estimate()
+        self._inline = self._inline or KeptGrounds()
         with WORKING_FOLDER_LOCK, chdir(order["folder"]):
-            return self._inline(order["values"], order["files"])
+            return estimate_order(self._inline, order)
 
     def _end_process(self) -> None:
         process, self._process = self._process, None

@@ -1,18 +1,19 @@
 """The confined process that estimates plans, with the grounds that it keeps from one answer to the next.
 
 It is started without secrets, loads and warms up what estimates take, and then confines itself as readings are, to the
-folder of the requests' files. A line of JSON is an order, {folder, values, files}, and a line its answer: {value},
-{refused, parameter}, {memory} or {fault}, each with `computing_s`.
+folder of the requests' files. A line of JSON is an order, {folder, values, files, at_once}, and a line its answer:
+{value}, {refused, parameter}, {memory} or {fault}, each with `computing_s`.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,18 +29,10 @@ WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
 
 
-Estimate = Callable[[Mapping[str, Any], str], dict[str, Any]]
-"""The estimate of the options of a plan, as the API answers it; takes what names the content of its files too."""
-
-
-def create_estimate() -> Estimate:
-    """Estimates with grounds of its own, which it keeps; raises HeadlandError for what cannot be planned."""
-    grounds = KeptGrounds()
-
-    def estimate_values(values: Mapping[str, Any], files: str) -> dict[str, Any]:
-        return describe_estimate(grounds.estimate(build_work_order(values), files))
-
-    return estimate_values
+def estimate_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, Any]:
+    """The estimate of an order, as the API answers it; raises HeadlandError for what cannot be planned."""
+    work_order = build_work_order(order["values"])
+    return describe_estimate(grounds.estimate(work_order, order["files"], at_once=order["at_once"]))
 
 
 def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
@@ -53,6 +46,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
         "bearing": round(estimate.bearing_deg, 6),
         "headland_passes": estimate.headland_passes,
         "is_layout_borrowed": estimate.is_layout_borrowed,
+        "is_scaled": estimate.is_scaled,
         "lines": [
             {"name": one.name, "tractor": one.tractor, "place": one.place, "points": _round_points(one.points)}
             for one in estimate.lines
@@ -89,32 +83,42 @@ def serve(descriptor: int, folder: str, memory_bytes: int, computing_s: float) -
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(READER_NICENESS)
-    estimate, libraries = _warm_up(), list_library_folders()
+    grounds, libraries = _warm_up(), list_library_folders()
     confine_process(Path(folder), libraries, memory_bytes, computing_s, descriptor)
     write_all(descriptor, READY)
     with open(descriptor, "rb") as orders:  # a socket, of which confinement leaves reading and writing
         for line in orders:
-            write_all(descriptor, _answer_order(estimate, json.loads(line)) + b"\n")
+            order = json.loads(line)
+            write_all(descriptor, _answer_order(grounds, order) + b"\n")
+            while order["at_once"] and not _has_order(descriptor) and grounds.prepare():
+                pass
 
 
-def _warm_up() -> Estimate:
+def _has_order(descriptor: int) -> bool:
+    """Whether something can be read; the service waits for each answer, so that nothing is in a buffer."""
+    poll = select.poll()  # which confinement leaves
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(0))
+
+
+def _warm_up() -> KeptGrounds:
     """Compile and load everything that an estimate calls, by making one."""
     from planner.pipeline.kernels import compile_kernels, list_missing_kernels
 
     compile_kernels(list_missing_kernels(), 1)
-    estimate = create_estimate()
+    grounds = KeptGrounds()
     with suppress(HeadlandError):
-        estimate(WARM_UP, "")
-        estimate(WARM_UP | {"speed_kmh": 7.0}, "")
-    return estimate
+        for values in (WARM_UP, WARM_UP | {"speed_kmh": 7.0}):
+            estimate_order(grounds, {"values": values, "files": "", "at_once": False})
+    return grounds
 
 
-def _answer_order(estimate: Estimate, order: Mapping[str, Any]) -> bytes:
+def _answer_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> bytes:
     """The answer to an order as JSON, with the seconds that it took to compute."""
     begun_s = time.process_time()
     try:
         os.chdir(order["folder"])
-        answer: dict[str, Any] = {"value": estimate(order["values"], order["files"])}
+        answer: dict[str, Any] = {"value": estimate_order(grounds, order)}
     except HeadlandError as refusal:
         answer = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
     except MemoryError:

@@ -49,7 +49,7 @@ async function ask(method, path, body = null, headers = {}, cache = "no-store") 
   if (secret) headers.Authorization = `Bearer ${secret}`;
   let answer;
   try {
-    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache, credentials: "same-origin" });
+    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache, credentials: "same-origin", keepalive: method === "DELETE" });
   } catch {
     throw new ServiceError("The service does not answer; check that it is still running.", 0);
   }

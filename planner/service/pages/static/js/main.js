@@ -42,7 +42,7 @@ function tab(name) {
 }
 
 async function show(first = false) {
-  const path = location.hash.slice(1), mine = ++turn;
+  const [, path, query] = /^#?([^?]*)\??(.*)$/s.exec(location.hash), mine = ++turn;
   const found = ROUTES.map(([rule, page, tab]) => [path.match(rule), page, tab]).find(([match]) => match);
   close();
   close = () => {};
@@ -56,7 +56,7 @@ async function show(first = false) {
   try {
     const page = await import(`./pages/${found[1]}.js`);
     if (mine !== turn) return;
-    ended = (await page.open(box, shell, found[0].slice(1).map(decodeURIComponent))) ?? ended;
+    ended = (await page.open(box, shell, found[0].slice(1).map(decodeURIComponent), query)) ?? ended;
   } catch (error) {
     if (!(error instanceof ServiceError)) console.error(error);
     if (mine === turn) trouble(box, error);

@@ -2,17 +2,18 @@
 // called is the service's, made from the request; order, hints and words of choices are given here.
 import { el, labelled, option } from "./dom.js";
 import { numberOf } from "./form.js";
+import { CLOCKS, COUNTS, NUMBERS, slider } from "./slider.js";
 
 const HEADLANDS = { headland_first: "before the tracks", headland_last: "after the tracks", no_headland: "not at all" };
 
-export const MACHINES = [["width", { value: "3" }], ["tractors", { value: "1-3", hint: "3, 1-6 or 1,3,5." }], ["speed_kmh", { hint: "By default 5, or that of the farm." }]];
+export const MACHINES = [["width", { value: "3", knob: { ...NUMBERS, min: 1, max: 12, step: 0.1, rest: 3 } }], ["tractors", { value: "1-3", hint: "3, 1-6 or 1,3,5.", knob: { ...COUNTS, min: 1, max: 8, step: 1, rest: 6 } }], ["speed_kmh", { hint: "By default 5, or that of the farm.", knob: { ...NUMBERS, min: 1, max: 20, step: 0.5, rest: 5 } }]];
 export const WORK = [
   ["operation", {}],
   ["headland_order", { choices: ["", ...Object.keys(HEADLANDS)], words: { "": "as the work needs", ...HEADLANDS } }],
   ["headland_passes", { hint: "By default as many as turns need." }],
   ["corners", { words: { auto: "each as is quicker", square: "square, worked whole", round: "round, quicker" } }],
 ];
-export const TIME = [["start", { hint: "Such as 13:00." }], ["deadline", { hint: "Such as 17:00; earlier than the start is the next day." }], ["rain", { hint: "17:00, or 16:30=20,17:00=50 in percent." }]];
+export const TIME = [["start", { hint: "Such as 13:00.", knob: { ...CLOCKS, rest: 480 } }], ["deadline", { hint: "Such as 17:00; earlier than the start is the next day.", knob: { ...CLOCKS, rest: 1020 } }], ["price_per_hour", { hint: "By default 40.", knob: { ...NUMBERS, min: 0, max: 200, step: 1, rest: 40 } }], ["rain", { hint: "17:00, or 16:30=20,17:00=50 in percent." }]];
 export const MORE = [
   ["Machines", [
     ["draft", { hint: "Such as plough or disk-harrow; by default a cultivator or a drill. The guide lists them under implements." }], ["depth_cm", { hint: "By default the usual one." }],
@@ -31,7 +32,7 @@ export const MORE = [
     ["elevation_crs", { hint: "For example EPSG:25832; only for a file that names none." }],
   ]],
   ["Costs", [
-    ["price_per_hour", { hint: "By default 40." }], ["price_per_tractor", { hint: "By default 0." }], ["budget", {}],
+    ["price_per_tractor", { hint: "By default 0." }], ["budget", {}],
     ["objective", { words: { "": "best compromise", fuel: "one of least fuel" } }],
   ]],
   ["Simulation", [
@@ -46,11 +47,15 @@ const controlOf = (form, name) => form.querySelector(`input[name="${name}"], sel
 /** The controls of what the service says of the options: grids of them, what they say, and setting them. */
 export function planOptions({ labels, options }) {
   const every = ROWS.map(([name, here]) => ({ name, kind: "choice", words: {}, value: "", hint: "", ...here, ...options[name] }));
-  const control = ({ name, kind, choices, words, value, hint }) => {
+  const sliders = [];
+  const control = ({ name, kind, choices, words, value, hint, knob }) => {
     if (kind === "check") return el("label", { class: "check" }, el("input", { type: "checkbox", name }), labels[name]);
     const node = kind === "choice" ? el("select", { name }, choices.map((one) => option(one, words[one] ?? one)))
       : el("input", { name, value, inputmode: kind === "number" ? "decimal" : null, spellcheck: "false" });
-    return labelled(labels[name], node, hint);
+    if (!knob) return labelled(labels[name], node, hint);
+    const beside = slider(labels[name], node, knob);
+    sliders.push(beside);
+    return el("div", { class: "knob" }, labelled(labels[name], node), beside.node, hint && el("span", { class: "hint" }, hint));
   };
   return {
     grid: (rows) => el("div", { class: "grid" }, rows.map(([name]) => control(every.find((one) => one.name === name)))),
@@ -74,6 +79,7 @@ export function planOptions({ labels, options }) {
         if (kind === "check") node.checked = given === true;
         else node.value = given === undefined || given === null ? (kind === "choice" ? choices[0] : "") : kind === "list" ? [given].flat().join("; ") : String(given);
       }
+      for (const one of sliders) one.follow();
     },
   };
 }

@@ -7,21 +7,17 @@ import { SAMPLE_TRACTOR, filePicker, nameTractor } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
 import { fieldMap } from "../fieldmap.js";
 import { earlier, progressBar } from "../jobs.js";
+import { liveAnswer } from "../liveanswer.js";
+import { planAddress, requestOfAddress } from "../planaddress.js";
 import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
-const DRAFT = "headland-plan";
+const ADDRESS_MS = 250; // browsers allow an address to change only so often
 
-/** Open the form with the values of an earlier request. */
-export function planAgain(request) {
-  sessionStorage.setItem(DRAFT, JSON.stringify(request));
-  location.hash = "#/plan";
-}
-
-export async function open(main, shell) {
+export async function open(main, shell, _parts, query) {
   shell.title("Plan");
-  const draft = takeDraft(), described = await get("forms/plan"), { labels, strategies: words } = described, options = planOptions(described);
+  const draft = draftOf(requestOfAddress(query)), described = await get("forms/plan"), { labels, strategies: words } = described, options = planOptions(described);
   const PLACED = ["entrance", "refill", "obstacle"];
   const preview = fieldMap((name, text) => { form.elements[name].value = text; }), closing = [preview.close];
   const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap_axes: swap.checked });
@@ -41,6 +37,7 @@ export async function open(main, shell) {
     const lines = shape?.lines ?? [], before = along.value;
     byLine.hidden = !lines.length;
     put(along, option("", "in the best direction"), lines.map((one) => option(one.name, t`along ${one.name}`, one.name === (draft.guidance_line ?? before))));
+    changed();
   };
   const another = () => {
     const said = draft.reading ?? field.options();
@@ -50,7 +47,10 @@ export async function open(main, shell) {
     put(along);
     ofSeveral.hidden = byLine.hidden = true;
     look();
+    changed();
   };
+  const live = liveAnswer();
+  let changed = () => {}; // until the form is whole
   let field = null;
   field = await filePicker("fields", labels.field, { accept: ACCEPTED.fields, first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
@@ -60,6 +60,7 @@ export async function open(main, shell) {
   // The name of the file at once, then what the file calls the tractor.
   const showMachine = async () => {
     if (!farm) return;
+    changed();
     const chosen = latest = { tractor: tractorOf(ofFarm, tractor.value(), farm.value()), farm: farm.value() };
     say(machine, chosen.tractor);
     const name = await nameTractor(chosen);
@@ -100,15 +101,25 @@ export async function open(main, shell) {
   put(form,
     el("section", { class: "panel stack" }, el("h2", {}, labels.tractor), machine, el("div", { class: "two even" }, tractor.node, farm.node), ofFarm),
     el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, keep, reading), preview.node), drawing),
-    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES), strategies),
-    el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK)),
-    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), options.grid(TIME),
+    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Time, price and weather"), options.grid(TIME)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK), strategies,
       el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), options.grid(rows)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run), running);
   if (draft.request) options.write(form, draft.request);
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
+  const asked = () => requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() });
+  let writing = 0, isMeant = Boolean(draft.request); // the values of a link, or what was changed here
+  changed = () => {
+    const values = asked();
+    if (!live.change(values, isMeant) || !isMeant) return;
+    clearTimeout(writing);
+    writing = setTimeout(() => history.replaceState(null, "", planAddress(values)), ADDRESS_MS);
+  };
+  closing.push(live.close, () => clearTimeout(writing));
+  for (const kind of ["input", "change"]) form.addEventListener(kind, () => { isMeant = true; changed(); });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     run.disabled = true;
@@ -118,8 +129,8 @@ export async function open(main, shell) {
     put(trouble);
     for (const marked of form.querySelectorAll("[aria-invalid]")) for (const name of ["aria-invalid", "aria-describedby"]) marked.removeAttribute(name);
     try {
-      const job = await post("plans", requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }));
-      location.hash = `#/plan/${part(job.id)}`;
+      const values = asked();
+      location.hash = `#/plan/${part(live.takeDrive(values) ?? (await post("plans", values)).id)}`;
     } catch (error) {
       running.hidden = true;
       refused(form, trouble, error);
@@ -127,19 +138,18 @@ export async function open(main, shell) {
       run.disabled = false;
     }
   });
-  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), form, await earlier("plans", "plan", "Earlier plans"));
+  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), el("div", { class: "beside" }, live.node, form), await earlier("plans", "plan", "Earlier plans"));
+  changed();
   return () => closing.forEach((close) => close());
 }
 
-// An earlier request, which is forgotten once it is in the form: {request, and what the pickers choose}.
-function takeDraft() {
-  const request = JSON.parse(sessionStorage.getItem(DRAFT) ?? "null");
-  sessionStorage.removeItem(DRAFT);
+// What a request puts in the form and in its pickers.
+function draftOf(request) {
   if (!request) return {};
   const [, fields, parcel = ""] = /^([^#]*)#?(.*)$/s.exec(request.field ?? ""), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
   const strategies = [request.strategies ?? "all"].flat().join(",");
   return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table, elevation: request.elevation,
-    strategies: strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
+    strategies: strategies.split(","), ignore: [request.ignore ?? []].flat(), guidance_line: request.guidance_line };
 }
 
 // Tractor and implement by the names in a farm file.

@@ -4,9 +4,10 @@ import { t, translate } from "../language.js";
 import { get, post, part, saveNamed } from "../api.js";
 import { nameTractor } from "../files.js";
 import { followJob, results, reportFrame } from "../jobs.js";
+import { planAddress } from "../planaddress.js";
+import { costOf, endOf, lateEndOf } from "../planfigures.js";
 import { PlanMap } from "../planmap.js";
 import { changeActions, whyLocked } from "../shelf.js";
-import { planAgain } from "./plan.js";
 import { sheet } from "../table.js";
 import { inUnits } from "../units.js";
 import { chance, clock, doneBy, money, number, percent, plural } from "../words.js";
@@ -15,7 +16,7 @@ export async function open(main, shell, [id]) {
   const asked = await get(`plans/${part(id)}`), closing = [];
   const name = asked.name || asked.request?.field || "Plan";
   shell.title(t`Plan of ${name}`);
-  const again = () => button("Change and plan again", () => planAgain(asked.request ?? {}));
+  const again = () => el("a", { class: "button", href: planAddress(asked.request ?? {}) }, "Change and plan again");
   const head = heading(name, askedWords(asked.request)), nameFirst = (tractor) => tractor && say(head.querySelector("h1"), `${tractor}: ${name}`);
   const job = followJob("plans", id, { job: asked, again: again(), done: (done, node) => shown(done, node, closing, nameFirst).then(() => get("me").catch(() => null)).then((me) => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), head, job.node);
@@ -74,10 +75,6 @@ async function shown(job, node, closing, nameFirst) {
 
 const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [t`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
 
-// What every report states of a plan: the median of the samples and the expected cost, without samples as simulated.
-const endOf = (plan) => plan.stated_end_s ?? plan.p50_s ?? plan.done_s ?? plan.time_s;
-const lateEndOf = (plan) => plan.stated_late_end_s ?? plan.p95_s;
-const costOf = (plan) => plan.stated_cost ?? plan.expected_cost ?? plan.cost;
 const same = (one, other) => one.strategy === other.strategy && one.tractors === other.tractors;
 const notTried = (plan) => known(plan.bound_s);
 const known = (value) => value !== null && value !== undefined;

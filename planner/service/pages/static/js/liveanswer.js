@@ -1,0 +1,126 @@
+// What a form asks, answered while it changes: at once by an estimate, then by one that is laid out, then by a drive.
+import { answerBox } from "./answerbox.js";
+import { speak } from "./dom.js";
+import { t, translate } from "./language.js";
+import { get, part, post, remove } from "./api.js";
+
+const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, TOO_MANY = 429;
+const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
+const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
+
+/** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice. */
+export function liveAnswer() {
+  const box = answerBox();
+  let changes = 0, shown = -1, latest = "", resting = 0, speaking = 0, drive = null, closed = false;
+
+  // An answer takes the place of those to earlier changes, and of less exact ones to its own.
+  const show = (answer, change, level, words = "") => {
+    const rank = LEVELS * change + level;
+    if (closed || rank < shown) return;
+    shown = rank;
+    box.show(answer, { isDriven: level === DRIVEN, isLatest: change === changes, words });
+    clearTimeout(speaking);
+    speaking = setTimeout(() => speak(box.words()), SPOKEN_MS);
+  };
+  // What is refused as too much for now is asked again while it is the latest.
+  const refuse = (error, asked, again) => {
+    if (closed || asked.change !== changes) return;
+    shown = LEVELS * asked.change;
+    box.refuse(error.message);
+    if (error.status === TOO_MANY) setTimeout(() => { if (!closed && asked.change === changes) again(asked); }, BUSY_MS);
+  };
+
+  // One request at a time, always the latest.
+  const lane = (path, answered) => {
+    let busy = false, waiting = null;
+    const ask = async (asked) => {
+      waiting = asked;
+      if (busy) return;
+      for (busy = true; waiting && !closed; ) {
+        const now = waiting;
+        waiting = null;
+        try { answered(await post(path, now.values), now); } catch (error) { refuse(error, now, ask); }
+      }
+      busy = false;
+    };
+    return ask;
+  };
+  const settle = (asked) => {
+    clearTimeout(resting);
+    if (asked.change === changes && asked.isDriven) resting = setTimeout(() => startDrive(asked), REST_MS);
+  };
+  const layOut = lane("estimates", (answer, asked) => {
+    show({ ...answer, start: asked.values.start }, asked.change, LAID_OUT, WILL[asked.isDriven]);
+    settle(asked);
+  });
+  const answerAtOnce = lane("estimates?at_once=true", (answer, asked) => {
+    show({ ...answer, start: asked.values.start }, asked.change, answer.is_scaled ? SCALED : LAID_OUT, WILL[asked.isDriven]);
+    if (!answer.is_scaled) settle(asked);
+    else if (asked.change === changes) layOut(asked);
+  });
+  const startDrive = async (asked) => {
+    const mine = drive = { key: latest, id: null, isKept: false, isOver: false };
+    box.tell("Driving it in full");
+    try {
+      mine.id = (await post("plans", asked.values)).id;
+      if (mine.isOver) return drop(mine);
+      await follow(mine, asked);
+    } catch (error) { if (!mine.isOver) box.tell(error.message); }
+  };
+  const follow = async (mine, asked) => {
+    const path = `plans/${part(mine.id)}`;
+    for (;;) {
+      const job = await get(path);
+      if (mine.isOver) return;
+      if (job.status === "done") break;
+      if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
+      const { done = null, all = null } = job.progress ?? {};
+      box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
+      await new Promise((looked) => setTimeout(looked, LOOK_MS));
+    }
+    const answer = await get(`${path}/results/result.json`);
+    if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
+  };
+  const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
+  const end = () => {
+    clearTimeout(resting);
+    if (drive) { drive.isOver = true; drop(drive); }
+    drive = null;
+  };
+  box.kept = () => { if (drive) drive.isKept = true; };
+  window.addEventListener("pagehide", end);
+
+  return {
+    node: box.node,
+    /** `isDriven`: whether a drive is to follow once it rests. */
+    change(values, isDriven = true) {
+      const key = JSON.stringify(values);
+      if (key === latest) return false;
+      end();
+      latest = key;
+      changes += 1;
+      box.wait();
+      answerAtOnce({ values, change: changes, isDriven });
+      return true;
+    },
+    /** The job that drives a request already, which is then kept; null without one. */
+    takeDrive(values) {
+      if (!drive?.id || drive.key !== JSON.stringify(values)) return null;
+      drive.isKept = true;
+      return drive.id;
+    },
+    close() {
+      end();
+      closed = true;
+      clearTimeout(speaking);
+      window.removeEventListener("pagehide", end);
+    },
+  };
+}
+
+// A driven plan for each number of tractors, the best of its strategies, in the form of an estimate.
+function drivenAnswer({ plans, best, scenario, currency, unmet }, values, address) {
+  const byRank = plans.filter((plan) => plan.feasible).sort((one, other) => one.rank - other.rank), counts = [...new Set(plans.map((plan) => plan.tractors))].sort((one, other) => one - other);
+  const rows = counts.map((count) => byRank.find((plan) => plan.tractors === count) ?? plans.find((plan) => plan.tractors === count));
+  return { plans: rows, recommended: best?.tractors ?? null, start: scenario?.start ?? values.start, currency, address, unmet };
+}
