@@ -219,7 +219,7 @@ class EstimateInfo(ApiModel):
 
     Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one. Where
     `is_scaled`, so are the tours, or they are those of another number of tractors. `lines` are those of the plan to
-    take, `outlines` the field and its holes, in metres east and north of a point of the field; a scaled answer has none.
+    take, `outlines` the field and its holes, in metres east and north of a point of it; a scaled answer has none.
     """
 
     recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")

@@ -8,8 +8,10 @@ const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, TOO_MANY 
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
-/** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice. */
-export function liveAnswer() {
+/** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice.
+
+`laidOut(answer)` takes every estimate that was laid out, with its lines. */
+export function liveAnswer(laidOut = () => {}) {
   const box = answerBox();
   let changes = 0, shown = -1, latest = "", resting = 0, speaking = 0, drive = null, closed = false;
 
@@ -18,6 +20,7 @@ export function liveAnswer() {
     const rank = LEVELS * change + level;
     if (closed || rank < shown) return;
     shown = rank;
+    if (level === LAID_OUT) laidOut(answer);
     box.show(answer, { isDriven: level === DRIVEN, isLatest: change === changes, words });
     clearTimeout(speaking);
     speaking = setTimeout(() => speak(box.words()), SPOKEN_MS);

@@ -9,10 +9,12 @@ import { fieldMap } from "../fieldmap.js";
 import { earlier, progressBar } from "../jobs.js";
 import { liveAnswer } from "../liveanswer.js";
 import { planAddress, requestOfAddress } from "../planaddress.js";
+import { trackMap } from "../trackmap.js";
 import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
+const NO_LAYOUT = ["tractors", "speed_kmh", "turn_speed_kmh", "price_per_hour", "price_per_tractor", "start", "deadline", "headland_first", "headland_last", "strategies", "samples", "objective", "budget"];
 const ADDRESS_MS = 250; // browsers allow an address to change only so often
 
 export async function open(main, shell, _parts, query) {
@@ -49,8 +51,8 @@ export async function open(main, shell, _parts, query) {
     look();
     changed();
   };
-  const live = liveAnswer();
   let changed = () => {}; // until the form is whole
+  const tracks = trackMap(() => { isMeant = true; changed(); }), live = liveAnswer(tracks.show);
   let field = null;
   field = await filePicker("fields", labels.field, { accept: ACCEPTED.fields, first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
@@ -103,14 +105,15 @@ export async function open(main, shell, _parts, query) {
     el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, keep, reading), preview.node), drawing),
     el("section", { class: "panel stack" }, el("h2", {}, "Machines"), options.grid(MACHINES)),
     el("section", { class: "panel stack" }, el("h2", {}, "Time, price and weather"), options.grid(TIME)),
+    tracks.node,
     el("section", { class: "panel stack" }, el("h2", {}, "Work"), options.grid(WORK), strategies,
       el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), options.grid(rows)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run), running);
-  if (draft.request) options.write(form, draft.request);
+  if (draft.request) { options.write(form, draft.request); tracks.write(draft.request); }
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
-  const asked = () => requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() });
+  const asked = () => tracks.complete(requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }), NO_LAYOUT);
   let writing = 0, isMeant = Boolean(draft.request); // the values of a link, or what was changed here
   changed = () => {
     const values = asked();
@@ -118,7 +121,7 @@ export async function open(main, shell, _parts, query) {
     clearTimeout(writing);
     writing = setTimeout(() => history.replaceState(null, "", planAddress(values)), ADDRESS_MS);
   };
-  closing.push(live.close, () => clearTimeout(writing));
+  closing.push(live.close, tracks.close, () => clearTimeout(writing));
   for (const kind of ["input", "change"]) form.addEventListener(kind, () => { isMeant = true; changed(); });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();

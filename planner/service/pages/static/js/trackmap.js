@@ -1,0 +1,169 @@
+// The tracks of an estimate on a map: one can be left out, put first or given to a tractor, by pointer, touch or keys.
+import { el, put, say, button, labelled, option } from "./dom.js";
+import { t, translate } from "./language.js";
+import { MapView } from "./map.js";
+import { colours } from "./palette.js";
+import { edge, line, soil } from "./layers.js";
+
+const NEAR_PX = 12, WIDTH_PX = 3, CHOSEN_PX = 7, DASH = [5, 5], DROP_DASH = [3, 4], MOST_NAMED = 1000;
+const RANGE = /^(R?)(\d+)-R?(\d+)$/;
+
+/** The map; `changed()` when something else is wanted of a track. `show(answer)` takes an estimate with its lines. */
+export function trackMap(changed) {
+  const view = new MapView("Tracks of the estimate", { short: true });
+  const told = el("p", { class: "small", role: "status" }), wanted = el("p", { class: "small" });
+  const choice = el("select", { onchange: () => choose(choice.value) });
+  const out = button("Leave out", () => wish(chosen, "out"), "small"), first = button("Work first", () => wish(chosen, "first"), "small");
+  const tractors = el("span", { class: "row" }), free = button("As planned", () => wish(chosen, null), "small"), clear = button("Clear all", () => { wishes.clear(); after(); }, "small");
+  let lines = [], outlines = [], wishes = new Map(), chosen = "", dragging = null, fitted = "", layout = "", pinned = {}, dropped = "";
+
+  const byName = (name) => lines.find((one) => one.name === name);
+  const count = () => Math.max(0, ...lines.map((one) => one.tractor ?? 0));
+  const after = () => { tell(); changed(); };
+  // A wish is "out", "first" or the number of a tractor; the one made last is worked first of all.
+  const wish = (name, what) => {
+    if (!name) return;
+    dropped = "";
+    wishes.delete(name);
+    if (what !== null) wishes = new Map(what === "first" ? [[name, what], ...wishes] : [...wishes, [name, what]]);
+    after();
+  };
+  const choose = (name) => { chosen = name; tell(); };
+  const nearest = (at) => {
+    const gaps = lines.map((one) => [Math.min(...one.points.slice(1).map((to, k) => gap(at, one.points[k], to))) * view.scale, one]);
+    const [px, one] = gaps.reduce((best, other) => (other[0] < best[0] ? other : best), [Infinity, null]);
+    return px <= NEAR_PX ? one : null;
+  };
+
+  view.clicked = (at) => choose(nearest(at)?.name ?? "");
+  view.dragged = (phase, at) => {
+    if (phase === "start") {
+      const held = nearest(at);
+      dragging = held && held.name === chosen ? { from: at, to: at } : null;
+      return Boolean(dragging);
+    }
+    if (!dragging) return true;
+    dragging.to = at;
+    const other = nearest(at), taker = other && other.name !== chosen ? other.tractor : null;
+    if (phase === "move") say(told, taker ? t`${describe(chosen)}: to tractor ${taker}` : t`${describe(chosen)}: drop it on a track of another tractor`);
+    if (phase === "end") {
+      dragging = null;
+      if (taker && taker !== byName(chosen)?.tractor) wish(chosen, taker);
+      else tell();
+    }
+    view.redraw();
+    return true;
+  };
+
+  const draw = (ctx) => {
+    if (!outlines.length) return;
+    soil(ctx, view, outlines);
+    edge(ctx, view, outlines, 2);
+    for (const one of lines) {
+      const isOut = wishes.get(one.name) === "out" || !one.tractor;
+      line(ctx, view, one.points, isOut ? colours.soft : colours.tractor(one.tractor), one.name === chosen ? CHOSEN_PX : WIDTH_PX, isOut ? DASH : []);
+    }
+    for (const one of lines) if (wishes.has(one.name)) mark(ctx, view, one.points, wishes.get(one.name));
+    if (dragging) line(ctx, view, [dragging.from, dragging.to], colours.ink, 2, DROP_DASH);
+  };
+  view.layers = [draw];
+
+  const tell = () => {
+    const one = byName(chosen);
+    choice.value = one ? chosen : "";
+    for (const [action, what] of [[out, "out"], [first, "first"], ...[...tractors.children].map((each, k) => [each, k + 1])]) {
+      action.disabled = !one;
+      action.setAttribute("aria-pressed", String(wishes.get(chosen) === what));
+    }
+    free.disabled = !wishes.has(chosen);
+    clear.disabled = !wishes.size;
+    say(told, one ? (one.tractor ? t`${describe(chosen)}: tractor ${one.tractor}, number ${one.place} of its tour` : t`${describe(chosen)}: left`) : translate("Tap a track to choose it; drag it onto a track of another tractor to give it to that one."));
+    say(wanted, summary());
+    view.redraw();
+  };
+  // Choices are made anew only where they are others, so that no focus is lost.
+  const offer = (before) => {
+    if (before.names !== names()) put(choice, option("", "none"), lines.map((each) => option(each.name, describe(each.name))));
+    if (before.count !== count()) put(tractors, Array.from({ length: count() > 1 ? count() : 0 }, (_, k) => button(t`Tractor ${k + 1}`, () => wish(chosen, k + 1), "small")));
+  };
+  const names = () => lines.map((one) => one.name).join();
+  const named = (what) => [...wishes].filter(([, one]) => one === what).map(([name]) => name);
+  const summary = () => {
+    const parts = [named("out").length && t`Left out: ${named("out").join(", ")}.`, named("first").length && t`First: ${named("first").join(", ")}.`];
+    for (let k = 1; k <= Math.max(count(), ...takers()); k += 1) if (named(k).length) parts.push(t`Tractor ${k}: ${named(k).join(", ")}.`);
+    return parts.filter(Boolean).join(" ") || dropped;
+  };
+  const takers = () => [...wishes.values()].filter(Number.isInteger);
+
+  const node = el("section", { class: "panel stack" }, el("h2", {}, "Tracks"), view.node, told,
+    labelled("Chosen track", choice), el("div", { class: "row", role: "group", "aria-label": "What is wanted of the chosen track" }, out, first, tractors, free), el("div", { class: "row" }, clear, wanted));
+  return {
+    node,
+    close: () => view.close(),
+    /** The lines of an estimate; answers without any leave what is shown. */
+    show(answer) {
+      if (!answer.lines?.length) return;
+      const before = { names: names(), count: count() };
+      [lines, outlines] = [answer.lines, answer.outlines];
+      offer(before);
+      pinned = answer.is_layout_borrowed ? { bearing: answer.bearing, headland_passes: answer.headland_passes } : {};
+      const box = JSON.stringify(outlines);
+      if (box !== fitted) view.fit(bounds(outlines[0]));
+      fitted = box;
+      tell();
+    },
+    /** A request with what is wanted. Another layout numbers its tracks anew: then nothing is wanted any more.
+
+    `without` names the options that change no layout. */
+    complete(request, without) {
+      const key = JSON.stringify(Object.entries(request).filter(([name]) => !without.includes(name)).sort());
+      if (lines.length && key !== layout && wishes.size) {
+        wishes.clear();
+        dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
+        tell();
+      }
+      layout = key;
+      if (!wishes.size) return request;
+      const [outs, firsts] = ["out", "first"].map((what) => named(what).join(",")), give = [...new Set(takers())].sort((a, b) => a - b).map((k) => `${k}=${named(k).join(",")}`);
+      return { ...request, ...pinned, ...(outs && { leave_out: outs }), ...(firsts && { work_first: firsts }), ...(give.length && { give }) };
+    },
+    /** Take what an earlier request wanted. */
+    write({ leave_out: outs, work_first: firsts, give } = {}) {
+      const given = [give ?? []].flat().map((text) => text.split("="));
+      wishes = new Map([...split(firsts).map((name) => [name, "first"]), ...split(outs).map((name) => [name, "out"]),
+        ...given.flatMap(([taker, names]) => split(names).map((name) => [name, Number(taker)]))]);
+      tell();
+    },
+  };
+}
+
+const describe = (name) => (name.startsWith("R") ? t`Headland pass ${name}` : t`Track ${name}`);
+const split = (text) => (text ?? "").split(",").map((one) => one.trim()).filter(Boolean).flatMap(spread);
+
+// "7-9" as 7, 8 and 9.
+function spread(text) {
+  const [, ring, low, high] = RANGE.exec(text) ?? [];
+  if (low === undefined) return [text];
+  return Array.from({ length: Math.min(MOST_NAMED, Math.max(0, high - low + 1)) }, (_, k) => `${ring}${Number(low) + k}`);
+}
+
+// From a place to a piece of line, metres.
+function gap([x, y], [ax, ay], [bx, by]) {
+  const [dx, dy] = [bx - ax, by - ay], along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1), k = Math.min(1, Math.max(0, along));
+  return Math.hypot(x - ax - k * dx, y - ay - k * dy);
+}
+
+const bounds = (ring) => [0, 1].map((axis) => ring.map((point) => point[axis])).map((values) => [Math.min(...values), Math.max(...values)]).reduce(([west, east], [south, north]) => [west, south, east, north]);
+
+// A sign in the middle of a line: a cross where it is left out, a 1 where it comes first, else the number of its tractor.
+function mark(ctx, view, points, what) {
+  const middle = points.length > 2 ? points[Math.floor(points.length / 2)] : points[0].map((value, axis) => (value + points[1][axis]) / 2), [px, py] = view.at(...middle);
+  ctx.font = "700 13px system-ui, sans-serif";
+  ctx.textAlign = "center";
+  ctx.lineWidth = 4;
+  ctx.strokeStyle = colours.halo;
+  ctx.fillStyle = colours.ink;
+  const words = what === "out" ? "\u00d7" : what === "first" ? "1." : String(what);
+  ctx.strokeText(words, px, py + 4);
+  ctx.fillText(words, px, py + 4);
+}
