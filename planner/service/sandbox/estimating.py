@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.errors import HeadlandError
+from planner.risk.costs import build_hire_terms
 from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
 from planner.service.sandbox.confinement import confine_process, list_library_folders
 from planner.service.sandbox.readings import build_work_order
@@ -38,10 +39,11 @@ def estimate_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, 
 def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     """An estimate as plain values."""
     order, request = estimate.order, estimate.order.request
+    terms = order.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
     return {
         "recommended": None if estimate.best is None else estimate.best.tractors,
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
-        "currency": None if order.cost_terms is None else order.cost_terms.prices.currency,
+        "currency": terms.prices.currency,
         "width": request.width_m,
         "bearing": round(estimate.bearing_deg, 6),
         "headland_passes": estimate.headland_passes,
