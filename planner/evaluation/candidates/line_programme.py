@@ -29,6 +29,7 @@ from planner.traffic.giving_way import resolve_conflicts
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
+from strategies.lines.line_wishes import LineWishes
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -257,8 +258,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
-    wishes = context.request.line_wishes
-    wishes.check(moves.lines, tractors)
+    wishes = _settle_wishes(context, tractors)
     shares = [deal.allowed]
     if context.going_on is not None:
         shares += _list_deals_from_here(moves, tractors)
@@ -302,6 +302,15 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
+
+
+def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
+    """What is wanted of the lines of a context; where work goes on of those that are left, whoever works them."""
+    wishes = context.request.line_wishes
+    if context.going_on is not None:
+        return replace(wishes, given=())
+    wishes.check(get_site_moves(context).lines, tractors)
+    return wishes
 
 
 def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[Flags]:
