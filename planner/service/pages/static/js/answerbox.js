@@ -8,7 +8,7 @@ const COLUMNS = ["Tractors", "Done", "Cost", "Worked", "In time"];
 
 /** `show(answer, {isDriven, isLatest, words})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
 export function answerBox() {
-  const mark = el("span", { class: "badge warn" }, "estimated"), state = el("p", { class: "small soft state" });
+  const mark = el("span", { class: "badge warn" }, "estimated"), state = el("p", { class: "small soft state" }, "Loading\u2026");
   const place = el("a", { class: "small", onclick: () => box.kept() }, "Show the plan"), rows = [];
   const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, COLUMNS.slice(0, 4).map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
   const body = el("tbody"), heads = COLUMNS.map((name) => el("th", { scope: "col" }, name));
