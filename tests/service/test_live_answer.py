@@ -76,7 +76,7 @@ def test_all_controls_have_sliders_that_say_what_the_text_says(page: Page) -> No
 
 def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
     held = list[Route]()
-    page.route(LAID_OUT, held.append)
+    page.route(LAID_OUT, lambda route: held.append(route))
     page.fill("input[name=width]", "4")
     wait_for_done(page, "0:45:00")
     until(page, lambda: len(held) == 1)
@@ -94,7 +94,7 @@ def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
 
 def test_changes_while_an_answer_is_due_are_asked_for_once(page: Page, pages: tuple[str, Made]) -> None:
     held, made = list[Route](), pages[1]
-    page.route(AT_ONCE, held.append)
+    page.route(AT_ONCE, lambda route: held.append(route))
     made.estimates.clear()
     for width in ("4", "5", "6"):
         page.fill("input[name=width]", width)
@@ -139,6 +139,7 @@ def test_a_refusal_is_a_sentence_in_the_box(page: Page, watched: WatchedPage) ->
 def test_a_link_shows_the_same_in_another_browser(page: Page, browser: Browser, watched: WatchedPage) -> None:
     page.fill("input[name=width]", "4")
     page.fill("input[name=deadline]", "17:00")
+    page.click("summary:has-text('More options')")
     page.fill("input[name=obstacle]", "1,2; 3,4,5")
     page.select_option("select[name=operation]", "sow")
     page.check("input[name=open_edges]")
