@@ -43,6 +43,7 @@ class Made:
     def __init__(self) -> None:
         self.frames: list[dict[str, Any]] = []
         self.requests: list[tuple[str, Any]] = []
+        self.estimates: list[dict[str, Any]] = []
         self.files = {
             "fields": ["iwamizawa", "north field", NASTY],
             "tractors": ["eg105"],
@@ -92,6 +93,7 @@ def fake_app() -> FastAPI:
 
     _fleets(app, made)
     _forms(app)
+    _estimates(app, made)
     _files(app, made)
     _jobs(app, made)
 
@@ -196,6 +198,25 @@ def _forms(app: FastAPI) -> None:
         return FORMS[kind](body["text"], body["changes"])
 
 
+def _estimates(app: FastAPI, made: Made) -> None:
+    """A plan for each number of tractors up to the last digit, whose time and cost are those of an open plain."""
+
+    @app.post("/api/v1/estimates")
+    async def estimate(request: Request, at_once: bool = False) -> Any:
+        body = await request.json()
+        made.estimates.append(body)
+        width_m, speed_kmh = body.get("width", 3.0), body.get("speed_kmh", 5.0)
+        if not isinstance(width_m, (int, float)) or width_m <= 0.0:
+            return JSONResponse({"error": f"width is {width_m}; use metres above 0.", "parameter": "width"}, 422)
+        plans = [
+            {"tractors": count, "feasible": True, "worked_pct": 98.0, "in_time": True if "deadline" in body else None}
+            | {"time_s": 54000.0 / (width_m * speed_kmh * count), "cost": body.get("price_per_hour", 40.0) / width_m}
+            for count in range(1, int(str(body["tractors"])[-1]) + 1)
+        ]
+        is_scaled = at_once and width_m != 3.0
+        return {"recommended": len(plans), "plans": plans, "currency": None, "is_scaled": is_scaled}
+
+
 def _jobs(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/{kind}/{name}/results/{result}")
     def result(kind: str, name: str, result: str) -> Any:
@@ -219,6 +240,10 @@ def _jobs(app: FastAPI, made: Made) -> None:
         made.requests.append((f"{kind}/{name}/cancel", None))
         made.polls = -1
         return {}
+
+    @app.delete("/api/v1/{kind}/{name}", status_code=204)
+    def delete(kind: str, name: str) -> None:
+        made.requests.append((f"{kind}/{name}/delete", None))
 
     @app.get("/api/v1/{kind}/{name}")
     def one(kind: str, name: str) -> Any:

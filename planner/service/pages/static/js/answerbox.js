@@ -4,16 +4,17 @@ import { t, translate } from "./language.js";
 import { costOf, endOf } from "./planfigures.js";
 import { DASH, chance, doneBy, money, percent, plural } from "./words.js";
 
+const WIDE_PX = 1024; // from which the box stands beside the form
 const COLUMNS = ["Tractors", "Done", "Cost", "Worked", "In time"];
 
 /** `show(answer, {isDriven, isLatest, words})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
 export function answerBox() {
-  const mark = el("span", { class: "badge warn" }, "estimated"), state = el("p", { class: "small soft state" });
+  const mark = el("span", { class: "badge warn" }, "estimated"), state = el("p", { class: "small soft state" }, "Loading\u2026");
   const place = el("a", { class: "small", onclick: () => box.kept() }, "Show the plan"), rows = [];
   const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, COLUMNS.slice(0, 4).map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
   const body = el("tbody"), heads = COLUMNS.map((name) => el("th", { scope: "col" }, name));
   const table = el("div", { class: "scroll rows", tabindex: "0", role: "region", "aria-label": "Each number of tractors" }, el("table", {}, el("thead", {}, el("tr", {}, heads)), body));
-  const details = el("details", { open: matchMedia("(min-width: 64.01rem)").matches }, el("summary", {}, "Each number of tractors"), table);
+  const details = el("details", { open: innerWidth > WIDE_PX }, el("summary", {}, "Each number of tractors"), table);
   const head = el("div", { class: "now" }, el("div", { class: "title" }, el("h2", {}, "Answer"), mark), figures, el("div", { class: "line" }, state, place));
   const node = el("section", { class: "answer", "aria-label": "Answer" }, head, details);
   mark.hidden = place.hidden = true;

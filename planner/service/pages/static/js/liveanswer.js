@@ -4,7 +4,7 @@ import { speak } from "./dom.js";
 import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
 
-const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, TOO_MANY = 429;
+const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, INVALID = 422, TOO_MANY = 429;
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
@@ -25,11 +25,13 @@ export function liveAnswer(laidOut = () => {}) {
     clearTimeout(speaking);
     speaking = setTimeout(() => speak(box.words()), SPOKEN_MS);
   };
-  // What is refused as too much for now is asked again while it is the latest.
+  // What cannot be planned leaves no figures. What fails otherwise leaves those that are there, and is asked again where the
+  // service says that it is too much for now.
   const refuse = (error, asked, again) => {
     if (closed || asked.change !== changes) return;
-    shown = LEVELS * asked.change;
-    box.refuse(error.message);
+    if (error.status !== INVALID && shown >= LEVELS * asked.change) box.tell(error.message);
+    else box.refuse(error.message);
+    shown = Math.max(shown, LEVELS * asked.change);
     if (error.status === TOO_MANY) setTimeout(() => { if (!closed && asked.change === changes) again(asked); }, BUSY_MS);
   };
 

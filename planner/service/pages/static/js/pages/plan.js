@@ -121,6 +121,9 @@ export async function open(main, shell, _parts, query) {
     clearTimeout(writing);
     writing = setTimeout(() => history.replaceState(null, "", planAddress(values)), ADDRESS_MS);
   };
+  const mayPlan = (await get("me").catch(() => null))?.rights?.includes("plan");
+  if (!mayPlan) changed = () => {};
+  tracks.node.hidden = !mayPlan;
   closing.push(live.close, tracks.close, () => clearTimeout(writing));
   for (const kind of ["input", "change"]) form.addEventListener(kind, () => { isMeant = true; changed(); });
   form.addEventListener("submit", async (event) => {
@@ -141,7 +144,7 @@ export async function open(main, shell, _parts, query) {
       run.disabled = false;
     }
   });
-  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), el("div", { class: "beside" }, live.node, form), await earlier("plans", "plan", "Earlier plans"));
+  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), mayPlan ? el("div", { class: "beside" }, live.node, form) : form, await earlier("plans", "plan", "Earlier plans"));
   changed();
   return () => closing.forEach((close) => close());
 }

@@ -1,0 +1,203 @@
+"""The answer on the page of a plan, which follows its controls; the address that holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, Route
+
+from tests.service.accessibility import find_faults_at_widths
+from tests.service.fake_service import CONTROL, Made
+from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, until
+
+pytestmark = [needs_browser, pytest.mark.slow]
+AT_ONCE, LAID_OUT = "**/api/v1/estimates?at_once=true", "**/api/v1/estimates"
+
+
+@pytest.fixture
+def page(watched: WatchedPage, pages: tuple[str, Made]) -> Iterator[Page]:
+    """The form with its first answer, for one tractor."""
+    pages[1].requests.clear()
+    pages[1].polls = 0
+    watched.open("/access")
+    page = watched.open("/plan?width=3&tractors=1&strategies=all&field=iwamizawa&tractor=eg105")
+    wait_for_done(page, "1:00:00")
+    yield page
+    page.unroute_all()
+    page.set_viewport_size(WIDE)
+    watched.open("/access")
+
+
+def slider(page: Page, name: str) -> Any:
+    return page.locator(f".knob:has(input[name={name}]) input[type=range]")
+
+
+def read_done(page: Page) -> str:
+    return page.locator(".answer .facts dd").nth(1).inner_text()
+
+
+def wait_for_done(page: Page, done: str) -> None:
+    until(page, lambda: page.locator(".answer[aria-busy=false]").count() == 1 and read_done(page) == done)
+
+
+def test_the_answer_follows_texts_sliders_and_keys(page: Page, watched: WatchedPage) -> None:
+    assert page.locator(".answer .badge").inner_text() == "estimated"
+    page.fill("input[name=width]", "6")
+    wait_for_done(page, "0:30:00")
+    assert slider(page, "width").input_value() == "6"
+    slider(page, "width").focus()
+    for _ in range(10):
+        page.keyboard.press("ArrowLeft")
+    wait_for_done(page, "0:36:00")
+    assert page.input_value("input[name=width]") == "5"
+    box = slider(page, "tractors").bounding_box()
+    page.mouse.click(box["x"] + box["width"] - 2, box["y"] + box["height"] / 2)
+    assert page.input_value("input[name=tractors]") == "1-8"
+    wait_for_done(page, "0:04:30")
+    assert page.locator(".answer tbody tr:visible").count() == 8
+    assert page.locator(".answer tr.chosen td").first.inner_text() == "8"
+    watched.well()
+
+
+def test_all_controls_have_sliders_that_say_what_the_text_says(page: Page) -> None:
+    texts = {"speed_kmh": "7.5", "start": "06:45", "deadline": "17:15", "price_per_hour": "55"}
+    for name, text in texts.items():
+        assert slider(page, name).get_attribute("aria-valuetext") == "not given"
+        page.fill(f"input[name={name}]", text)
+        assert slider(page, name).get_attribute("aria-valuetext") == text
+        slider(page, name).press("ArrowRight")
+        slider(page, name).press("ArrowLeft")
+        assert page.input_value(f"input[name={name}]") == text
+    wait_for_done(page, "07:25")
+    assert page.locator(".answer tbody td").nth(4).inner_text() == "yes"
+
+
+def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
+    held = list[Route]()
+    page.route(LAID_OUT, lambda route: held.append(route))
+    page.fill("input[name=width]", "4")
+    wait_for_done(page, "0:45:00")
+    until(page, lambda: len(held) == 1)
+    page.fill("input[name=width]", "6")
+    wait_for_done(page, "0:30:00")
+    seen = page.evaluate_handle("""() => { const seen = [], done = document.querySelectorAll(".answer .facts dd")[1];
+      new MutationObserver(() => seen.push(done.textContent)).observe(done, { childList: true, subtree: true,
+        characterData: true }); return seen; }""")
+    held[0].continue_()
+    until(page, lambda: len(held) == 2)
+    held[1].continue_()
+    page.wait_for_timeout(300)
+    assert seen.json_value() == [] and read_done(page) == "0:30:00"
+
+
+def test_changes_while_an_answer_is_due_are_asked_for_once(page: Page, pages: tuple[str, Made]) -> None:
+    held, made = list[Route](), pages[1]
+    page.route(AT_ONCE, lambda route: held.append(route))
+    made.estimates.clear()
+    for width in ("4", "5", "6"):
+        page.fill("input[name=width]", width)
+    until(page, lambda: len(held) == 1)
+    held[0].continue_()
+    until(page, lambda: len(held) == 2)
+    assert page.locator(".answer").get_attribute("aria-busy") == "true" and read_done(page) == "0:45:00"
+    held[1].continue_()
+    wait_for_done(page, "0:30:00")
+    assert [each["width"] for each in made.estimates[:2]] == [4, 6]
+
+
+def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: tuple[str, Made]) -> None:
+    made = pages[1]
+    page.fill("input[name=width]", "6")
+    page.wait_for_selector(".answer >> text=Show the plan")
+    assert not page.locator(".answer .badge").is_visible() and read_done(page) != "0:30:00"
+    assert [kind for kind, _ in made.requests] == ["plans"]
+    page.fill("input[name=width]", "5")
+    wait_for_done(page, "0:36:00")
+    assert page.locator(".answer .badge").is_visible() and not page.locator(".answer .line a").is_visible()
+    until(page, lambda: ("plans/made/delete", None) in made.requests)
+
+
+def test_a_plan_that_is_driven_already_is_shown_and_kept(page: Page, pages: tuple[str, Made]) -> None:
+    page.wait_for_selector(".answer >> text=Show the plan")
+    page.click("text=Run the plan")
+    page.wait_for_selector("text=Plans, best first")
+    assert page.url.endswith("#/plan/made")
+    assert [kind for kind, _ in pages[1].requests] == ["plans"]
+
+
+def test_a_refusal_is_a_sentence_in_the_box(page: Page, watched: WatchedPage) -> None:
+    page.fill("input[name=width]", "-1")
+    page.wait_for_selector(".answer >> text=width is -1; use metres above 0.")
+    assert read_done(page) == "\u2013" and page.locator("[role=dialog]").count() == 0
+    page.fill("input[name=width]", "4")
+    wait_for_done(page, "0:45:00")
+    watched.said.clear()  # a browser tells of a refused request
+
+
+def test_a_link_shows_the_same_in_another_browser(page: Page, browser: Browser, watched: WatchedPage) -> None:
+    page.fill("input[name=width]", "4")
+    page.fill("input[name=deadline]", "17:00")
+    page.click("summary:has-text('More options')")
+    page.fill("input[name=obstacle]", "1,2; 3,4,5")
+    page.select_option("select[name=operation]", "sow")
+    page.check("input[name=open_edges]")
+    until(page, lambda: "open_edges=true" in page.url)
+    other = WatchedPage(browser, watched.base, CONTROL)
+    shown = other.page
+    shown.goto(page.url)
+    wait_for_done(shown, "0:45:00")
+    state = "[...document.querySelectorAll('form [name]')].map((one) => [one.name, one.value, one.checked])"
+    assert shown.evaluate(state) == page.evaluate(state)
+    assert shown.input_value("input[name=obstacle]") == "1,2; 3,4,5"
+    figures = ".answer .facts"
+    assert shown.locator(figures).inner_text() == page.locator(figures).inner_text()
+    other.well()
+    shown.context.close()
+
+
+def test_an_earlier_plan_is_changed_by_its_link(watched: WatchedPage) -> None:
+    page = watched.open("/plan/old")
+    page.click("text=Change and plan again")
+    page.wait_for_selector("text=Run the plan")
+    assert page.input_value("select[name=fields]") == "north field" and "width=3" in page.url
+
+
+def test_the_box_keeps_its_size_on_a_phone(page: Page) -> None:
+    page.set_viewport_size(NARROW)
+    heights = list[float]()
+
+    def note_height() -> None:
+        heights.append(page.evaluate("document.querySelector('.answer .now').getBoundingClientRect().height"))
+
+    note_height()
+    page.fill("input[name=width]", "-1")
+    page.wait_for_selector(".answer >> text=use metres above 0.")
+    note_height()
+    page.fill("input[name=start]", "08:00")
+    page.fill("input[name=width]", "6")
+    wait_for_done(page, "08:30")
+    note_height()
+    page.wait_for_selector(".answer >> text=Show the plan")
+    note_height()
+    assert len(set(heights)) == 1, heights
+    assert page.evaluate("document.documentElement.scrollWidth") <= NARROW["width"]
+
+
+def test_the_form_with_an_answer_is_accessible(page: Page) -> None:
+    assert find_faults_at_widths(page, widths_px=(390, 1280)) == []
+
+
+def test_a_finger_moves_a_slider(browser: Browser, watched: WatchedPage) -> None:
+    context = browser.new_context(viewport=NARROW, has_touch=True)
+    page = context.new_page()
+    page.add_init_script(f'sessionStorage.setItem("headland-token", "{CONTROL}")')
+    page.goto(f"{watched.base}#/plan?width=3&tractors=1&field=iwamizawa&tractor=eg105")
+    wait_for_done(page, "1:00:00")
+    slider(page, "width").scroll_into_view_if_needed()
+    box = slider(page, "width").bounding_box()
+    page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    assert 6.0 <= float(page.input_value("input[name=width]")) <= 7.0
+    until(page, lambda: read_done(page) < "0:31:00")
+    context.close()
