@@ -58,9 +58,10 @@ OPERATORS = frozenset(("return", "typeof", "case", "in", "of"))
 _PAGE_WORDS = """
     accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
     boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive; driving;
-    entrance; estimated; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole; implement; its
-    place among other fleets is unknown; its reports contradict each other; kept; last; lease; left; light; line;
-    manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online; operate; operate, plan, read;
+    entrance; estimated; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole;
+    implement; its place among other fleets is unknown; its reports contradict each other; kept; last; lease; left;
+    light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online; operate;
+    operate, plan, read;
     over; pause; paused; plan; pole; queued; read; ready; recover; refill; remote control; resume; right; round; round,
     quicker; running; sample; seen; show; soil; sow; spray; square; start; stop; stopped; stopped by stop-all;
     supervised; surest; the service began anew; till; tractor; turning; waiting; waits for another by the plan; worked;
