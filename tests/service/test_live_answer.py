@@ -157,6 +157,12 @@ def test_a_link_shows_the_same_in_another_browser(page: Page, browser: Browser, 
     shown.context.close()
 
 
+def test_a_link_to_a_field_that_is_gone_says_so(watched: WatchedPage) -> None:
+    page = watched.open("/plan?width=3&tractors=1&field=sold")
+    page.wait_for_selector("text=Not in the library, and so not what is shown: sold.")
+    watched.well()
+
+
 def test_an_earlier_plan_is_changed_by_its_link(watched: WatchedPage) -> None:
     page = watched.open("/plan/old")
     page.click("text=Change and plan again")

@@ -1,6 +1,6 @@
 // Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
 import { ACCEPTED } from "../accepted.js";
-import { el, put, say, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
+import { el, put, say, button, heading, labelled, note, option, sorry, lookingOnly } from "../dom.js";
 import { t } from "../language.js";
 import { get, post, text as readText, upload, part, token } from "../api.js";
 import { SAMPLE_TRACTOR, filePicker, nameTractor } from "../files.js";
@@ -144,7 +144,8 @@ export async function open(main, shell, _parts, query) {
       run.disabled = false;
     }
   });
-  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), mayPlan ? el("div", { class: "beside" }, live.node, form) : form, await earlier("plans", "plan", "Earlier plans"));
+  const gone = [[field, draft.fields], [farm, draft.farms], [rain, draft.rain], [gnss, draft.gnss], [elevation, draft.elevation]].filter(([picker, name]) => name && picker.value() !== name).map(([, name]) => name);
+  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), gone.length > 0 && note(t`Not in the library, and so not what is shown: ${gone.join(", ")}. Add it, or choose another.`, "warn"), mayPlan ? el("div", { class: "beside" }, live.node, form) : form, await earlier("plans", "plan", "Earlier plans"));
   changed();
   return () => closing.forEach((close) => close());
 }
