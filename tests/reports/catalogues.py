@@ -59,15 +59,12 @@ _PAGE_WORDS = """
     accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
     boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive;
     driving; entrance; estimated; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland;
-    hole; <<<<<<< HEAD implement; its place among other fleets is unknown; its reports contradict each other; kept;
-    last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online;
-    operate; operate, plan, read; ======= implement; its place among other fleets is unknown; its reports contradict
-    each other; kept; last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles;
-    offline; online; operate; operate, plan, read; >>>>>>> e8cff4fa38ec29c02812e9a1e3bbeac86a6d9f95 over; pause;
-    paused; plan; pole; queued; read; ready; recover; refill; remote control; resume; right; round; round, quicker;
-    running; sample; seen; show; soil; sow; spray; square; start; stop; stopped; stopped by stop-all; supervised;
-    surest; the service began anew; till; tractor; turning; waiting; waits for another by the plan; worked; working;
-    yard
+    hole; implement; its place among other fleets is unknown; its reports contradict each other; kept; last; lease;
+    left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online; operate;
+    operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover; refill; remote control; resume;
+    right; round; round, quicker; running; sample; seen; show; soil; sow; spray; square; start; stop; stopped; stopped
+    by stop-all; supervised; surest; the service began anew; till; tractor; turning; waiting; waits for another by the
+    plan; worked; working; yard
 """
 PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";"))
 """Words in lower case that the page shows, of its own or as data of the service."""
