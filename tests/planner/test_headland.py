@@ -28,6 +28,8 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometry:
     """Ground that the bar passes over if every leg is driven as planned; it is `tool_m` behind the guided point."""

@@ -25,6 +25,8 @@ from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 RECTANGLE = shapely.box(0, 0, 150, 90)
 CHOSEN = (("sweden", 6.0),)
 """Samples and widths that are compared in every run of CI, where drawn outlines are compared too."""
