@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from itertools import groupby
 from typing import Any
 
@@ -48,7 +49,7 @@ def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometr
 @pytest.fixture(scope="module")
 def rectangle(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
     """The field of 120 m by 60 m, its headland worked."""
-    return lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options)
+    return cache(lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options))
 
 
 def of(site: PlanningContext, name: str, tractors: int) -> Outcome:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def sum_length_m(site: PlanningContext) -> float:
 @pytest.fixture(scope="module")
 def lay(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
     """A field of an outline, its headland worked."""
-    return lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options)
+    return cache(lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options))
 
 
 @pytest.mark.slow
