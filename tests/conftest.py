@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -65,3 +65,11 @@ def pytest_collection() -> Generator[None, Any, Any]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.fixture(scope="module")
+def first_layout() -> Iterator[None]:
+    """Of several layouts the most promising is taken, without timing them: for tests whose matter is another."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.evaluation.preparation.choose_quickest_index", lambda *_: 0)
+        yield

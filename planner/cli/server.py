@@ -13,7 +13,7 @@ import typer
 
 from planner.cli.common.options import ForceOption, create_group
 from planner.cli.common.outputs import check_output_paths
-from planner.cli.common.terminal import limit_linear_algebra_threads, warm_up
+from planner.cli.common.terminal import compile_apart, limit_linear_algebra_threads
 from planner.pipeline.interrupts import stop_repeating
 
 if TYPE_CHECKING:
@@ -165,6 +165,7 @@ def _run_server(settings: ServiceSettings) -> None:
 
     import uvicorn
 
+    from planner.pipeline.kernels import MORE, PLAN
     from planner.service.api.apps import create_control_app, run_back_office
     from planner.service.gateway.back_office import BackOffice
     from planner.service.gateway.connection_limits import ConnectionRegistry, compute_connection_limits
@@ -205,7 +206,7 @@ def _run_server(settings: ServiceSettings) -> None:
             _print_service_address(settings, app.state.logins, port)
 
     with _open_socket(settings) as server_socket:
-        warm_up()
+        compile_apart((PLAN, MORE))  # the process that stops tractors stays small
         AnnouncingServer(config).run(sockets=[server_socket])
 
 

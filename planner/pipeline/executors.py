@@ -28,6 +28,10 @@ LOST_WORKER_MESSAGE = (
     "A planning process ended or could not be started, probably out of memory; use fewer "
     f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
 )
+KILLED_WORKER_MESSAGE = (
+    "The process for this computation was killed, probably for lack of memory; free some memory on this machine and "
+    "try again."
+)
 TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 

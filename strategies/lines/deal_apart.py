@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy.optimize import linear_sum_assignment
 
 from strategies.lines.work_line import WorkLine
 from strategies.program.dealing import cut_balanced_blocks, group_swath_lines
@@ -45,6 +44,8 @@ def find_swath_middles(lines: Sequence[WorkLine], blocks: Bools) -> Floats:
 
 def find_near_blocks(middles: Floats, places: Floats) -> npt.NDArray[np.intp]:
     """For each tractor at a place (tractors, 2) the number of its block by the middles (n, 2), near for all."""
+    from scipy.optimize import linear_sum_assignment
+
     gaps_m = np.hypot(*(places[:, None] - middles[None]).transpose(2, 0, 1))
     blocks: npt.NDArray[np.intp] = linear_sum_assignment(gaps_m)[1]
     return blocks
@@ -132,9 +133,9 @@ def _cut_ring(lines: Sequence[WorkLine], ring: list[list[int]], homes: Floats) -
         spans = list(pairwise(cut_balanced_blocks(lengths_m, len(homes))))
         side_groups = [[number for side in turned[low:high] for number in side] for low, high in spans]
         middles = np.array([_find_middle([lines[number] for number in numbers]) for numbers in side_groups])
-        gaps_m = np.hypot(*(homes[:, None] - middles[None]).transpose(2, 0, 1))
-        tractors, numbers = linear_sum_assignment(gaps_m)
-        cost_m = float(gaps_m[tractors, numbers].sum()) + max(sum(lengths_m[low:high]) for low, high in spans)
+        numbers = find_near_blocks(middles, homes)
+        gaps_m = np.hypot(*(homes - middles[numbers]).T)
+        cost_m = float(gaps_m.sum()) + max(sum(lengths_m[low:high]) for low, high in spans)
         if cost_m < best_m:
             best, best_m = [side_groups[number] for number in numbers], cost_m
     return best

@@ -18,6 +18,8 @@ from tests.drawn_fields import ring
 from tests.planner.saved_plans import saved
 from vehicle.missions.plan_file import format_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 Run = Callable[..., Outcome]
 TASKDATA = Path("TASKDATA", "TASKDATA.XML")
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.cli.refusals import assert_refused
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 Headland = Callable[..., Any]
 FARM = """
 [[tractors]]

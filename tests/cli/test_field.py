@@ -11,6 +11,8 @@ import pytest
 from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 from tests.examples import seldom
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 @pytest.fixture
 def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:

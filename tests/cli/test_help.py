@@ -7,11 +7,19 @@ from typing import Any
 
 import pytest
 
-HEAVY = ("numba", "numpy", "pymunk", "shapely", "matplotlib", "pandas", "ortools", "jinja2", "pyproj")
+# The second module is that of the process that stops tractors.
+DRAWING = ("matplotlib", "pandas", "ortools", "jinja2")
 
 
-def test_the_command_line_loads_nothing_heavy() -> None:
-    code = f"import planner.cli.main, sys; print([m for m in {HEAVY!r} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("planner.cli.main", ("numba", "numpy", "pymunk", "shapely", "pyproj", *DRAWING)),
+        ("planner.service.api.apps", ("scipy.linalg", "scipy.optimize", "alembic", *DRAWING)),
+    ],
+)
+def test_nothing_heavy_is_loaded_that_is_not_needed(module: str, heavy: tuple[str, ...]) -> None:
+    code = f"import {module}, sys; print([m for m in {heavy!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=240)
     assert done.stdout.strip() == "[]"
 

@@ -12,6 +12,8 @@ import pytest
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WHOLE = ("--local", "--tractors", "1", "--strategies", "split-field", "--processes", "1")
 QUICK = (*WHOLE, "--no-headland")
 

@@ -14,6 +14,8 @@ import pytest
 
 from planner.cli.common.outputs import _is_same_file, write_results
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 Run = Callable[..., Any]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
 ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")

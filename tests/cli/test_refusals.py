@@ -13,6 +13,8 @@ import pytest
 from tests.cli.refusals import SQUARE, assert_refused
 from tests.drawn_fields import feature, point, ring, write_features
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 0", ("--width", "0", "more than 0")),
     ("--width 500", ("500 m", "26.5 m or less")),

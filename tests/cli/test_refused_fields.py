@@ -19,6 +19,8 @@ from planner.request.plan_request import PlanRequest
 from tests.cli.refusals import SQUARE, assert_refused
 from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD_FILES = [
     ("text", "is not JSON"),
     ("bow", "crosses itself"),

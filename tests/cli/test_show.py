@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--json")
 Run = Callable[..., Any]
 

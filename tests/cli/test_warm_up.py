@@ -1,14 +1,18 @@
 """The first run says that it compiles and how long, and a bar counts what is done and tells what is left."""
 
+import contextvars
 import io
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import pytest
 import rich.console
 
 from planner.cli.common import progress, terminal
-from planner.pipeline import kernels, worker_tasks
+from planner.errors import WorkerError
+from planner.pipeline import executors, kernels, worker_tasks
+from reports.common.language import Reader, set_reader
 
 README = Path(__file__).parents[2] / "README.md"
 MISSING = [kernels.Kernel(kernels.PLAN, 9.0, f"a.b{number}.c", "float64") for number in range(3)]
@@ -90,6 +94,28 @@ def test_without_expectations_the_share_tells_what_is_left(clock: Clock) -> None
     assert bar.describe_left() == ""
     bar.report("Reading", 3, 9)
     assert (bar.words, bar.describe_left()) == ("Reading: 3 of 9", "about 0:12 left")
+
+
+def test_a_service_compiles_in_another_process_for_its_reader(
+    missing: list[kernels.Kernel], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing += MISSING
+    monkeypatch.setattr(executors, "LocalPool", lambda processes: executors.SerialExecutor())
+    contextvars.copy_context().run(compile_for, Reader("de"))
+    assert "Der Simulator wird für diesen Rechner kompiliert (3 Funktionen)" in capsys.readouterr().err
+
+
+def test_a_compiling_process_that_is_killed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    killed = executors.SerialExecutor()
+    monkeypatch.setattr(killed, "submit", lambda *_: (_ for _ in ()).throw(BrokenProcessPool()))
+    monkeypatch.setattr(executors, "LocalPool", lambda processes: killed)
+    with pytest.raises(WorkerError, match="killed, probably for lack of memory"):
+        terminal.compile_apart((kernels.PLAN,))
+
+
+def compile_for(reader: Reader) -> None:
+    set_reader(reader)
+    terminal.compile_apart((kernels.PLAN,))
 
 
 @pytest.mark.parametrize("columns", [60, 80])

@@ -18,6 +18,8 @@ from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import L_SHAPE, SHAPES
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 STRIP = Field("strip", shapely.box(0, 0, 120, 17))
 LANE = Field("lane", shapely.box(0, 0, 150, 7))
 SQUARE = Field("square", shapely.box(0, 0, 40, 40))

@@ -37,6 +37,8 @@ from strategies.program.supply import Supply
 from vehicle.missions.plan import Leg
 from vehicle.model.tractor import BatteryParameters, Tractor, load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 BOX = Field("drawn", shapely.box(0, 0, 60, 110))
 SMALL = BatteryParameters(capacity_kwh=5.0, charger_kw=60.0, connect_s=60.0, reserve=0.2)
 AMPLE = BatteryParameters(capacity_kwh=200.0)

@@ -141,7 +141,10 @@ def busy(seconds: float) -> int:
 
 
 @pytest.mark.parametrize(("tasks", "processes", "workers"), [(1, None, None), (5, 1, None), (5, 3, 2), (2, 8, 1)])
-def test_the_caller_counts_as_a_process(tasks: int, processes: int | None, workers: int | None) -> None:
+def test_the_caller_counts_as_a_process(
+    monkeypatch: pytest.MonkeyPatch, tasks: int, processes: int | None, workers: int | None
+) -> None:
+    monkeypatch.setattr(LocalPool, "submit", lambda *_: None)  # with which processes start
     with create_executor(tasks, processes) as executor:
         if workers is None:
             assert isinstance(executor, SerialExecutor)

@@ -24,6 +24,8 @@ from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 BOX = shapely.box(0, 0, 120, 60)
 ALL_ROUND = shapely.LineString(BOX.exterior.coords)
 SOUTH = shapely.LineString([(0, 0), (120, 0)])

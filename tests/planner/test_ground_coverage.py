@@ -35,6 +35,8 @@ from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, TURN, Leg,
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 # The small site is 36 m by 80 m; the implement is 3 m wide.
 AREA = 36.0 * 80.0
 QUICK = settings(max_examples=count_examples(60))

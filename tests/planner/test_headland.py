@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from itertools import groupby
 from typing import Any
 
@@ -28,6 +29,8 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometry:
     """Ground that the bar passes over if every leg is driven as planned; it is `tool_m` behind the guided point."""
@@ -46,7 +49,7 @@ def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometr
 @pytest.fixture(scope="module")
 def rectangle(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
     """The field of 120 m by 60 m, its headland worked."""
-    return lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options)
+    return cache(lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options))
 
 
 def of(site: PlanningContext, name: str, tractors: int) -> Outcome:

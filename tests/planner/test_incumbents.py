@@ -27,6 +27,8 @@ from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, choose_by_count
 from strategies.registry import STRATEGIES
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 @pytest.fixture(scope="module")
 def round_site() -> PlanningContext:

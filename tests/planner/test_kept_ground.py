@@ -9,6 +9,8 @@ from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 # An L and a field whose swaths end at 45 degrees.
 ELL = shapely.Polygon([(0, 0), (220, 0), (220, 90), (90, 90), (90, 220), (0, 220)])
 SLANTED = shapely.Polygon([(0, 0), (260, 0), (410, 150), (150, 150)])

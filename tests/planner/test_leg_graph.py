@@ -15,6 +15,8 @@ from vehicle.missions.run import SimulationRun
 from vehicle.records import WAITING
 from vehicle.sim.world import World
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 SPEED = 5 / 3.6
 
 

@@ -34,6 +34,8 @@ from tests.benchmarks.planned_jobs import build_field, build_tractor
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH
 from vehicle.missions.run import DONE
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M = 6.0
 RECTANGLE = shapely.box(0.0, 0.0, 180.0, 90.0)
 CURVED_SEED = 45005
@@ -103,7 +105,7 @@ def test_a_driver_goes_up_to_an_obstacle_and_on_behind_it() -> None:
 @pytest.mark.parametrize("place", [(60.1, 40.0), (60.25, 40.25), (60.4, 40.1)])
 def test_no_pole_is_too_small_to_be_seen(half_width_m: float, place: tuple[float, float]) -> None:
     pole = Obstacle("pole", shapely.Point(place), half_width_m, "pole")
-    ground = build_site(prepare(Field("with a pole", RECTANGLE, obstacles=(pole,)))).ground
+    ground = build_site(prepare(Field("with a pole", shapely.box(40.0, 20.0, 100.0, 70.0), obstacles=(pole,)))).ground
     assert get_distance(*place, ground.grid, ground.frame) < 0.0
 
 

@@ -29,6 +29,8 @@ from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import BY_ROLL, SLOPE_DRIFT, get_effect
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 HILLS = Ground(fall_east=0.05, wave_m=0.6, length_m=45.0, drift=0.4, climb=0.8)
 SENSORS = ["roll_deg", "pitch_deg"]
 

@@ -19,6 +19,8 @@ from strategies.site.site import Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 STRETCH_M = 40.0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from reports.common.plan_results import PlanResult
 from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate
+
+pytestmark = pytest.mark.usefixtures("first_layout")
 
 RECTANGLE = shapely.box(0, 0, 150, 90)
 CHOSEN = (("sweden", 6.0),)
@@ -48,7 +51,7 @@ def sum_length_m(site: PlanningContext) -> float:
 @pytest.fixture(scope="module")
 def lay(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
     """A field of an outline, its headland worked."""
-    return lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options)
+    return cache(lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options))
 
 
 @pytest.mark.slow

@@ -37,6 +37,8 @@ from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH, Plan, check_plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import BatteryParameters, load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M, RATE, STAND_S, LOAD = 6.0, 0.1, 90.0, 300.0
 RECTANGLE = shapely.box(0.0, 0.0, 180.0, 90.0)
 PLACE = (0.0, 45.0)

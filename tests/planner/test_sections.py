@@ -28,6 +28,8 @@ from tests.examples import count_examples
 from tests.planner.test_ground_coverage import NORTH, Poses, arc, on_field, pass_north, run_of
 from vehicle.missions.run import SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD = shapely.box(0, 0, 60, 80)
 WIDTH_M = 6.0
 

@@ -33,6 +33,8 @@ from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 RATE, STAND_S, WIDTH_M = 0.3, 90.0, 3.0
 BOX = shapely.box(0, 0, 60, 110)
 TANK = Supply(300.0, RATE, STAND_S)

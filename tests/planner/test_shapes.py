@@ -20,6 +20,8 @@ from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 GRID = "EPSG:25832"
 PARCEL_M = shapely.box(500_000.0, 6_200_000.0, 500_060.0, 6_200_090.0)
 PARCEL_DEG = geopandas.GeoSeries([PARCEL_M], crs=GRID).to_crs(4326).iloc[0]

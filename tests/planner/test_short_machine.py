@@ -16,6 +16,8 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def prepare(*corners: tuple[float, float], **options: Any) -> PlanningContext:
     """The mower, with swaths of 0.965 m and a planned radius of 1.9 m, on a field of four corners."""

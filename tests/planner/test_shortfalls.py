@@ -17,6 +17,8 @@ from planner.pipeline.ranking import mark_worked_shares, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def build_context(*, is_divided: bool = False, no_headland: bool = False, **more: object) -> PlanningContext:
     """A field of 60 x 80 m, with or without a ditch across it that leaves two parts of 2,355 and 2,325 m2."""

@@ -23,6 +23,8 @@ from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 BOX = shapely.box(0, 0, 120, 60)
 POLE = Obstacle("pole", shapely.Point(60, 31), 0.25)
 STONE = Obstacle("rock", shapely.box(40.0, 15.0, 43.0, 17.0))

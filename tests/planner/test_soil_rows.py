@@ -23,6 +23,8 @@ from vehicle.model.soil import find_soil
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import EffectSetting, load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 SLIP, GRIP = in_model("wheel_slip", NAMED, 0.06), in_model("side_slip", NAMED, 0.3)
 
 

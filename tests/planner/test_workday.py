@@ -25,6 +25,8 @@ from planner.request.option_texts import format_later_clock
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates, compute_travel_cost
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 HOUR = 3600
 ONE = Workday(7 * HOUR, breaks_s=((12 * HOUR, 12 * HOUR + 1800),), shift_s=(7 * HOUR, 19 * HOUR))
 FIELD = Field("far", shapely.box(0, 0, 40, 90), crs="EPSG:32632", origin_m=(550_000.0, 6_300_000.0))

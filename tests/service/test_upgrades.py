@@ -14,7 +14,7 @@ from planner.service.access.permissions import build_caller
 from planner.service.errors import ScopeError
 from planner.service.settings import ServiceSettings
 from planner.service.store.backup import back_up, restore_backup
-from planner.service.store.database import MIGRATIONS_FOLDER, Database
+from planner.service.store.database import MIGRATIONS_FOLDER, Database, get_current_version, list_versions
 from planner.service.store.service_store import Store
 from planner.service.store.tables import COPIED_TABLES, TableBase
 from tests.service.databases import KINDS
@@ -90,7 +90,8 @@ def check_goes_on(store: Store) -> None:
 
 def test_there_is_an_example_of_every_version() -> None:
     scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
-    assert set(EARLIER) == {each.revision for each in scripts.walk_revisions()}
+    versions = {each.revision for each in scripts.walk_revisions()}
+    assert set(EARLIER) == versions == set(list_versions()) and scripts.get_current_head() == get_current_version()
 
 
 EACH = [

@@ -13,8 +13,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from fields.errors import make_one_line
-from planner.errors import RequestError
-from reports.common.language import mark_text, translate, translate_sentence, use_reader
+from planner.errors import RequestError, WorkerError
+from reports.common.language import (
+    Reader,
+    get_language,
+    get_units,
+    mark_text,
+    set_reader,
+    translate,
+    translate_sentence,
+    use_reader,
+)
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -74,6 +83,32 @@ def compile_missing(bar: StageBar, uses: Sequence[str], next_stages_s: Mapping[s
     if missing:
         compile_kernels(missing, report=partial(bar.report, COMPILING))
     return len(missing)
+
+
+def compile_apart(uses: Sequence[str]) -> None:
+    """As `compile_missing`, in a process of its own: what compilers leave in memory ends with it.
+
+    Raises WorkerError where that is killed.
+    """
+    from concurrent.futures.process import BrokenProcessPool
+
+    from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
+
+    with use_reader():
+        reader = Reader(get_language(), get_units())
+    try:
+        with LocalPool(1) as pool:
+            pool.submit(_compile_for, reader, uses).result()
+    except BrokenProcessPool:
+        raise WorkerError(KILLED_WORKER_MESSAGE) from None
+
+
+def _compile_for(reader: Reader, uses: Sequence[str]) -> None:
+    from planner.cli.common.progress import open_stage_bar
+
+    set_reader(reader)
+    with open_stage_bar(LOADING) as bar:
+        compile_missing(bar, uses)
 
 
 def print_remarks(sentences: Iterable[str]) -> None:

@@ -29,7 +29,7 @@ from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import MOST_EVENTS, FleetSession
 from planner.fleet.session.fleet_twins import warm_up
 from planner.fleet.session.state_recorder import select_rising_rows
-from planner.pipeline.executors import LocalPool
+from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
 from planner.service.fleets.video_addresses import VideoAddresses
@@ -144,10 +144,7 @@ class FleetSessions:
             except BrokenProcessPool:
                 self._pool = None if self._pool is pool else self._pool
                 pool.shutdown(wait=False)
-        raise WorkerError(
-            "The process for this computation was killed, probably for lack of memory; free some memory "
-            "on this machine and try again."
-        )
+        raise WorkerError(KILLED_WORKER_MESSAGE)
 
     def get_label(self, id: str) -> FleetLabel:
         """The label of a fleet, also of one that could not be restored; raises NotFoundError."""

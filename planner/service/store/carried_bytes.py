@@ -10,12 +10,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 import sqlalchemy as sa
-from alembic.runtime.migration import MigrationContext
 from sqlalchemy.orm import Session
 
 from planner.service.errors import DatabaseError, NotFoundError, StorageError, VersionError
 from planner.service.settings import ServiceSettings
-from planner.service.store.database import describe_version, get_current_version, name_database_in_errors
+from planner.service.store.database import (
+    describe_version,
+    get_current_version,
+    name_database_in_errors,
+    read_version,
+)
 from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
 from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
 
@@ -98,7 +102,7 @@ class RemoteStore(CarryingJobStore):
     def _check_tables(self) -> None:
         """Raise DatabaseError where no service has used the database, VersionError for tables of another version."""
         with name_database_in_errors(self.database.engine), self.database.engine.connect() as connection:
-            tables = MigrationContext.configure(connection).get_current_revision()
+            tables = read_version(connection)
         if tables is None:
             raise DatabaseError(
                 "The database has no tables of Headland yet; begin headland serve with it first.", parameter="database"

@@ -16,10 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy.orm import Session
 
 from planner.service.errors import ConflictError, DatabaseError
@@ -36,7 +32,7 @@ from the file itself: SQLite would take the log beside it for that of a stranger
 SQLITE_BUSY_TIMEOUT_MS, POOL_TIMEOUT_S = 10_000, 5.0
 """How long SQLite waits for another writer, and a session for a connection; PostgreSQL's limits are in postgresql."""
 WRITES_OPTION = "headland_writes"
-SELECT_VERSION = "SELECT version_num FROM alembic_version"
+VERSION_TABLE, SELECT_VERSION = "alembic_version", "SELECT version_num FROM alembic_version"
 MIGRATIONS_FOLDER = Path(__file__).parent / "migrations"
 LOCK_FILE = "headland.lock"
 LOCK_SUFFIX = ".lock"
@@ -166,9 +162,24 @@ class Database:
         self.engine.dispose()
 
 
+@cache
+def list_versions() -> tuple[str, ...]:
+    """The versions of the tables that this Headland knows, the last of which it works with.
+
+    They are what the names of the migrations begin with: what migrates takes memory, and is loaded to migrate only.
+    """
+    return tuple(sorted(path.name.partition("_")[0] for path in (MIGRATIONS_FOLDER / "versions").glob("[0-9]*.py")))
+
+
 def get_current_version() -> str:
     """The version of the tables that this Headland works with."""
-    return str(ScriptDirectory(str(MIGRATIONS_FOLDER)).get_current_head())
+    return list_versions()[-1]
+
+
+def read_version(connection: sa.Connection) -> str | None:
+    """The version of the tables of a database, None where Headland has never used it."""
+    is_known = sa.inspect(connection).has_table(VERSION_TABLE)
+    return connection.scalar(sa.text(SELECT_VERSION)) if is_known else None
 
 
 @cache
@@ -182,21 +193,23 @@ def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
 
     Raises DatabaseError for a database that is newer, or of another program.
     """
-    scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
     with name_database_in_errors(engine), engine.connect() as connection:
-        current = MigrationContext.configure(connection).get_current_revision()
+        current = read_version(connection)
         tables = set(sa.inspect(connection).get_table_names())
-    if current is not None and current not in {each.revision for each in scripts.walk_revisions()}:
+    if current is not None and current not in list_versions():
         raise DatabaseError(
             f"The database is of a newer Headland (its version is {current}, this one knows "
-            f"{scripts.get_current_head()}); update Headland, or give another --database or --data."
+            f"{get_current_version()}); update Headland, or give another --database or --data."
         )
     if current is None and tables & set(TableBase.metadata.tables):
         raise DatabaseError(
             "The database holds tables of other software by the names that Headland uses; give another --database."
         )
-    if current == scripts.get_current_head():
+    if current == get_current_version():
         return
+    from alembic import command
+    from alembic.config import Config
+
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS_FOLDER).replace("%", "%%"))
     with engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
