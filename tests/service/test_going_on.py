@@ -135,6 +135,20 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
     assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
 
 
+@pytest.mark.slow
+def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
+    manager = at(plan, 0.4)
+    manager.obstacles.add(((30.0, 20.0), (33.0, 20.0), (33.0, 23.0), (30.0, 23.0)), "stone", "anna")
+    manager.operators.stop_all("anna", 1.0)
+    remaining = extract_remaining_work(manager, [], 100.0)
+    manager.update_blocked_legs()
+    assert any(manager.blocked_legs)
+    proposal = continue_remaining_work(remaining)
+    assert proposal.blocked_m > 1.0 and "are too near an obstacle and remain unworked." in proposal.sentence
+    manager.operators.adopt_plan("anna", proposal.plan, 101.0, remaining.excluded)
+    assert not any(manager.blocked_legs)
+
+
 def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:
     with pytest.raises(FleetManagerError, match="keep at least one"):
         extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0)
