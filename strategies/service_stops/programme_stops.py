@@ -111,7 +111,8 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
         arrive, depart = (None, None) if stop is None else (stop.detour.arrive, stop.detour.depart)
         leaving, entering = (direct, direct) if arrive is None or depart is None else (arrive, depart)
         rest_m = table.lines[part.node // 2].measure_path_m(part.node % 2) - part.last_m
-        legs += split_work_leg(table, part.node, rest_m + (0.0 if leaving is None else leaving.leave_m), begun_m)
+        if not part.is_stand:
+            legs += split_work_leg(table, part.node, rest_m + (0.0 if leaving is None else leaving.leave_m), begun_m)
         if gap == len(parts):
             break
         if stop is not None:

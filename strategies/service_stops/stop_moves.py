@@ -14,6 +14,7 @@ from operator import attrgetter
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
+from strategies.program.legs import MIN_LEG_M
 from strategies.programmes.move_estimates import DETOUR_FACTOR, DETOUR_S, MOST_CUT_SHARE, NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.site.site import MISSED_FACTOR
@@ -123,6 +124,9 @@ class StopMoves:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
         moves, node = self.table.moves, trip.node
         rest_m = self.table.lines[node // 2].measure_path_m(node % 2) - trip.at_m
-        before = moves.cut_before(node, rest_m + move.leave_m) if trip.is_arriving else None
+        is_after_work = trip.is_arriving and trip.at_m > 0.0
+        before = moves.cut_before(node, rest_m + move.leave_m) if is_after_work else None
         after = None if trip.is_arriving else moves.cut_after(node, trip.at_m + move.join_m)
+        if before is None and after is None and move.path.length_m <= MIN_LEG_M:
+            return move  # it stands at the place already
         return moves.drives.prove([Passage(move, before, after)])[0]

@@ -52,11 +52,11 @@ class TourLoads:
         """The task with all moves as far as they are known."""
         ways, gaps = self.ways, self._build_gaps(self.tour)
         stage = np.array([self.stages[way.node // 2] for way in ways])
-        is_start = np.array([way.node // 2 in [node // 2 for node in self.table.starts] for way in ways])
-        stage[is_start] = stage.min()
+        is_begun = np.isin([way.node // 2 for way in ways], np.array(self.table.starts, int) // 2)
+        stage[is_begun] = stage.min()
         part = np.arange(len(ways)) // 2
         is_barred = (stage[:, None] > stage[None, :]) | (part[:, None] == part[None, :])
-        is_barred[:, is_start] = True
+        is_barred[:, [self._is_start(way) for way in ways]] = True
         turns = np.where(is_barred, UNREACHABLE_S, self._list_turns())
         served_s = self.supply.estimate_stop_s(gaps.total_need)
         detours = np.where(is_barred, UNREACHABLE_S, np.minimum(self._list_detours(turns) + served_s, UNREACHABLE_S))
@@ -84,8 +84,12 @@ class TourLoads:
             np.where(is_end & ~is_barred, np.minimum(ends[nodes], UNREACHABLE_S) * has_lane, UNREACHABLE_S)
             for is_end, ends in ((is_first, table.cost_s[table.gate]), (is_last, table.cost_s[:, table.gate]))
         )
-        is_start = np.isin(nodes, table.starts)
+        is_start = np.array([self._is_start(way) and way.node in table.starts for way in self.ways])
         return (np.where(is_start, 0.0, UNREACHABLE_S) if is_start.any() else first), last
+
+    def _is_start(self, way: TourPart) -> bool:
+        """Whether a tractor that stands on the field begins with a part, one way or the other."""
+        return way in (self.tour[0], self.tour[0].reverse(self.table)) and self.tour[0].node in self.table.starts
 
     def _list_detours(self, turns: Floats) -> Floats:
         """Seconds from every way by way of a place to every other, without the time to be served."""
@@ -177,6 +181,6 @@ def order_for_loads(
     table = programme.table
     stage = [0] * len(table.lines) if stages is None else stages
     return [
-        TourLoads(table, supply, moves, stage, cut_to_loads(table, supply, tour)).choose_tour()
+        TourLoads(table, supply, moves, stage, cut_to_loads(table, supply, tour)).choose_tour() if tour else ()
         for tour in programme.tours
     ]

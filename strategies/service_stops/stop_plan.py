@@ -1,8 +1,7 @@
 """Who is served first if only one is served at a time, and what the notes of a plan hold of its stops.
 
-Also stops for a plan that changes while it is driven: existing stops stay, and work taken over from others gets its
-own. A plan does not say what a tractor carries; the most work that any of its tractors does with one load is taken as a
-load.
+Of a plan that does not say what a tractor carries, the most work that any of its tractors does with one load is taken
+as a load.
 """
 
 from __future__ import annotations
@@ -14,18 +13,8 @@ from itertools import pairwise
 from typing import Any
 
 from strategies.path_planning.paths import Pose
-from strategies.program.supply import HEADLAND, PLACE, Supply
-from strategies.programmes.ways import Ways
-from strategies.service_stops.stops import (
-    SERVICE_CLEAR_M,
-    LoadGaps,
-    LoadPiece,
-    MissionWithStops,
-    ServiceStop,
-    add_stops_in_gaps,
-    find_waiting_leg,
-    split_into_pieces,
-)
+from strategies.program.supply import PLACE, Supply
+from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
@@ -154,29 +143,6 @@ def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
     yield worked_m
 
 
-def add_stops_for_taken_work(
-    ways: Ways, supply: Supply, legs: Sequence[Leg], own_legs: int, service_points: tuple[Pose, ...] = ()
-) -> list[Leg]:
-    """Legs of which the first `own_legs` stay as they are, with stops in the others where the load requires it.
-
-    At a place a tractor stands in one of the `service_points`. Raises StrategyError if a load is not enough for a piece
-    of work, or no path leads to the place and back.
-    """
-    last_stop_leg = max((number for number in range(own_legs) if legs[number].stand_s > 0.0), default=0)
-    tail, fixed_legs = Mission(tuple(legs[last_stop_leg:])), own_legs - last_stop_leg
-    pieces = split_into_pieces(ways, supply, tail)
-    begun_pieces = [piece for piece in pieces if piece.first_leg < fixed_legs]
-    later_pieces = pieces[len(begun_pieces) :]
-    if not later_pieces:
-        return list(legs)
-    # A swath that is worked without a break is not interrupted half-way.
-    fixed_legs = max([fixed_legs, *(piece.end_leg for piece in begun_pieces)])
-    used_load = math.fsum(piece.need for piece in begun_pieces)
-    begun = LoadPiece(0, fixed_legs, min(used_load, supply.capacity))
-    gaps = LoadGaps(ways, supply, tail, [begun, *later_pieces], service_points)
-    return [*legs[:last_stop_leg], *add_stops_in_gaps(gaps).legs]
-
-
 def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
     """The distinct poses in which tractors with these legs stand at a place."""
     points: dict[Pose, None] = {}
@@ -188,23 +154,24 @@ def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
     return tuple(points)
 
 
-def add_service_gates(plan: Plan, supply: Supply) -> Plan:
+def add_service_gates(plan: Plan, supply: Supply, width_m: float) -> Plan:
     """The plan with gates by which its tractors are served one at a time, if only one can be."""
-    if supply.served_at == HEADLAND or plan.tractors == 1:
+    if not supply.one_at_a_time or plan.tractors == 1:
         return plan
     legs = [list(mission.legs) for mission in plan.missions]
-    add_queue_gates(legs, [_list_stops(tractor_legs) for tractor_legs in legs], supply)
+    add_queue_gates(legs, [list_stops(tractor_legs, supply, width_m).stops for tractor_legs in legs], supply)
     return Plan(tuple(Mission(tuple(tractor_legs)) for tractor_legs in legs), plan.notes)
 
 
-def _list_stops(legs: Sequence[Leg]) -> list[ServiceStop]:
-    """The stops of some legs, and where a tractor may wait for its turn before each."""
-    stops: list[ServiceStop] = []
-    for number, leg in enumerate(legs):
-        if leg.stand_s <= 0.0:
-            continue
+def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> MissionWithStops:
+    """Some legs with the stops in them, their amounts, and where a tractor may wait for its turn before each."""
+    numbers = [number for number, leg in enumerate(legs) if leg.stand_s > 0.0]
+    loads = [supply.compute_legs_need(legs[a:b], width_m) for a, b in pairwise([0, *numbers, len(legs)])]
+    stops = list[ServiceStop]()
+    for number, amount in zip(numbers, supply.include_trips().list_amounts(loads), strict=True):
         approach_leg = number
         while approach_leg > 0 and legs[approach_leg - 1].task.kind == REFILL:
             approach_leg -= 1
-        stops.append(ServiceStop(number, find_waiting_leg(legs[:approach_leg], stops[-1].leg + 1 if stops else 0), 0.0))
-    return stops
+        hold_leg = find_waiting_leg(legs[:approach_leg], stops[-1].leg + 1 if stops else 0)
+        stops.append(ServiceStop(number, hold_leg, amount))
+    return MissionWithStops(tuple(legs), tuple(stops))

@@ -18,11 +18,11 @@ from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
+from strategies.service_stops.stops import SERVICE_CLEAR_M
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need
 from vehicle.missions.plan import ROUTE, Leg, LegTask
 
 Span = tuple[float, float]
-SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
 UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
 
 
@@ -124,9 +124,10 @@ class TourGaps:
         return [self.measure_part_need(part) for part in self.parts]
 
     def measure_part_need(self, part: TourPart) -> float:
-        """What a part takes of a load; the first of a tractor that stands on the field also what that used before."""
-        used = self.table.moves.get_used(part.node) if part.is_first else 0.0
-        return self.share_need(part, part.last_m - part.first_m) + used
+        """What a part takes of a load; where a tractor stands, what it has used before."""
+        if part.is_stand:
+            return self.table.moves.get_used(part.node)
+        return self.share_need(part, part.last_m - part.first_m)
 
     def share_need(self, part: TourPart, length_m: float) -> float:
         """What so many metres of the line of a part take of a load."""
@@ -141,7 +142,7 @@ class TourGaps:
     @property
     def mean_move_need(self) -> float:
         """What a move between two lines takes in the mean, without what moves save on the lines that they cut."""
-        count = sum(part.is_first for part in self.parts) - 1
+        count = sum(part.is_last for part in self.parts) - 1
         return sum(max(need, 0.0) for need in self.direct_needs[1:-1]) / max(count, 1)
 
     @property

@@ -445,7 +445,8 @@ async def _listen(socket: WebSocket, made: Made) -> None:
                     "state": "ready",
                     "without": frame["without"],
                     "eta_s": 1870.0,
-                    "sentence": "Tractors 1 and 2 take over 2 tracks of tractor 3.",
+                    "sentence": "Tractor 3 is left out. 0.28 of 0.42 ha are left.",
+                    "tractors": [],
                 }
             )
             await socket.send_json(SAID | {"what": "replan", "data": {"without": [3]}})

@@ -144,7 +144,7 @@ def test_what_no_fleet_can_be_made_of_is_refused_in_a_sentence(
 
 def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -> None:
     id = new(client).json()["id"]
-    assert "No tractor has failed" in client.post(f"/api/v1/fleets/{id}/replan", json={}).json()["error"]
+    assert "No tractor remains" in client.post(f"/api/v1/fleets/{id}/replan", json={"without": [1, 2]}).json()["error"]
     assert client.post(f"/api/v1/fleets/{id}/replan", json={"without": [9]}).status_code == 422
     assert "not ready" in client.post(f"/api/v1/fleets/{id}/accept", json={"proposal": 1}).json()["error"]
     assert client.get(f"/api/v1/twins/{id}/1").json()["state"] is None

@@ -25,8 +25,7 @@ from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_s
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.replanning.going_on import continue_remaining_work
-from planner.fleet.replanning.replan import ReplanProposal, build_taken_area
+from planner.fleet.replanning.going_on import ReplanProposal, _build_taken_area, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.fleet.session.frame_content import build_report, describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
@@ -54,7 +53,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
 def stop_and_go_on(plan: FleetPlan, share: float, without: list[int]) -> tuple[RemainingWork, ReplanProposal, Any]:
     manager = at(plan, share)
     manager.operators.stop_all("anna", 1.0)
-    remaining = extract_remaining_work(manager, without, 100.0, goes_on=True)
+    remaining = extract_remaining_work(manager, without, 100.0)
     return remaining, continue_remaining_work(remaining), manager
 
 
@@ -96,9 +95,11 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
 
 def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
-    assert proposal.sentence is not None
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
-    assert proposal.sentence.endswith("of 0.42 ha are left.")
+    assert "of 0.42 ha are left." in proposal.sentence
+    assert proposal.sentence.endswith(
+        f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked."
+    )
 
 
 @pytest.mark.slow
@@ -114,7 +115,7 @@ def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
 
 @pytest.mark.slow
 def test_where_nobody_has_work_that_is_said(plan: FleetPlan) -> None:
-    with pytest.raises(FleetManagerError, match=r"What is left is not worth a drive\."):
+    with pytest.raises(FleetManagerError, match="What is left is not worth a drive"):
         stop_and_go_on(plan, 0.93, [])
 
 
@@ -124,19 +125,33 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
     manager.operators.stop_all("anna", 1.0)
     manager._start_doubt(1, build_area_doubt(manager.states[1].report, 0.0), 1.0)
     manager.states[1].doubt.radius_m = 5.0
-    remaining = extract_remaining_work(manager, [], 100.0, goes_on=True)
+    remaining = extract_remaining_work(manager, [], 100.0)
     sentence = continue_remaining_work(remaining).sentence
-    assert sentence is not None and "Its place is in doubt: it may be up to 5 m from where it was." in sentence
-    left_out = extract_remaining_work(manager, [1], 100.0, goes_on=True)
+    assert "Its place is in doubt: it may be up to 5 m from where it was." in sentence
+    left_out = extract_remaining_work(manager, [1], 100.0)
     context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
-    taken = build_taken_area(left_out, context, 1.0)
+    taken = _build_taken_area(left_out, context, 1.0)
     place = shapely.Point(manager.states[1].doubt.pose[:2])
     assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
 
 
+@pytest.mark.slow
+def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
+    manager = at(plan, 0.4)
+    manager.obstacles.add(((30.0, 20.0), (33.0, 20.0), (33.0, 23.0), (30.0, 23.0)), "stone", "anna")
+    manager.operators.stop_all("anna", 1.0)
+    remaining = extract_remaining_work(manager, [], 100.0)
+    manager.update_blocked_legs()
+    assert any(manager.blocked_legs)
+    proposal = continue_remaining_work(remaining)
+    assert proposal.blocked_m > 1.0 and "are too near an obstacle and remain unworked." in proposal.sentence
+    manager.operators.adopt_plan("anna", proposal.plan, 101.0, remaining.excluded)
+    assert not any(manager.blocked_legs)
+
+
 def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:
     with pytest.raises(FleetManagerError, match="keep at least one"):
-        extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0, goes_on=True)
+        extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0)
 
 
 @dataclass
@@ -188,7 +203,7 @@ def test_robots_take_up_the_new_mission_where_they_stand_and_drive_it_to_its_end
     stopped_s = fleet.now
     fleet.drive(lambda: fleet.now >= stopped_s + 10.0, 11.0)
     del fleet.drivers[1]
-    remaining = extract_remaining_work(fleet.manager, [1], fleet.now, goes_on=True)
+    remaining = extract_remaining_work(fleet.manager, [1], fleet.now)
     proposal = continue_remaining_work(remaining)
     check_proposal_still_fits(remaining, fleet.manager, proposal.plan)
     fleet.manager.operators.adopt_plan("anna", proposal.plan, fleet.now, remaining.excluded)
@@ -246,7 +261,7 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
             fleet = request_json(url, "fleets", token, uploaded)["id"]
             robots = [
                 stack.enter_context(
-                    drive_robot(n, file, url, fleet, take_token(service, "robot", fleet=fleet, tractor=n))
+                    drive_robot(n, file, url, fleet, take_token(service, "robot", f"robot {n}", fleet=fleet, tractor=n))
                 )
                 for n in (1, 2, 3)
             ]
@@ -263,7 +278,7 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
             await_answer(look, lambda _: all(max(each) > 4 for each in legs))
             order("stop")
             robots[1].kill()
-            number = order("replan", {"goes_on": True, "without": [2]})["proposal"]
+            number = order("replan", {"without": [2]})["proposal"]
             await_answer(lambda: order("accept", {"proposal": number}), bool)
             time.sleep(2.0)
             order("resume")
@@ -287,5 +302,5 @@ def plan_demonstration() -> str:
     return write_saved_plan(answer.context, answer.run.plan)
 
 
-def take_token(service: Running, scope: str, **restrictions: Any) -> str:
-    return service.make_token(scope, **restrictions)["authorization"].removeprefix("Bearer ")
+def take_token(service: Running, scope: str, name: str = "", **restrictions: Any) -> str:
+    return service.make_token(scope, name=name, **restrictions)["authorization"].removeprefix("Bearer ")

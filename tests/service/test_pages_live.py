@@ -22,7 +22,7 @@ def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, 
     page.click("summary:has-text('Failures, obstacles')")
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
-    page.click("button:text-is('Accept')")
+    page.click("button:text-is('Send to the tractors')")
     wanted = [
         {"kind": "acknowledge", "alarm": 1},
         {"kind": "stop_all"},

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,20 +18,19 @@ from planner.fleet.manager.remaining_work import extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.replanning import replan
-from planner.fleet.replanning.replan import (
+from planner.fleet.replanning import from_here
+from planner.fleet.replanning.from_here import _cut_leg
+from planner.fleet.replanning.going_on import (
     ReplanProposal,
-    _cut_leg,
     _describe_unknown_load,
-    _is_existing_stop,
+    continue_remaining_work,
     infer_carried_supply,
-    replan_remaining_work,
 )
+from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from strategies.program.supply import Supply
-from strategies.service_stops.stop_plan import add_stops_for_taken_work
 from tests.service.test_replanning import WIDTH_M, at, plan_field
 from vehicle.errors import MissionError
-from vehicle.missions.plan import REFILL, SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import REFILL, Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
@@ -59,13 +57,13 @@ Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
     early = 0.1 if plan.scenario.refill == "0,30" else 0.15  # between them the one that failed bars the way there
-    manager, runs = at(plan, early if request.param == "early" else 0.45), []
+    late = 0.6 if plan.scenario.refill == "tender" else 0.45
+    manager, runs = at(plan, early if request.param == "early" else late), []
     manager.operators.mark_failed("anna", 1, 1.0)
+    watched = lambda run, supply: runs.append(run) or find_service_conflict(run, supply)  # noqa: E731
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            replan, "find_service_conflict", lambda run, supply: runs.append(run) or find_service_conflict(run, supply)
-        )
-        return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
+        patch.setattr(from_here, "find_service_conflict", watched)
+        return manager, continue_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
 
 
 @pytest.mark.matrix
@@ -93,7 +91,7 @@ def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_need
     assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.reassigned_m > 50.0
     for number in (0, 2):
         new, kept = proposal.plan.timed_missions[number].legs, proposal.unchanged_legs[number]
-        assert max(loads_m2(new)) <= most + WIDTH_M  # what is worked twice where a begun track is taken up
+        assert max(loads_m2(new)) <= LOAD_M2 + 1e-6
         before = manager.plan.timed_missions[number].legs
         assert [leg.stand_s for leg in new[:kept]] == [leg.stand_s for leg in before[:kept]]
         assert {leg.stand_s for leg in new} <= {0.0, STAND_S}
@@ -116,22 +114,14 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
     assert manager.version == 2
 
 
-def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
-    whole = plan.plan.missions
-    place = {"x_m": 0, "y_m": 0}
-    made_up = [
-        None,
-        "x",
-        {},
-        {"tractor": 99, "leg": 0} | place,
-        {"tractor": 0, "leg": -1} | place,
-        {"tractor": 1, "leg": "a"} | place,
-        {"tractor": 1, "leg": 0, "x_m": 10**400, "y_m": 0},
-        {"tractor": 10**400, "leg": 0} | place,
-        {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0},
-    ]
-    assert not any(_is_existing_stop(stop, whole) for stop in made_up)
-    assert all(_is_existing_stop(stop, whole) for stop in plan.plan.notes["refills"])
+@pytest.mark.matrix
+def test_where_one_that_has_failed_bars_the_entrance_that_is_said(plan: FleetPlan) -> None:
+    if plan.scenario.refill != "tender":
+        pytest.skip("it stands there only in this plan")
+    manager = at(plan, 0.45)
+    manager.operators.mark_failed("anna", 1, 1.0)
+    with pytest.raises(FleetManagerError, match="no way leads there and out of the field"):
+        continue_remaining_work(extract_remaining_work(manager, [], 100.0))
 
 
 def test_a_plan_that_stands_for_longer_than_a_day_is_refused_at_once(plan: FleetPlan) -> None:
@@ -172,7 +162,7 @@ def test_a_rest_with_long_stands_is_waited_for(monkeypatch: pytest.MonkeyPatch, 
     manager = at(replace(plan, timed_missions=tuple(longer(course) for course in plan.timed_missions)), 0.45)
     manager.operators.mark_failed("anna", 1, 1.0)
     with pytest.raises(FleetManagerError):
-        replan_remaining_work(extract_remaining_work(manager, [], 100.0))
+        continue_remaining_work(extract_remaining_work(manager, [], 100.0))
     assert least and min(least) > 0.0
 
 
@@ -187,18 +177,11 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
         replace(course, mission=Mission(tuple(replace(leg, stand_s=0.0) for leg in course.legs)))
         for course in plan.timed_missions
     )
-    bare = replace(plan, timed_missions=none)
+    scenario = {key: value for key, value in plan.saved.scenario.items() if key != MACHINES_KEY}
+    bare = replace(plan, timed_missions=none, saved=replace(plan.saved, scenario=scenario))
     told = _describe_unknown_load(bare, infer_carried_supply(bare))
     assert len(told) == 1 and "check the tanks" in told[0]
     assert _describe_unknown_load(plan, infer_carried_supply(plan)) == []
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
     assert _describe_unknown_load(dry, None) == []
-
-
-def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:
-    ways = [((0, 0), (50, 0), SWATH), ((50, 0), (80, 0), SWATH), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), SWATH)]
-    legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == SWATH, task=LegTask(kind)) for a, b, kind in ways]
-    places: Any = SimpleNamespace(site=SimpleNamespace(width_m=1.0), tractors=1)
-    found = add_stops_for_taken_work(places, Supply(100.0, 1.0, STAND_S), legs, 1)
-    assert [leg.stand_s for leg in found] == [0.0, 0.0, STAND_S, 0.0]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from strategies.program.battery_supply import CHANGE, CHARGE, ESTIMATE_MARGIN, BatterySupply
 from strategies.program.supply import Supply
-from strategies.service_stops.stops import find_cheapest_stops
+from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from vehicle.energy.fuel import ElectricDrive
 from vehicle.energy.run_energy import LegMeter
 from vehicle.missions.plan import REFILL, Leg
@@ -69,8 +69,10 @@ def test_no_battery_goes_below_its_reserve_or_above_full(loads: list[float], tri
 def test_stops_are_as_few_as_can_be(pieces: int) -> None:
     """Pieces of 5 kWh, eight to a battery: ceil(5 n / 40) loads."""
     supply = build_supply()
-    found = find_cheapest_stops([5.0] * pieces, [supply.estimate_stop_s(5.0 * pieces)] * pieces, supply.capacity)
-    assert found is not None and len(found[1]) == math.ceil(5.0 * pieces / 40.0) - 1
+    needs = TourNeeds([5.0] * pieces, [0.0] * pieces, [0.0] * (pieces + 1), [0.0] * (pieces + 1))
+    costs_s = [supply.estimate_stop_s(5.0 * pieces)] * pieces
+    found = choose_stops(needs, costs_s, supply.capacity, lambda gap, later_s: 0.0)
+    assert found is not None and len(found) == math.ceil(5.0 * pieces / 40.0) - 1
 
 
 def test_ways_between_work_count_as_well() -> None:

@@ -1,6 +1,5 @@
-"""Orders in loads: the split against brute force, the search against known answers, stops in a given order."""
+"""Orders in loads: the split against brute force, the search against known answers."""
 
-import math
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -17,7 +16,6 @@ from strategies.service_stops.load_search import (
     search_with_kicks,
     split_into_loads,
 )
-from strategies.service_stops.stops import find_cheapest_exact_stops, find_cheapest_stops
 from tests.examples import count_examples
 from tests.strategies.known_orders import (
     B_STAR,
@@ -132,50 +130,3 @@ def test_tables_of_starts_grow_by_the_place() -> None:
     )
     assert begun[0].tolist() == task.first[:2].tolist()
     assert begun[2, 0] < UNREACHABLE_S <= begun[1, 0], "after one track the depot is on the other side"
-
-
-needs_and_costs = st.integers(1, 9).flatmap(
-    lambda n: st.tuples(
-        st.lists(st.floats(0.1, 1.0), min_size=n, max_size=n), st.lists(st.floats(0.0, 9.0), min_size=n, max_size=n)
-    )
-)
-
-
-@given(needs_and_costs, st.sampled_from([1.0, 1.5, 3.0]))
-def test_stops_in_a_given_order_are_the_cheapest(values: tuple[list[float], list[float]], capacity: float) -> None:
-    needs, costs = values
-    n = len(needs)
-
-    def fits(cuts: tuple[int, ...]) -> bool:
-        edges = [0, *cuts, n]
-        return all(math.fsum(needs[a:b]) <= capacity + 1e-9 for a, b in pairwise(edges))
-
-    every = [cuts for size in range(n) for cuts in combinations(range(1, n), size) if fits(cuts)]
-    found = find_cheapest_stops(needs, costs, capacity)
-    assert found is not None and fits(found[1])
-    assert found[0] == pytest.approx(min(sum(costs[cut] for cut in cuts) for cuts in every), abs=1e-4)
-
-
-@given(needs_and_costs, st.floats(0.0, 1.0))
-def test_bounds_in_place_of_costs_change_no_sum(values: tuple[list[float], list[float]], share: float) -> None:
-    needs, costs = values
-    asked: list[int] = []
-
-    def cost(gap: int) -> float:
-        asked.append(gap)
-        return costs[gap]
-
-    found = find_cheapest_exact_stops(needs, [share * each for each in costs], cost, 1.5)
-    exact = find_cheapest_stops(needs, costs, 1.5)
-    assert found is not None and exact is not None
-    assert sum(costs[cut] for cut in found) == pytest.approx(exact[0], abs=1e-4)
-    assert len(asked) == len(set(asked)), "nothing is worked out twice"
-
-
-def test_a_piece_above_a_load_has_no_stops() -> None:
-    assert find_cheapest_stops([0.5, 1.2], [0.0, 1.0], 1.0) is None
-    assert find_cheapest_exact_stops([0.5, 1.2], [0.0, 1.0], lambda gap: 1.0, 1.0) is None
-
-
-def test_of_equal_stops_the_latest_is_taken() -> None:
-    assert find_cheapest_stops([1.0] * 5, [7.0] * 5, 3.0) == (7.0, (3,))

@@ -142,15 +142,12 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
 def _compose_sketch(
     context: PlanningContext, compose: Callable[[], ComposedPlan], notes: dict[str, Any]
 ) -> ComposedPlan:
-    """A composed plan with its notes, in which every tractor has work, or where some may rest any.
-
-    With a tank none may: stops to be served are planned for all tractors or none.
-    """
+    """A composed plan with its notes, in which every tractor has work, or where some may rest any."""
     context.time_share.check()
     one = compose()
-    may_rest = context.going_on is not None and context.going_on.may_rest and context.supply is None
+    may_rest = context.going_on is not None and context.going_on.may_rest
     if may_rest and not any(one.programme.tours):
-        raise StrategyError("What is left is not worth a drive.")
+        raise StrategyError("What is left is not worth a drive, or no way leads there and out of the field.")
     if not may_rest and not (one.programme.tours and all(one.programme.tours)):
         _refuse_idle_stands(context, one.programme)
         raise StrategyError(
@@ -284,7 +281,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
             )
             if programme.left_m2 > most_left_m2 + MENTIONED_M2:
                 raise StrategyError("Tractors that work apart leave lines which they work together.")
-            stops = supply and all(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
+            stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
                 plan = stops.build_plan() if stops else build_plan(programme)

@@ -21,7 +21,7 @@ SHORTEST_LEG_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class RemainingWork:
-    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles; `goes_on`: all is planned anew."""
+    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles."""
 
     plan: FleetPlan
     states: tuple[TractorState, ...]
@@ -29,7 +29,6 @@ class RemainingWork:
     obstacles: tuple[shapely.Polygon, ...]
     elapsed_s: float
     times: float
-    goes_on: bool = False
 
     def has_tractor_driven(self, number: int) -> bool:
         """Whether a tractor has driven anything of its plan."""
@@ -56,18 +55,9 @@ class RemainingWork:
         return float(x), float(y), float(heading)
 
 
-def extract_remaining_work(
-    fleet: FleetState, without: Sequence[int], now: float, *, goes_on: bool = False
-) -> RemainingWork:
-    """The remaining work of a fleet without these tractors and the failed ones; `goes_on` to plan all of it anew.
-
-    Raises FleetManagerError.
-    """
+def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float) -> RemainingWork:
+    """The remaining work of a fleet without these tractors and the failed ones. Raises FleetManagerError."""
     excluded = tuple(sorted({*without, *(n for n, state in enumerate(fleet.states) if state.has_no_more_legs)}))
-    if not excluded and not fleet.obstacles.items and not goes_on:
-        raise FleetManagerError(
-            "No tractor has failed and there is no obstacle; name the tractors to plan without.", parameter="without"
-        )
     if len(excluded) == len(fleet.states):
         raise FleetManagerError("No tractor remains to take over; keep at least one.", parameter="without")
     if fleet.plan.field is None:
@@ -78,7 +68,7 @@ def extract_remaining_work(
     states = tuple(copy.copy(state) for state in fleet.states)
     elapsed_s = 0.0 if fleet.started_s is None else (now - fleet.started_s) * fleet.rules.times
     shapes = tuple(block.shape for block in fleet.obstacles.items.values())
-    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times, goes_on)
+    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times)
 
 
 def _check_on_legs(fleet: FleetState, excluded: Sequence[int]) -> None:

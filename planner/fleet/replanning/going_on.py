@@ -1,4 +1,4 @@
-"""A fleet that goes on from where it is: all work that is left planned anew for the tractors that are left.
+"""A fleet plans all work that is left anew: after a failure, round an obstacle, or from where it was stopped.
 
 What tractors have driven, and what is released to them, stays; from the end of that on each gets a new mission, made as
 for work that began earlier (planner.pipeline.going_on). It takes a while: run it in a process of its own.
@@ -16,6 +16,8 @@ import numpy as np
 import shapely
 
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
+from planner.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import WAITED_SHARE
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.preparation import prepare_context
@@ -23,27 +25,41 @@ from planner.evaluation.site import build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
 from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
+from planner.fleet.replanning.from_here import build_whole_plan, drive_from_here
 from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates
-from planner.fleet.replanning.reassignment import compute_leg_end_pose
-from planner.fleet.replanning.replan import (
-    ReplanProposal,
-    build_plan_from_here,
-    build_taken_area,
-    build_whole_plan,
-    can_help,
-    infer_carried_supply,
-    simulate_without_conflicts,
-)
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
-from planner.pipeline.outputs.saved_plans import read_done_ground
+from planner.pipeline.outputs.saved_plans import read_done_ground, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
+from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
 from strategies.programmes.site_moves import SiteMoves
+from strategies.service_stops.stop_plan import infer_supply
 from strategies.split_field import STRATEGY
-from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate
+from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate, Mission
+from vehicle.missions.run import SimulationRun
 
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
+OBSTACLE_MARGIN_M = 0.5
+MENTIONED_M = 0.5  # of track that stays unworked
+
+
+@dataclass(frozen=True, eq=False)
+class ReplanProposal:
+    """A new plan: legs before `unchanged_legs` (by tractor) are as before. `eta_s` counts from the request.
+
+    `reassigned_m` of work are planned anew. `unreachable_m` that are not worth a drive, or that nobody can reach, and
+    `blocked_m` by machines or obstacles remain unworked; `sentence` says so, and where the tractors are.
+    """
+
+    plan: FleetPlan
+    unchanged_legs: tuple[int, ...]
+    eta_s: float
+    reassigned_m: float
+    unreachable_m: float
+    blocked_m: float
+    sentence: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,56 +71,134 @@ class _Helper:
     stand: Stand | None
 
 
+@dataclass(frozen=True, eq=False)
+class _DrivenPlan:
+    """A plan that was driven from where all tractors are.
+
+    Attributes:
+        missions: all legs, with those that are kept.
+        done_s: when it is done, more for lines that are left.
+    """
+
+    composed: ComposedPlan
+    missions: list[tuple[Leg, ...]]
+    run: SimulationRun
+    done_s: float
+    has_waited: bool
+
+
 def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     """Plan all work that is left once tractors have driven what they keep anew, for the tractors that are left.
 
     One for whom no work is worth the drive has none. Raises FleetManagerError if no plan works.
     """
-    plan = remaining.plan
-    scenario = replace(plan.scenario, rain=None, samples=None, deadline_s=None, gnss=False, gnss_table=None)
-    supply = infer_carried_supply(plan)
-    order = WorkOrder(scenario, plan.field, plan.tractor, plan.implement, supply=supply)
-    whole = prepare_context(order, physics=plan.physics)
-    ends = [_count_kept_legs(remaining, number) for number in range(plan.tractor_count)]
-    helpers = [_build_helper(remaining, n, ends[n], whole) for n in range(plan.tractor_count) if can_help(remaining, n)]
+    plan, whole = remaining.plan, _prepare_whole(remaining.plan)
+    half_m = 0.5 * max(whole.implement.contact_width_m, whole.tractor.width_m)
+    taken = _build_taken_area(remaining, whole, half_m)
+    reach_m = max(max(abs(rear), abs(front)) for rear, front, _ in whole.driving_rules.boxes)
+    blocked = shapely.buffer(taken, half_m + reach_m)  # a guided point in it may have no way on
+    ends = [_count_kept_legs(remaining, number, blocked) for number in range(plan.tractor_count)]
+    helpers = [
+        _build_helper(remaining, n, ends[n], whole) for n in range(plan.tractor_count) if _can_help(remaining, n)
+    ]
     helpers.sort(key=lambda helper: (helper.stand is None, helper.number))
     if not helpers:
         raise FleetManagerError("Every tractor is leaving the field already, or is left out; nobody can go on.")
     context = _leave_done_work(remaining, whole, ends, helpers)
-    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
-    taken = build_taken_area(remaining, context, half_m)
     context.site_cache[SiteMoves] = moves = build_site_moves(context, build_site(context, taken))
-    composed = _compose_best(context, len(helpers))
-    missions = _join_missions(remaining, ends, helpers, composed)
-    run = simulate_without_conflicts(remaining, context, build_plan_from_here(remaining, missions))
-    new_plan = build_whole_plan(remaining, missions, run)
+    driven = _drive_best(remaining, context, ends, helpers)
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
-    eta_s = float(max(run.finish_s[n] for n in numbers)) / remaining.times
-    left_m = math.fsum(moves.lines[number].length_m for number in composed.programme.left)
+    left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
-    sentence = _describe_stands(remaining, context, whole)
-    return ReplanProposal(new_plan, tuple(ends), eta_s, work_m - left_m, left_m, 0.0, sentence)
+    blocked_m = shapely.intersection(context.layout.field.due_region, taken).area / context.layout.width_m
+    sentences = [
+        *_describe_stands(remaining, context, whole),
+        *_describe_open_work(remaining, left_m, blocked_m),
+        *_describe_unknown_load(plan, whole.supply),
+    ]
+    return ReplanProposal(
+        build_whole_plan(remaining, context, driven.missions, driven.run),
+        tuple(ends),
+        float(max(driven.run.finish_s[n] for n in numbers)) / remaining.times,
+        work_m - left_m,
+        left_m,
+        blocked_m,
+        " ".join(sentences),
+    )
 
 
-def _count_kept_legs(remaining: RemainingWork, number: int) -> int:
+def _prepare_whole(plan: FleetPlan) -> PlanningContext:
+    """The context of the plan of a fleet, with what its tractors carry."""
+    scenario = replace(plan.scenario, rain=None, samples=None, deadline_s=None, gnss=False, gnss_table=None)
+    supply = infer_carried_supply(plan)
+    order = WorkOrder(scenario, plan.field, plan.tractor, plan.implement, supply=supply)
+    return prepare_context(order, physics=plan.physics)
+
+
+def infer_carried_supply(plan: FleetPlan) -> Supply | None:
+    """What tractors of a plan carry: as it says, else as its stops tell; None without either, and with a battery."""
+    if plan.tractor.battery is not None:
+        return None
+    refill_choice = (plan.scenario.refill or "").strip().lower()
+    service_place = SERVICE_VEHICLE if refill_choice == SERVICE_VEHICLE else HEADLAND
+    return read_supply(plan.saved) or infer_supply(
+        [timed_mission.legs for timed_mission in plan.timed_missions], plan.implement.width_m, service_place
+    )
+
+
+def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
+    """What no machine may touch: tractors left out, with the clearance round them or where they may be, and obstacles.
+
+    `half_m` is half the width of a machine.
+    """
+    shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    long_m = context.tractor.length_m
+    for number in remaining.excluded:
+        doubt = remaining.states[number].doubt
+        if doubt is not None:
+            reach_m = doubt.radius_m + long_m + context.implement.hitch_m + half_m + context.request.clearance_m
+            shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
+        elif not remaining.is_on_road(number):
+            x, y, heading = remaining.get_pose(number)
+            ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
+            tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
+            shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
+    return shapely.union_all(shapes)
+
+
+def _can_help(remaining: RemainingWork, number: int) -> bool:
+    """Whether a tractor drives on and is not leaving the field already."""
+    state, legs = remaining.states[number], remaining.plan.timed_missions[number].legs
+    if number in remaining.excluded:
+        return False
+    return not any(leg.task.kind == LEAVE for leg in legs[: max(state.base_end, state.leg + 1)])
+
+
+def _count_kept_legs(remaining: RemainingWork, number: int, blocked: shapely.Geometry) -> int:
     """How many legs of a tractor stay: what it has driven and what is released to it, up to the end of a line or turn.
 
-    One that drives keeps what it drives until the new plan can be sent.
+    One that drives keeps what it drives until the new plan can be sent, but for legs on `blocked` ground.
     """
     state, legs = remaining.states[number], remaining.states[number].mission.legs
     if number in remaining.excluded:
         return min(state.leg + 1, len(legs))
-    if not can_help(remaining, number):
+    if not _can_help(remaining, number):
         return len(legs)
     if not remaining.has_tractor_driven(number) and state.base_end == 0:
         return 0
-    end = max(state.base_end, state.leg + 1)
+    end, is_blocked = max(state.base_end, state.leg + 1), shapely.intersects(state.mission.lines, blocked)
     if not state.is_standing:
         here_s = state.mission.compute_driven_s(state.leg, state.leg_m)
-        while end < len(legs) and state.mission.leg_starts_s[end] < here_s + PLANNING_S * remaining.times:
+        while (
+            end < len(legs)
+            and not is_blocked[end]
+            and state.mission.leg_starts_s[end] < here_s + PLANNING_S * remaining.times
+        ):
             end += 1
     is_on_way = not legs[end - 1].implement
-    while is_on_way and end < len(legs) and not legs[end].implement and legs[end].task.kind != LEAVE:
+    while (
+        is_on_way and end < len(legs) and not (legs[end].implement or is_blocked[end]) and legs[end].task.kind != LEAVE
+    ):
         end += 1
     first_out = next((k for k, leg in enumerate(legs) if leg.task.kind == LEAVE), len(legs))
     return max(min(end, first_out), state.base_end, state.leg + 1)
@@ -116,7 +210,7 @@ def _build_helper(remaining: RemainingWork, number: int, kept_legs: int, context
         return _Helper(number, 0, None)
     used = 0.0 if context.supply is None else sum_used(legs, context.supply, context.request.width_m)
     ahead = list_places_ahead(remaining.states[number].mission.legs[kept_legs:])
-    return _Helper(number, kept_legs, Stand(compute_leg_end_pose(legs[-1], -1), used, ahead))
+    return _Helper(number, kept_legs, Stand(Mission(tuple(legs)).end, used, ahead))
 
 
 def _leave_done_work(
@@ -138,16 +232,49 @@ def _leave_done_work(
     return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
 
 
-def _compose_best(context: PlanningContext, tractors: int) -> ComposedPlan:
-    """The quickest plan by its lines and moves; raises FleetManagerError where there is none."""
+def _drive_best(
+    remaining: RemainingWork, context: PlanningContext, ends: Sequence[int], helpers: Sequence[_Helper]
+) -> _DrivenPlan:
+    """The plan that is done first; where tractors wait for one another, those in which they work apart are driven too.
+
+    Raises FleetManagerError where none can be driven.
+    """
+    found, refusals = list[_DrivenPlan](), list[HeadlandError]()
     try:
-        *quicker, last = sketch_plans(context, STRATEGY, tractors)
-        for sketch in quicker:
-            with suppress(StrategyError):
-                return sketch.compose()
-        return last.compose()
+        sketches = sketch_plans(context, STRATEGY, len(helpers))
     except StrategyError as refusal:
-        raise FleetManagerError(f"The work that is left cannot be planned: {refusal}") from None
+        raise _translate_refusal(refusal) from None
+    for sketch in sketches:
+        composed = driven = None
+        try:
+            composed = sketch.compose()
+            driven = _drive(remaining, context, _join_missions(remaining, ends, helpers, composed), composed)
+            found.append(driven)
+        except (StrategyError, FleetManagerError) as refusal:
+            refusals.append(refusal)
+        if composed is not None and sketch.sketch_apart is not None and (driven is None or driven.has_waited):
+            with suppress(StrategyError):
+                sketches.append(sketch.sketch_apart(composed.programme.left_m2))
+    if not found:
+        raise _translate_refusal(refusals[0])
+    return min(found, key=lambda one: one.done_s)
+
+
+def _drive(
+    remaining: RemainingWork, context: PlanningContext, missions: list[tuple[Leg, ...]], composed: ComposedPlan
+) -> _DrivenPlan:
+    """Drive a plan, and see how much later than with nobody in the way it is done."""
+    run = drive_from_here(remaining, context, missions)
+    alone_s = max(math.fsum(mission.leg_seconds) for mission in build_timed_missions(run.plan, run))
+    done_s = max(float(run.finish_s[number]) for number in range(len(missions)) if number not in remaining.excluded)
+    return _DrivenPlan(composed, missions, run, done_s * composed.left_factor, done_s > WAITED_SHARE * alone_s)
+
+
+def _translate_refusal(refusal: HeadlandError) -> FleetManagerError:
+    """A refusal as the fleet manager gives it."""
+    if isinstance(refusal, FleetManagerError):
+        return refusal
+    return FleetManagerError(f"The work that is left cannot be planned: {refusal}")
 
 
 def _join_missions(
@@ -173,7 +300,7 @@ def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:
     return replace(leg, gates=tuple(gates))
 
 
-def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: PlanningContext) -> str:
+def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: PlanningContext) -> list[str]:
     """Where the tractors are, and how much is left."""
     places = []
     for number, state in enumerate(remaining.states):
@@ -185,7 +312,7 @@ def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: 
         if state.doubt is not None:
             places.append(f"Its place is in doubt: it may be up to {state.doubt.radius_m:.0f} m from where it was.")
     left_ha, whole_ha = context.layout.field.area_ha, whole.layout.field.area_ha
-    return " ".join([*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left."])
+    return [*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left."]
 
 
 def _name_line(leg: Leg) -> str:
@@ -195,3 +322,24 @@ def _name_line(leg: Leg) -> str:
         "on track" if leg.task.is_work and leg.task.kind == "track" else "on headland pass" if leg.task.is_work else ""
     )
     return f"{words} {leg.task.number + 1}" if words else "in a turn"
+
+
+def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:
+    """What remains unworked and why, in a sentence or two; none for nothing."""
+    causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
+    causes += ["an obstacle"] if remaining.obstacles else []
+    sentences = []
+    if blocked_m >= MENTIONED_M:
+        sentences.append(f"{blocked_m:.0f} m of track are too near {' and '.join(causes)} and remain unworked.")
+    if unreachable_m >= MENTIONED_M:
+        sentences.append(
+            f"{unreachable_m:.0f} m of track cannot be reached, or are not worth the drive, and remain unworked."
+        )
+    return sentences
+
+
+def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
+    """A remark if tractors carry something and the plan does not say how much; none otherwise."""
+    if supply is not None or "refills" not in plan.plan.notes:
+        return []
+    return ["The plan has no service stops, so the size of a load is unknown: check the tanks."]

@@ -13,8 +13,7 @@ from planner.fleet.manager.remaining_work import RemainingWork, extract_remainin
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import encode_leg
-from planner.fleet.replanning.going_on import continue_remaining_work
-from planner.fleet.replanning.replan import ReplanProposal, replan_remaining_work
+from planner.fleet.replanning.going_on import ReplanProposal, continue_remaining_work
 
 RunInProcess = Callable[..., Awaitable[Any]]
 BroadcastFrame = Callable[[dict[str, Any]], None]
@@ -40,19 +39,16 @@ class ReplanProposals:
         self._tasks: set[asyncio.Task[None]] = set()
         self._last = 0
 
-    def start_replanning(
-        self, manager: FleetManager, without: list[int], now: float, broadcast: BroadcastFrame, *, goes_on: bool = False
-    ) -> int:
-        """Start planning the remaining work; watchers are shown the proposal when ready.
+    def start_replanning(self, manager: FleetManager, without: list[int], now: float, broadcast: BroadcastFrame) -> int:
+        """Start planning all work that is left anew; watchers are shown the proposal when ready.
 
-        With `goes_on` all work that is left is planned anew, else that of the excluded is given to the others. Raises
-        FleetManagerError.
+        Raises FleetManagerError.
         """
         if self._run_in_process is None:
             raise FleetManagerError("This fleet cannot be replanned here; drive it through the service.")
         if any(item.state == "planning" for item in self._items.values()):
             raise FleetManagerError("A proposal is already being planned; wait for it.")
-        remaining = extract_remaining_work(manager, without, now, goes_on=goes_on)
+        remaining = extract_remaining_work(manager, without, now)
         self._last += 1
         replan_run = _ProposalRecord(self._last, "planning", remaining)
         self._store_and_show(replan_run, broadcast)
@@ -66,8 +62,7 @@ class ReplanProposals:
         self, run_in_process: RunInProcess, replan_run: _ProposalRecord, broadcast: BroadcastFrame
     ) -> None:
         try:
-            make = continue_remaining_work if replan_run.remaining.goes_on else replan_remaining_work
-            proposal: ReplanProposal = await run_in_process(make, replan_run.remaining)
+            proposal: ReplanProposal = await run_in_process(continue_remaining_work, replan_run.remaining)
             replan_run = replace(replan_run, state="ready", proposal=proposal, sentence=proposal.sentence)
         except HeadlandError as refusal:
             replan_run = replace(replan_run, state="failed", sentence=render_refusal(refusal))
@@ -108,7 +103,6 @@ def _build_proposal_frame(replan_run: _ProposalRecord) -> dict[str, Any]:
         "id": replan_run.id,
         "state": replan_run.state,
         "without": [n + 1 for n in replan_run.remaining.excluded],
-        "goes_on": replan_run.remaining.goes_on,
         "sentence": replan_run.sentence,
     }
     proposal = replan_run.proposal

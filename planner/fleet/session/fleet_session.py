@@ -270,7 +270,7 @@ class FleetSession:
             case inbound_frames.RecoverFrame():
                 operators.mark_repaired(who, frame.tractor - 1, now)
             case inbound_frames.ReplanFrame():
-                self.replan(who, [number - 1 for number in frame.without], goes_on=frame.goes_on)
+                self.replan(who, [number - 1 for number in frame.without])
             case inbound_frames.AcceptFrame():
                 self.accept_proposal(who, frame.proposal, now)
             case _:
@@ -301,15 +301,14 @@ class FleetSession:
         self.manager.obstacle_reports.add_unreadable(client.tractor, sentence, now)
         self.send_pending_outputs()
 
-    def replan(self, who: str, without: list[int], *, goes_on: bool = False) -> int:
-        """Replan the remaining work without some tractors, with `goes_on` all of it; returns the proposal's number.
+    def replan(self, who: str, without: list[int]) -> int:
+        """Plan all work that is left anew without some tractors; returns the proposal's number.
 
         Raises FleetManagerError.
         """
         for number in without:
             self.manager.check_tractor_number(number)
-        begin = self.proposals.start_replanning
-        number = begin(self.manager, without, time.monotonic(), self.broadcast, goes_on=goes_on)
+        number = self.proposals.start_replanning(self.manager, without, time.monotonic(), self.broadcast)
         self.manager.log_event(who, "replan", without=[excluded + 1 for excluded in without], proposal=number)
         return number
 

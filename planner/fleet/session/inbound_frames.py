@@ -203,11 +203,10 @@ class RecoverFrame(_OrderFrame):
 
 
 class ReplanFrame(_OrderFrame):
-    """Plan the remaining tracks of these tractors for the others; with `goes_on` all that is left, from here on."""
+    """Plan all that is left anew, from here on, without these tractors."""
 
     kind: Literal["replan"]
     without: Annotated[list[TractorNumber], Field(max_length=MOST_TRACTORS)] = []
-    goes_on: bool = False
 
 
 class AcceptFrame(_OrderFrame):

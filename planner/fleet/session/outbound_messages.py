@@ -267,15 +267,14 @@ class AlarmsMessage(OutboundMessage):
 class ProposalMessage(OutboundMessage):
     """A new plan for the remaining work; `eta_s` is simulated, `tractors` have the new legs for the map.
 
-    `reassigned_m` of work change hands (with `goes_on` all that is left is planned anew); `unreachable_m` cannot be
-    reached, `blocked_m` are blocked.
+    `reassigned_m` of work are planned anew; `unreachable_m` cannot be reached or are not worth the drive, `blocked_m`
+    are blocked.
     """
 
     kind: Literal["proposal"] = "proposal"
     id: int
     state: Literal["planning", "ready", "failed", "accepted"]
     without: list[int]
-    goes_on: bool = False
     eta_s: float | None = None
     reassigned_m: float | None = None
     unreachable_m: float | None = None

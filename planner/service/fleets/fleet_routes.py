@@ -203,10 +203,9 @@ recording_router = ApiRouter(tags=["fleets"])
 
 
 class ReplanRequest(ApiRequest):
-    """Tractors that are left out; failed ones always are. The others take over, with `goes_on` all is planned anew."""
+    """Tractors that are left out; failed ones always are. All that is left is planned anew for the others."""
 
     without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(default_factory=list, max_length=999)]
-    goes_on: bool = False
 
 
 class ProposalNumber(ApiRequest):
@@ -332,9 +331,9 @@ def _send_and_answer(sessions: FleetSessions, id: str) -> FleetAnswer:
 
 @fleet_router.post("/fleets/{id}/replan", status_code=202)
 async def replan_fleet(sessions: SessionsAccess, who: OperateAccess, id: str, body: ReplanRequest) -> ProposalNumber:
-    """Replan the remaining work without some tractors."""
+    """Plan all work that is left anew, without some tractors."""
     session = sessions.get_session(id)
-    number = session.replan(who.name, [tractor - 1 for tractor in body.without], goes_on=body.goes_on)
+    number = session.replan(who.name, [tractor - 1 for tractor in body.without])
     session.send_pending_outputs()
     return ProposalNumber(proposal=number)
 

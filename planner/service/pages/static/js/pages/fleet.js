@@ -1,6 +1,6 @@
 // One live fleet: map, tractors, pause and resume, obstacles, failed tractors, the new plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
-import { listed, t, translate } from "../language.js";
+import { t, translate } from "../language.js";
 import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
@@ -37,7 +37,7 @@ export async function open(main, shell, [id]) {
   const repaired = button("It works again", () => live.send({ kind: "recover", tractor: Number(which.value) }));
   // All that is left planned anew from where everybody is; it is sent by "Send to the tractors".
   const leftOut = el("select", { "aria-label": "Who goes on" });
-  const onward = button("Go on from here", () => live.send({ kind: "replan", goes_on: true, without: leftOut.value ? [Number(leftOut.value)] : [] }));
+  const onward = button("Go on from here", () => live.send({ kind: "replan", without: leftOut.value ? [Number(leftOut.value)] : [] }));
   const proposed = () => { put(proposal, live.proposal && proposalNote(live)); map.view.redraw(); };
   const drawCorners = map.extra;
   map.extra = (ctx, view) => { drawCorners(ctx, view); drawProposal(ctx, view, live); };
@@ -59,7 +59,7 @@ export async function open(main, shell, [id]) {
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
         el("details", { class: "panel" }, el("summary", {}, "Failures, obstacles, removal"),
-          el("p", { class: "small soft" }, "Its remaining tracks are planned for the others; you see the time before you accept."),
+          el("p", { class: "small soft" }, "All that is left is planned anew for the others; you see the new plan before you send it."),
           el("div", { class: "row" }, el("div", { class: "grow" }, which), fail, repaired), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
@@ -88,22 +88,19 @@ const eventWords = ({ time, who, what, data = {} }) =>
   [moment(time), who, translate(String(what).replaceAll("_", " ")), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${translate(key.replaceAll("_", " "))} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
 function proposalNote(live) {
-  const one = live.proposal, gone = t`tractor ${listed(one.without)}`;
+  const one = live.proposal;
   if (one.state === "accepted") return null;
-  if (one.state === "failed") return note(one.sentence ?? t`There is no plan without ${gone}.`, "error");
-  if (one.state === "planning") return note(one.goes_on ? "All that is left is being planned anew, from where the tractors are." : t`The remaining tracks of ${gone} are being planned for the others.`);
-  if (one.goes_on) return note([one.sentence, t`The new plan is on the map. Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
+  if (one.state === "failed") return note(translate(one.sentence), "error");
+  if (one.state === "planning") return note("All that is left is being planned anew, from where the tractors are.");
+  return note([translate(one.sentence), t`The new plan is on the map. Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
     button("Send to the tractors", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
-    button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
-  return note([one.sentence ? translate(one.sentence) : t`The others take over from ${gone}.`, t`Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
-    button("Accept", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
     button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
 }
 
-// The new legs of a plan that goes on, work wide and ways thin, until it is sent.
+// The new legs of a proposal, work wide and ways thin, until it is sent.
 function drawProposal(ctx, view, live) {
   const one = live.proposal;
-  if (!one?.goes_on || one.state !== "ready") return;
+  if (one?.state !== "ready") return;
   const [east, north] = live.origin;
   for (const { tractor, legs } of one.tractors) for (const leg of legs) {
     const points = leg.points_m.map(([x, y]) => [x - east, y - north]);

@@ -1,0 +1,150 @@
+"""A new plan of a fleet driven from where all tractors are, and joined to what they have driven so far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.ops
+
+from fields.errors import HeadlandError
+from planner.evaluation.candidates.energy_figures import find_service_conflict
+from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
+from planner.evaluation.context import PlanningContext
+from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.replanning.gates import move_gates, move_waiting_places, renumber_leg_gates
+from planner.traffic.giving_way import resolve_conflicts
+from planner.traffic.precedence import TrafficRules, schedule_plan
+from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
+from vehicle.missions.plan import Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.sim.incremental import IncrementalSimulator
+from vehicle.sim.world import World
+
+STUB_LENGTH_M = 0.02  # an excluded tractor drives this far in the simulation: it stands in the way
+ROAD_M = 1e4
+
+
+def drive_from_here(
+    remaining: RemainingWork, context: PlanningContext, missions: Sequence[tuple[Leg, ...]]
+) -> SimulationRun:
+    """The run of all that is left of some missions, with tractors served one at a time where only one can be.
+
+    Raises FleetManagerError if conflicts remain.
+    """
+    plan, supply = _build_plan_from_here(remaining, missions), context.supply
+    if supply is not None:
+        plan = add_service_gates(plan, supply, context.request.width_m)
+    run = _simulate_without_conflicts(remaining, context, plan)
+    crowding = find_service_conflict(run, supply)
+    if crowding is not None:
+        raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
+    return run
+
+
+def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:
+    """The remaining plan from where all tractors are; leg k counts from the present leg."""
+    missions_from_here = []
+    for number, (legs, state) in enumerate(zip(missions, remaining.states, strict=True)):
+        if remaining.stays(number, len(legs)):
+            missions_from_here.append(Mission((_build_stationary_leg(remaining, number, legs),)))
+            continue
+        first_leg = _cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
+        rows = [first_leg, *legs[state.leg + 1 :]]
+        missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
+    return Plan(tuple(missions_from_here), {"strategy": "rest"})
+
+
+def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg, ...]) -> Leg:
+    """A stub leg for a tractor that stays where it is; one on the road is moved far away."""
+    x, y, heading = remaining.get_pose(number)
+    if remaining.is_on_road(number):
+        x -= ROAD_M * (number + 1)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    return Leg(np.array([(x, y), (x, y) + STUB_LENGTH_M * ahead]), 1.0, ground=legs[0].ground, task=LegTask())
+
+
+def _cut_leg(leg: Leg, done_m: float) -> Leg:
+    """The remaining part of a leg."""
+    line = shapely.LineString(leg.points)
+    remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
+    stand_s = leg.stand_s if done_m <= STAND_TOLERANCE_M else 0.0  # for how long it has stood is unknown
+    return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s)
+
+
+def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
+    """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
+    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context, beside=True)
+    machines = context.tractor, context.implement
+    ground: dict[str, Any] = {"terrain": context.physics.terrain, "load": context.physics.driven_load}
+    rehearsal = IncrementalSimulator(
+        *machines, stop_clearance_m=clearance_m, beside_clearance_m=beside_m, seed=context.request.seed, **ground
+    )
+
+    def compute_patience_s(tried_plan: Plan) -> float:
+        legs = [leg for mission in tried_plan.missions for leg in mission.legs]
+        return 600.0 + sum(leg.stand_s + 2.0 * leg.length_m / leg.speed_mps for leg in legs)
+
+    def simulate_alone(mission: Mission) -> SimulationRun:
+        single = Plan((mission,))
+        return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
+
+    def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
+        rules = TrafficRules(*machines, clearance_m, beside_m, simulate_alone)
+        scheduled_plan = schedule_plan(tried_plan, rules, slack)
+        return None if scheduled_plan is None else move_gates(remaining, scheduled_plan)[0]
+
+    def simulate(tried_plan: Plan) -> SimulationRun:
+        return rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
+
+    try:
+        run, conflict = resolve_conflicts(plan, simulate, schedule_traffic)
+    except HeadlandError as refusal:
+        raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
+    if conflict is not None or run.outcome != DONE:
+        raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
+    return move_waiting_places(remaining, run, simulate)
+
+
+def build_whole_plan(
+    remaining: RemainingWork, context: PlanningContext, missions: Sequence[tuple[Leg, ...]], run: SimulationRun
+) -> FleetPlan:
+    """Join the legs driven so far and those of the run into one plan."""
+    width_m = context.request.width_m
+    plan, timed_run, whole_missions, timed_missions = remaining.plan, build_timed_missions(run.plan, run), [], []
+    for number, legs in enumerate(missions):
+        present_leg, new_legs = remaining.states[number].leg, run.plan.missions[number].legs
+        first_count = 1 if remaining.has_tractor_driven(number) else 0
+        is_standing = remaining.stays(number, len(legs))
+        past_count = len(legs) if is_standing else present_leg + first_count
+        past_legs = [replace(leg, gates=(), follow=None) for leg in legs[:past_count]]
+        if first_count and not is_standing:  # a standing tractor may have to wait where it is
+            present_gates = renumber_leg_gates(new_legs[0], remaining, 1).gates
+            past_legs[-1] = replace(past_legs[-1], gates=present_gates)
+        future = slice(first_count, first_count if is_standing else None)
+        whole_mission = Mission((*past_legs, *(renumber_leg_gates(leg, remaining, 1) for leg in new_legs[future])))
+        whole_missions.append(whole_mission)
+        past_seconds = remaining.states[number].mission.leg_seconds[: len(past_legs)]
+        timed_missions.append(TimedMission(whole_mission, (*past_seconds, *timed_run[number].leg_seconds[future])))
+    stops = (
+        [] if context.supply is None else [list_stops(each.legs, context.supply, width_m) for each in whole_missions]
+    )
+    notes = {**plan.plan.notes, "replanned": True}
+    if context.supply is not None:
+        notes |= build_stop_notes(stops, context.supply)
+    saved = replace(plan.saved, plan=Plan(tuple(whole_missions), notes))
+    finish = tuple(remaining.elapsed_s + float(seconds) for seconds in run.finish_s)
+    return replace(
+        plan,
+        saved=saved,
+        timed_missions=tuple(timed_missions),
+        finish_s=finish,
+        min_clearance_m=min(plan.min_clearance_m, run.min_clearance_m),
+    )
