@@ -22,6 +22,7 @@ LABELS = {
     "headland": "Headland depth, m", "headland_passes": "Passes on the headland",
     "headland_order": "Work the headland", "headland_first": "Headland before the tracks",
     "headland_last": "Headland after the tracks", "no_headland": "Headland left unworked",
+    "leave_out": "Tracks to leave out", "work_first": "Tracks to work first", "give": "Tracks of one tractor",
     "elevation": "Heights of the field", "elevation_crs": "Coordinate system of the heights", "soil": "Soil",
     "moisture": "Moisture of the soil, percent", "rain_mm": "Rain of the last days, mm",
     "et0_mm": "Evapotranspiration of those days, mm a day",

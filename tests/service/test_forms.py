@@ -166,7 +166,7 @@ def test_a_form_stores_nothing(client: TestClient) -> None:
 
 def test_the_page_asks_for_every_option_of_a_plan() -> None:
     scripts = STATIC_FOLDER / "js"
-    text = (scripts / "planoptions.js").read_text() + (scripts / "pages" / "plan.js").read_text()
+    text = "".join((scripts / name).read_text() for name in ("planoptions.js", "trackmap.js", "pages/plan.js"))
     words = set(re.findall(r"\w+", text))
     assert [name for name in PLAN_OPTIONS if name not in words] == []
 
