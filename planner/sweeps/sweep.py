@@ -174,13 +174,13 @@ class Sweep:
         self._check_tracks()
 
     def _check_tracks(self) -> None:
-        """Raise RequestError where something is wanted of single tracks and there are several layouts that number them."""
+        """Raise RequestError where something is wanted of single tracks, and several layouts number them."""
         varied = [axis.option.name for axis in self.axes if axis.parameter not in SUMMED and len(axis.values) > 1]
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"
             raise RequestError(
-                f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one {several}, or "
-                f"none of {', '.join(map(mark_parameter, WISHES))}."
+                f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one {several}, "
+                f"or none of {', '.join(map(mark_parameter, WISHES))}."
             )
 
     @property

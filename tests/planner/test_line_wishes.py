@@ -46,7 +46,9 @@ def test_ranges_and_their_ends() -> None:
     assert parse_line_names("R1-R3", "give") == parse_line_names("R1-3", "give")
 
 
-@pytest.mark.parametrize("text", ["", "x", "0", "5-3", "R", "3.2", "R2b", "R1.0", "1-99999", "1;2", "-1", "5bcd", "1-R3"])
+@pytest.mark.parametrize(
+    "text", ["", "x", "0", "5-3", "R", "3.2", "R2b", "R1.0", "1-99999", "1;2", "-1", "5bcd", "1-R3"]
+)
 def test_what_names_no_line_is_refused(text: str) -> None:
     with pytest.raises(HeadlandError, match="names no track; write tracks and headland passes as the map does"):
         parse_line_names(text, "leave_out")
