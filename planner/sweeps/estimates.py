@@ -41,8 +41,10 @@ from strategies.registry import get_strategy
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 
 STRATEGY = get_strategy("split-field")
+K = TypeVar("K")
 T = TypeVar("T")
 MOST_GROUNDS = 6
+MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 WISHES = ("leave_out", "work_first", "give")
@@ -103,9 +105,9 @@ class GroundEstimates:
         """For the ground of a context, whose speed is that at which tours are found; with `drives` they are driven."""
         self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
-        self._sketches = dict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
+        self._sketches = OrderedDict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
         self._drive_factors = dict[int, float]()
-        self._moves = {_list_speeds(context.request): get_site_moves(context)}
+        self._moves = OrderedDict({_list_speeds(context.request): get_site_moves(context)})
 
     @property
     def layout(self) -> tuple[float, int]:
@@ -202,7 +204,8 @@ class GroundEstimates:
     def _sketch(self, tractors: int, headland: str, requested: PlanRequest) -> SketchedPlan | StrategyError:
         """The plan of a number of tractors with the headland in an order and lines as asked, or why there is none."""
         key = tractors, headland, requested.line_wishes
-        if key not in self._sketches:
+        found = self._sketches.get(key)
+        if found is None:
             wishes = {name: getattr(requested, name) for name in WISHES}
             request = replace(self._context.request, tractors=(tractors,), headland_order=headland or None, **wishes)
             context = replace(self._context, request=request)
@@ -210,10 +213,11 @@ class GroundEstimates:
             try:
                 sketch = sketch_plans(context, STRATEGY, tractors)[0]
                 idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
-                self._sketches[key] = sketch if idle is None else _refuse_idle(tractors)
+                found = sketch if idle is None else _refuse_idle(tractors)
             except StrategyError as refusal:
-                self._sketches[key] = refusal
-        return self._sketches[key]
+                found = refusal
+        _keep(self._sketches, key, found, MOST_SKETCHES)
+        return found
 
     def _get_drive_factor(self, tractors: int) -> float:
         """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""
@@ -248,9 +252,9 @@ class GroundEstimates:
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
         key = _list_speeds(context.request)
-        if key not in self._moves:
-            self._moves[key] = SiteMoves(build_site(context), get_site_moves(self._context).lines)
-        return self._moves[key]
+        moves = self._moves.get(key) or SiteMoves(build_site(context), get_site_moves(self._context).lines)
+        _keep(self._moves, key, moves, MOST_SPEEDS)
+        return moves
 
 
 def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves, covered_share: float) -> _TimedTours:
@@ -454,7 +458,7 @@ def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:
     return GroundEstimates(prepare_context(order), drives=False)
 
 
-def _keep(kept: OrderedDict[str, T], key: str, value: T, most: int) -> None:
+def _keep(kept: OrderedDict[K, T], key: K, value: T, most: int) -> None:
     """Keep a value as the one used last."""
     kept[key] = value
     kept.move_to_end(key)

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from fields.units import DAY_S
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, RequestError, mark_parameter
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import recall
 from planner.evaluation.work_order import WorkOrder, read_requested_field
@@ -26,7 +26,7 @@ from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import Axis, list_points
-from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
+from planner.sweeps.estimates import STRATEGY, SUMMED, WISHES, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
@@ -171,6 +171,17 @@ class Sweep:
         self._points = list(list_points(self.axes))
         self._tasks = [build_tasks(self.axes, partial(self.build_order, name)) for name in self.fields]
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
+        self._check_tracks()
+
+    def _check_tracks(self) -> None:
+        """Raise RequestError where something is wanted of single tracks, and several layouts number them."""
+        varied = [axis.option.name for axis in self.axes if axis.parameter not in SUMMED and len(axis.values) > 1]
+        if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
+            several = varied[0].replace("_", " ") if varied else "field"
+            raise RequestError(
+                f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one {several}, "
+                f"or none of {', '.join(map(mark_parameter, WISHES))}."
+            )
 
     @property
     def total(self) -> int:

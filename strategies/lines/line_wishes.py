@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +20,9 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 Bools = npt.NDArray[np.bool_]
 
 MOST_NAMED = 10_000
+MOST_KEPT = 8  # wishes that are read: one request asks for its own many times
 _NAMES = re.compile(
-    r"(?P<ring>R)?(?P<first>\d{1,5})(?:-R?(?P<last>\d{1,5})|(?P<piece>[a-z]{1,2})|\.(?P<side>\d{1,4}))?"
+    r"(?P<ring>R)?(?P<first>\d{1,5})(?:-(?(ring)R?)(?P<last>\d{1,5})|(?P<piece>[a-z]{1,2})|\.(?P<side>\d{1,4}))?"
 )
 
 
@@ -40,11 +43,6 @@ class LineName:
             return f"R{self.number}" if self.piece is None else f"R{self.number}.{self.piece + 1}"
         return f"{self.number}" if self.piece is None else f"{self.number}{format_piece_letter(self.piece)}"
 
-    def is_of(self, task: LegTask) -> bool:
-        """Whether it names the line of a task."""
-        number = None if task.number is None else task.number + (task.kind == SWATH)
-        return (task.kind, number) == (self.kind, self.number) and self.piece in (None, task.piece)
-
 
 def format_piece_letter(piece: int) -> str:
     """a to z, then aa, ab, ... for pieces counted from 0."""
@@ -63,10 +61,18 @@ def name_lines(tasks: Sequence[LegTask]) -> list[str]:
     ]
 
 
+def _list_names_of(task: LegTask) -> tuple[LineName, ...]:
+    """What may name the line of a task: all of its track or headland pass, or its piece or side."""
+    if task.number is None:
+        return ()
+    number = task.number + (task.kind == SWATH)
+    return LineName(task.kind, number), LineName(task.kind, number, task.piece)
+
+
 def parse_line_names(text: str, parameter: str) -> tuple[LineName, ...]:
     """Names of tracks, a range of them, a piece, a headland pass, one of its sides: "3,7-9,5b,R1,R2.4".
 
-    Raises HeadlandError.
+    Raises HeadlandError, also for more than any layout has.
     """
     names = list[LineName]()
     for part in text.split(","):
@@ -82,7 +88,17 @@ def parse_line_names(text: str, parameter: str) -> tuple[LineName, ...]:
         piece = _read_piece(found["piece"]) if found["piece"] else int(found["side"]) - 1 if found["side"] else None
         first = int(found["first"])
         names += [LineName(kind, number, piece, first < number < last) for number in range(first, last + 1)]
+        _check_number(names, parameter)
     return tuple(dict.fromkeys(names))
+
+
+def _check_number(names: Sequence[LineName], parameter: str) -> None:
+    """Raise HeadlandError for more names than any layout has lines."""
+    if len(names) > MOST_NAMED:
+        raise HeadlandError(
+            f"{mark_parameter(parameter)} names more than {MOST_NAMED:,} tracks; name those of the map only.",
+            parameter=parameter,
+        )
 
 
 def _fits(found: re.Match[str]) -> bool:
@@ -123,9 +139,9 @@ class LineWishes:
     def check(self, lines: Sequence[WorkLine], tractors: int) -> None:
         """Raise HeadlandError for a line that is not there, and StrategyError for a tractor that is not."""
         tasks = [line.task for line in lines if line.task.is_work]
+        there = {name for task in tasks for name in _list_names_of(task)}
         named = (*self.left_out, *self.first, *(name for _, names in self.given for name in names))
-        needed = [name for name in named if not name.is_in_range]
-        unknown = next((name for name in needed if not any(name.is_of(task) for task in tasks)), None)
+        unknown = next((name for name in named if not name.is_in_range and name not in there), None)
         if unknown is not None:
             raise HeadlandError(f"{unknown} names no work of this layout, which has {_describe_lines(tasks)}.")
         beyond = next((tractor for tractor, _ in self.given if tractor > tractors), None)
@@ -148,16 +164,17 @@ class LineWishes:
 
     def rank(self, lines: Sequence[WorkLine], stages: Sequence[int]) -> list[int]:
         """Stages of lines in which those that come first have each one of its own before all others."""
-        ranked = [stage + len(self.first) for stage in stages]
-        for place, name in reversed(list(enumerate(self.first))):
-            for number in _find_lines((name,), lines):
-                ranked[number] = place
-        return ranked
+        places = {name: place for place, name in enumerate(self.first)}
+        later = len(self.first)
+        return [
+            min((places[name] for name in _list_names_of(line.task) if name in places), default=stage + later)
+            for line, stage in zip(lines, stages, strict=True)
+        ]
 
 
 def _find_lines(names: Iterable[LineName], lines: Sequence[WorkLine]) -> list[int]:
-    named = tuple(names)
-    return [number for number, line in enumerate(lines) if any(name.is_of(line.task) for name in named)]
+    named = frozenset(names)
+    return [number for number, line in enumerate(lines) if not named.isdisjoint(_list_names_of(line.task))]
 
 
 def _describe_lines(tasks: Sequence[LegTask]) -> str:
@@ -169,28 +186,33 @@ def _describe_lines(tasks: Sequence[LegTask]) -> str:
     return " and ".join(found) or "none"
 
 
-def read_line_wishes(leave_out: str | None, work_first: str | None, give: Iterable[str]) -> LineWishes:
+@lru_cache(maxsize=MOST_KEPT)
+def read_line_wishes(leave_out: str | None, work_first: str | None, give: tuple[str, ...]) -> LineWishes:
     """The wishes of `leave_out` ("3,7-9"), `work_first` ("12,11") and `give` ("2=5-8"); raises HeadlandError."""
     out, first = (
         () if text is None else parse_line_names(text, parameter)
         for text, parameter in ((leave_out, "leave_out"), (work_first, "work_first"))
     )
-    given = tuple(map(_read_given, give))
-    named = [*out, *(name for _, names in given for name in names)]
-    twice = next((name for name in named if named.count(name) > 1), None)
+    given, named = list[tuple[int, tuple[LineName, ...]]](), list(out)
+    for text in give:
+        given.append(_read_given(text))
+        named += given[-1][1]
+        _check_number(named, "give")
+    twice = next((name for name, count in Counter(named).items() if count > 1), None)
     if twice is not None:
         raise HeadlandError(
             f"{twice} is named twice in {mark_parameter('leave_out')} and {mark_parameter('give')}; name it once.",
             parameter="give",
         )
-    idle = next((name for name in first if name in out), None)
+    left_out = frozenset(out)
+    idle = next((name for name in first if name in left_out), None)
     if idle is not None:
         raise HeadlandError(
             f"{idle} is left out and worked first; take it from {mark_parameter('leave_out')} or "
             f"{mark_parameter('work_first')}.",
             parameter="leave_out",
         )
-    return LineWishes(out, first, given)
+    return LineWishes(out, first, tuple(given))
 
 
 def _read_given(text: str) -> tuple[int, tuple[LineName, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import process_time
 from types import SimpleNamespace
 from typing import Any
 
@@ -45,10 +46,21 @@ def test_ranges_and_their_ends() -> None:
     assert parse_line_names("R1-R3", "give") == parse_line_names("R1-3", "give")
 
 
-@pytest.mark.parametrize("text", ["", "x", "0", "5-3", "R", "3.2", "R2b", "R1.0", "1-99999", "1;2", "-1", "5bcd"])
+@pytest.mark.parametrize(
+    "text", ["", "x", "0", "5-3", "R", "3.2", "R2b", "R1.0", "1-99999", "1;2", "-1", "5bcd", "1-R3"]
+)
 def test_what_names_no_line_is_refused(text: str) -> None:
     with pytest.raises(HeadlandError, match="names no track; write tracks and headland passes as the map does"):
         parse_line_names(text, "leave_out")
+
+
+@pytest.mark.parametrize("give", [("1=1-10000", "2=R1-R10000"), (",".join(["1=1-9999", *["1-9999"] * 10_000]),)])
+def test_more_names_than_any_layout_has_are_refused_at_once(give: tuple[str, ...]) -> None:
+    begun_s = process_time()
+    with pytest.raises(HeadlandError, match="names more than 10,000 tracks"):
+        PlanRequest(give=give)
+    assert PlanRequest(leave_out="1-10000").line_wishes
+    assert process_time() - begun_s < 5.0
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,14 @@ from typing import Any
 
 import pytest
 
+from planner.evaluation.preparation import prepare_context
 from planner.service.errors import BusyError
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
+from planner.sweeps import estimates
 from planner.sweeps.estimates import KeptGrounds, OrderEstimate
+from reports.common.plan_results import PlanResult
 from tests.service.conftest import Shared, bearer
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
@@ -155,6 +158,21 @@ def test_tours_of_other_numbers_are_sought_between_orders() -> None:
         pass
     prepared = estimate(own, at_once=True, tractors="3")
     assert not prepared.is_scaled and prepared.plans == estimate(KeptGrounds(), tractors="3").plans
+
+
+def test_what_a_ground_keeps_is_bounded_and_answers_stay_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(estimates, "MOST_SKETCHES", 4)
+    monkeypatch.setattr(estimates, "MOST_SPEEDS", 2)
+    order = build_work_order(VALUES)
+    ground = estimates.GroundEstimates(prepare_context(order), drives=False)
+
+    def ask_for(speed_mps: float, leave_out: str) -> PlanResult:
+        asked = replace(order.request, tractors=(1,), speed_mps=speed_mps, leave_out=leave_out)
+        return ground.estimate(replace(order, request=asked))
+
+    first, *_ = [ask_for(1.0 + 0.2 * place, str(1 + place)) for place in range(4)]
+    assert (len(ground._sketches), len(ground._moves)) == (4, 2)
+    assert ask_for(1.0, "1") == first
 
 
 def test_the_api_says_what_is_scaled(shared: Shared) -> None:

@@ -186,7 +186,6 @@ def test_a_plan_is_renamed_copied_searched_and_deleted(app: FastAPI, client: Tes
     assert copied["results"] == ["map.png", "result.json"] and copied["request"] == {"field": "north"}
     path = f"/api/v1/plans/{running.id}"
     assert client.post(f"{path}/copy", json={}, headers=dict(token)).status_code == 409, "it is not done"
-    assert client.delete(path, headers=dict(token)).status_code == 409, "it runs"
     client.patch(f"/api/v1/plans/{copied['id']}", json={"name": "Spring"}, headers=dict(token))
     assert list_names(client, "plans", "sprING") == ["Spring"] and list_names(client, "plans", "nothing") == []
     assert list_names(client, "days") == [] and list_names(client, "plans") == ["Spring", "running", "north till"]
@@ -194,6 +193,8 @@ def test_a_plan_is_renamed_copied_searched_and_deleted(app: FastAPI, client: Tes
     assert client.get(f"/api/v1/plans/{copied['id']}/results/result.json").content == b"{}", (
         "a copy has its own results"
     )
+    assert client.delete(path, headers=dict(token)).status_code == 204, "it runs, and is ended"
+    assert list_names(client, "plans") == ["Spring"] and not store.report_job(running.number, "w")
     assert client.patch(f"/api/v1/days/{copied['id']}", json={"name": "x"}, headers=dict(token)).status_code == 404
     assert client.get(f"/api/v1/plans/{copied['id']}").json()["owner"] == "a operator planner"
 

@@ -92,6 +92,23 @@ def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
     assert seen.json_value() == [] and read_done(page) == "0:30:00"
 
 
+def test_an_older_answer_does_not_stop_the_drive_of_a_newer_one(page: Page) -> None:
+    held = list[Route]()
+
+    def lay_out(route: Route) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json=answer.json() | {"is_scaled": False})
+
+    page.route(LAID_OUT, lambda route: held.append(route))
+    page.fill("input[name=width]", "4")
+    until(page, lambda: len(held) == 1)
+    page.route(AT_ONCE, lay_out)
+    page.fill("input[name=width]", "6")
+    wait_for_done(page, "0:30:00")
+    held[0].continue_()
+    page.wait_for_selector(".answer >> text=Show the plan")
+
+
 def test_changes_while_an_answer_is_due_are_asked_for_once(page: Page, pages: tuple[str, Made]) -> None:
     held, made = list[Route](), pages[1]
     page.route(AT_ONCE, lambda route: held.append(route))

@@ -156,6 +156,24 @@ def test_a_link_wants_the_same_and_a_borrowed_layout_is_kept(answers: Answers, w
     assert (answers.last["bearing"], answers.last["headland_passes"]) == (12.5, 1)
 
 
+def test_without_a_headland_a_borrowed_layout_keeps_its_bearing_only(answers: Answers, watched: WatchedPage) -> None:
+    answers.is_borrowed = True
+    watched.open("/access")
+    page = watched.open("/plan?width=3&tractors=2&strategies=all&field=iwamizawa&no_headland=true&leave_out=1")
+    until(page, lambda: answers.last.get("leave_out") == "1" and choice(page).locator("option").count() == 7)
+    choice(page).select_option("2")
+    press(page, "Work first")
+    until(page, lambda: answers.last.get("work_first") == "2")
+    assert answers.last["bearing"] == 12.5 and "headland_passes" not in answers.last
+
+
+@pytest.mark.parametrize("wanted", ["leave_out=true", "leave_out=1&leave_out=2", "give=true", "give=99999999=1"])
+def test_whatever_a_link_wants_opens_the_form(answers: Answers, watched: WatchedPage, wanted: str) -> None:
+    watched.open("/access")
+    watched.open(f"/plan?width=3&tractors=2&field=iwamizawa&{wanted}").wait_for_selector("text=Run the plan")
+    watched.well()
+
+
 def test_the_map_is_accessible_on_a_desk_and_on_a_telephone(answers: Answers, watched: WatchedPage) -> None:
     choice(watched.page).select_option("3")
     assert find_faults_at_widths(watched.page) == []

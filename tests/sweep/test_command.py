@@ -52,6 +52,7 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--width 1:50:0.1 --speed-kmh 1:30:0.1", "more than a sweep takes"),
     ("--tractors 1-99", "use 1 to 50"),
     ("--turn-speed-kmh 5,99", "--turn-speed-kmh"),
+    ("--width 3,6 --leave-out 2", "Every width of a sweep numbers its tracks anew"),
     ("--json --csv", "choose one"),
     ("--html page.txt", "does not end in .html"),
 ])  # fmt: skip

@@ -158,7 +158,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
 
     @router.delete("/{id}", status_code=204, operation_id=f"delete_{kind}")
     def delete_job(store: StoreAccess, caller: PlanAccess, id: str) -> None:
-        """Delete a job and its results; a running one is cancelled first."""
+        """Delete a job and its results; one that runs is ended."""
         check_may_change(store, caller, id)
         store.delete_job(id, kind)
         store.add_event(None, caller.name, f"{kind} deleted", {"id": id})

@@ -221,6 +221,8 @@ class _EstimateQueue:
             self._end_process()
             return {"late": True, "computing_s": LONGEST_ESTIMATE_S}
         report: dict[str, Any] = json.loads(answer)
+        if "memory" in report:  # what it keeps of earlier answers fills it, and goes with it
+            self._end_process()
         return report
 
     def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:

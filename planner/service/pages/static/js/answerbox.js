@@ -59,7 +59,7 @@ export function answerBox() {
       node.setAttribute("aria-busy", "false");
     },
     /** All of it in a sentence. */
-    words: () => (mark.hidden ? state.textContent : t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`),
+    words: () => (mark.hidden || values[0].textContent === DASH ? state.textContent : t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`),
   };
   return box;
 }

@@ -51,8 +51,9 @@ export function liveAnswer(laidOut = () => {}) {
     return ask;
   };
   const settle = (asked) => {
+    if (asked.change !== changes) return; // the answer to an earlier change starts nothing, and stops nothing
     clearTimeout(resting);
-    if (asked.change === changes && asked.isDriven) resting = setTimeout(() => startDrive(asked), REST_MS);
+    if (asked.isDriven) resting = setTimeout(() => startDrive(asked), REST_MS);
   };
   const layOut = lane("estimates", (answer, asked) => {
     show({ ...answer, start: asked.values.start }, asked.change, LAID_OUT, WILL[asked.isDriven]);
@@ -100,7 +101,7 @@ export function liveAnswer(laidOut = () => {}) {
     /** `isDriven`: whether a drive is to follow once it rests. */
     change(values, isDriven = true) {
       const key = JSON.stringify(values);
-      if (key === latest) return false;
+      if (closed || key === latest) return false;
       end();
       latest = key;
       changes += 1;

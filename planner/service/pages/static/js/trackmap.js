@@ -90,10 +90,10 @@ export function trackMap(changed) {
   const named = (what) => [...wishes].filter(([, one]) => one === what).map(([name]) => name);
   const summary = () => {
     const parts = [named("out").length && t`Left out: ${named("out").join(", ")}.`, named("first").length && t`First: ${named("first").join(", ")}.`];
-    for (let k = 1; k <= Math.max(count(), ...takers()); k += 1) if (named(k).length) parts.push(t`Tractor ${k}: ${named(k).join(", ")}.`);
+    for (const k of takers()) parts.push(t`Tractor ${k}: ${named(k).join(", ")}.`);
     return parts.filter(Boolean).join(" ") || dropped;
   };
-  const takers = () => [...wishes.values()].filter(Number.isInteger);
+  const takers = () => [...new Set(wishes.values())].filter(Number.isInteger).sort((a, b) => a - b);
 
   const node = el("section", { class: "panel stack" }, el("h2", {}, "Tracks"), view.node, told,
     labelled("Chosen track", choice), el("div", { class: "row", role: "group", "aria-label": "What is wanted of the chosen track" }, out, first, tractors, free), el("div", { class: "row" }, clear, wanted));
@@ -124,12 +124,12 @@ export function trackMap(changed) {
       }
       layout = key;
       if (!wishes.size) return request;
-      const [outs, firsts] = ["out", "first"].map((what) => named(what).join(",")), give = [...new Set(takers())].sort((a, b) => a - b).map((k) => `${k}=${named(k).join(",")}`);
-      return { ...request, ...pinned, ...(outs && { leave_out: outs }), ...(firsts && { work_first: firsts }), ...(give.length && { give }) };
+      const [outs, firsts] = ["out", "first"].map((what) => named(what).join(",")), give = takers().map((k) => `${k}=${named(k).join(",")}`);
+      return { ...request, ...(request.no_headland ? { bearing: pinned.bearing } : pinned), ...(outs && { leave_out: outs }), ...(firsts && { work_first: firsts }), ...(give.length && { give }) };
     },
     /** Take what an earlier request wanted. */
     write({ leave_out: outs, work_first: firsts, give } = {}) {
-      const given = [give ?? []].flat().map((text) => text.split("="));
+      const given = [give ?? []].flat().map((text) => String(text).split("="));
       wishes = new Map([...split(firsts).map((name) => [name, "first"]), ...split(outs).map((name) => [name, "out"]),
         ...given.flatMap(([taker, names]) => split(names).map((name) => [name, Number(taker)]))]);
       tell();
@@ -138,7 +138,7 @@ export function trackMap(changed) {
 }
 
 const describe = (name) => (name.startsWith("R") ? t`Headland pass ${name}` : t`Track ${name}`);
-const split = (text) => (text ?? "").split(",").map((one) => one.trim()).filter(Boolean).flatMap(spread);
+const split = (text) => [text ?? ""].flat().join().split(",").map((one) => one.trim()).filter(Boolean).flatMap(spread);
 
 // "7-9" as 7, 8 and 9.
 function spread(text) {
