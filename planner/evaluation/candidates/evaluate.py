@@ -10,7 +10,7 @@ from typing import Any
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_parallel_clearance_m
+from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -75,7 +75,8 @@ def simulate_candidates(
         incumbent = find_incumbent(results) if prunes and near else None
         group = [number for number in numbers if are_near[number] == near]
         if incumbent is not None and incumbent.keeps_clearance:
-            reason = describe_nearness(max(0.0, compute_machine_gap_m(context)), context.request.clearance_m, incumbent)
+            nearness_m = compute_nearness_m(context, beside=True)
+            reason = describe_nearness(nearness_m, context.request.clearance_m, incumbent)
             yield from (
                 (number, _build_refusal(context, candidates[number], reason, is_simulated=False)) for number in group
             )
@@ -91,7 +92,7 @@ def simulate_candidates(
 def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
     """Whether tractors work beside each other where neighbouring tracks leave less than the clearance."""
     beside = candidate.tractors > 1 and get_strategy(candidate.strategy).beside
-    return compute_parallel_clearance_m(context, beside) < context.request.clearance_m
+    return compute_nearness_m(context, beside) < context.request.clearance_m
 
 
 def _build_refusal(context: PlanningContext, candidate: Candidate, reason: str, **figures: Any) -> Outcome:
