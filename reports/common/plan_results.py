@@ -98,8 +98,8 @@ class PlanResult(ShownResult):
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something or leaves the field.
-        keeps_clearance: whether no two tractors come nearer than asked for.
-        is_simulated: whether it was driven or refused, and not left out as another one is better.
+        keeps_clearance: whether no two tractors come nearer than asked for, or might where it was not simulated.
+        is_simulated: whether it was driven or refused, and not left out for one that is better or keeps clear.
         bound_s: estimated time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.

@@ -191,6 +191,8 @@ _CATALOGUE = (
            is_optional=True),
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
+    Figure("keeps_clearance"),
+    Figure("is_simulated"),
     Figure("stated_s", "Time", "", format_duration, read=get_stated_s, is_exported=False),
     Figure("charged_traffic_m2", "Driven over", "Driven\nover", format_area_or_dash,
            note="finished ground under wheels that drive over it, counted like unworked ground", unit="m2",

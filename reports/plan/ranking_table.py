@@ -19,7 +19,14 @@ from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import FIELD_AREA, format_minutes, format_signed_number, join_list, parse_start_time
+from reports.common.wording import (
+    FIELD_AREA,
+    format_minutes,
+    format_signed_number,
+    format_width,
+    join_list,
+    parse_start_time,
+)
 from reports.plan.answer import write_answer
 from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
@@ -138,15 +145,31 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """How many plans the table leaves out, were refused, or were not simulated."""
     refused = list_refused(ranking)
-    not_simulated = sum(not plan.is_simulated for plan in refused)
+    simulated_count = sum(plan.is_simulated for plan in refused)
     hidden = len(list_feasible(ranking)) - len(plans)
     counts = [
         translate_count("{count} more plan", "{count} more plans", hidden) if hidden else "",
-        translate("{count} refused", count=len(refused) - not_simulated) if len(refused) > not_simulated else "",
-        translate("{count} not simulated as others are better", count=not_simulated) if not_simulated else "",
+        translate("{count} refused", count=simulated_count) if simulated_count else "",
+        _describe_not_simulated(ranking, [plan for plan in refused if not plan.is_simulated]),
     ]
     listed = ", ".join(filter(None, counts))
     return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []
+
+
+def _describe_not_simulated(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+    """How many plans were not simulated for which reason; "" without any."""
+    near_count = sum(not plan.keeps_clearance for plan in plans)
+    worse_count = len(plans) - near_count
+    if not near_count:
+        return translate("{count} not simulated as others are better (--all)", count=worse_count) if plans else ""
+    values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
+    if not worse_count:
+        return translate("{near} not simulated as tractors may come nearer than {distance} (--all)", **values)
+    return translate(
+        "{count} not simulated as others are better, {near} as tractors may come nearer than {distance} (--all)",
+        count=worse_count,
+        **values,
+    )
 
 
 def _suggest_commands(ranking: PlanRanking) -> list[str]:

@@ -47,10 +47,19 @@ PLANS = tuple(
 REFUSED = (
     PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
     PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0, is_simulated=False),
+    PlanResult(
+        "col-by-col",
+        4,
+        "u",
+        False,
+        "machines may come within 0.10 m of each other",
+        is_simulated=False,
+        keeps_clearance=False,
+    ),
 )
 DEFAULT = PlanRanking(
     "denmark", 3.92, 1, (*PLANS, *REFUSED), currency="EUR",
-    scenario={"tractor": "Yanmar EG105", "width_m": 3.0, "implement": None},
+    scenario={"tractor": "Yanmar EG105", "width_m": 3.0, "implement": None, "clearance_m": 0.5},
 )  # fmt: skip
 
 

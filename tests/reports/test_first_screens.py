@@ -30,7 +30,13 @@ from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.many_fields import FieldRow, build_many_fields_screen, render_many_fields_page
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
-from reports.plan.ranking_table import build_answer_table, build_first_screen, build_ranking_table, choose_first_plans
+from reports.plan.ranking_table import (
+    build_answer_table,
+    build_first_screen,
+    build_ranking_table,
+    choose_first_plans,
+    count_other_plans,
+)
 from tests.examples import count_examples
 from tests.reports.screen_cases import (
     DEADLINE,
@@ -38,6 +44,7 @@ from tests.reports.screen_cases import (
     LATE_RANKING,
     PLANS,
     RANKINGS,
+    REFUSED,
     REMARK,
     REMARKED,
     STRATEGIES,
@@ -103,6 +110,18 @@ def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain
     assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
     explained = " ".join(print_screen(build_ranking_table(REMARKED)).split())
     assert explained.count(REMARK) == 1, "not once per plan"
+
+
+def test_what_is_not_simulated_is_counted_by_its_reason() -> None:
+    worse, near = (plan for plan in REFUSED if not plan.is_simulated)
+    near_told = "as tractors may come nearer than 0.5 m (--all)"
+    for plans, told in (
+        ((worse,), "1 not simulated as others are better (--all)"),
+        ((near, near), f"2 not simulated {near_told}"),
+        ((near, worse, near), f"1 not simulated as others are better, 2 {near_told}"),
+    ):
+        ranking = replace(RANKINGS["default"], plans=(*PLANS, *plans))
+        assert count_other_plans(ranking, PLANS) == [f"Not shown: {told}."]
 
 
 def test_no_plan_in_time_is_said_first() -> None:

@@ -77,9 +77,8 @@ def simulate_candidates(
         if incumbent is not None and incumbent.keeps_clearance:
             nearness_m = compute_nearness_m(context, beside=True)
             reason = describe_nearness(nearness_m, context.request.clearance_m, incumbent)
-            yield from (
-                (number, _build_refusal(context, candidates[number], reason, is_simulated=False)) for number in group
-            )
+            told = {"is_simulated": False, "keeps_clearance": False}
+            yield from ((number, _build_refusal(context, candidates[number], reason, **told)) for number in group)
             return
         sketches = {number: _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
