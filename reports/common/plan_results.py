@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from reports.common.language import mark_text
 from reports.common.notebook import ShownResult
 from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
@@ -18,6 +19,16 @@ from reports.common.shortfalls import Shortfall as Shortfall
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
+DECIDING_REASONS = (
+    mark_text("as what is quicker leaves too much ground"),
+    mark_text("as what is quicker comes nearer than {distance}"),
+    mark_text("as ground left counts"),
+    mark_text("as it is about as quick and works more"),
+    mark_text("as it is about as quick and keeps more distance"),
+    mark_text("as it is about as quick and reverses less"),
+    mark_text("as it is about as quick and waits less"),
+)
+"""What decides for a plan and against a quicker one, in the order in which `choose_by_count` compares them."""
 
 
 @dataclass(frozen=True)
@@ -310,6 +321,18 @@ def choose_by_count(
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
         chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
     return chosen
+
+
+def find_deciding_reason(plan: PlanResult, quicker: PlanResult) -> str | None:
+    """Why `choose_by_count` takes a plan before a quicker one with as many tractors, one of `DECIDING_REASONS`.
+
+    None where it would not.
+    """
+    lacks = [(not one.works_enough, not one.keeps_clearance, get_ranked_s(one)) for one in (plan, quicker)]
+    qualities = [build_quality_key(one) for one in (plan, quicker)]
+    pairs = [*zip(*lacks, strict=True), *zip(*qualities, strict=True)]
+    reasons = zip(DECIDING_REASONS, pairs, strict=True)
+    return next((reason for reason, (own, other) in reasons if own < other), None)
 
 
 def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_priced: bool = False) -> PlanResult:

@@ -17,7 +17,13 @@ from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    find_deciding_reason,
+    get_stated_end_s,
+)
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     FIELD_AREA,
@@ -41,6 +47,7 @@ from reports.plan.figures import (
 )
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
+    SAME_TIME_S,
     UNWORKED_HELP,
     describe_machines,
     describe_order_optimality,
@@ -127,11 +134,8 @@ def _is_front_part(plans: Sequence[PlanResult]) -> bool:
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
-    best = ranking.best
     mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
-    alike = [plan for plan in plans if best is not None and plan.tractors == best.tractors]
-    if best is not None and any((plan.time_s or math.inf) < (best.time_s or 0.0) for plan in alike):
-        mark = translate("{mark}, as ground left counts", mark=mark)
+    mark = _add_deciding_reason(mark, ranking, plans)
     has_samples = any(plan.p50_s is not None for plan in plans)
     figures = (
         translate("times are medians, costs are means")
@@ -140,6 +144,20 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     )
     front = [translate("* the fastest with so many tractors or fewer")] if _is_front_part(plans) else []
     return f"{'; '.join([mark, *front, figures])}."
+
+
+def _add_deciding_reason(mark: str, ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+    """The mark with what decided against quicker plans with as many tractors, where one reason holds for all."""
+    best = ranking.best
+    if best is None or ranking.chosen is not None:  # samples decide by cost, or by what was asked for
+        return mark
+    limit_s = get_stated_end_s(best) - SAME_TIME_S
+    quicker = [plan for plan in plans if plan.tractors == best.tractors and get_stated_end_s(plan) < limit_s]
+    reasons = {find_deciding_reason(best, plan) for plan in quicker}
+    reason = reasons.pop() if len(reasons) == 1 else None
+    if reason is None:
+        return mark
+    return f"{mark}, {translate(reason, distance=format_width(ranking.scenario['clearance_m']))}"
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:

@@ -15,6 +15,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -36,6 +37,7 @@ from reports.plan.ranking_table import (
     build_ranking_table,
     choose_first_plans,
     count_other_plans,
+    write_legend,
 )
 from tests.examples import count_examples
 from tests.reports.screen_cases import (
@@ -122,6 +124,26 @@ def test_what_is_not_simulated_is_counted_by_its_reason() -> None:
     ):
         ranking = replace(RANKINGS["default"], plans=(*PLANS, *plans))
         assert count_other_plans(ranking, PLANS) == [f"Not shown: {told}."]
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ({"keeps_clearance": False}, "> recommended, as what is quicker comes nearer than 0.5 m;"),
+        ({"works_enough": False}, "> recommended, as what is quicker leaves too much ground;"),
+        ({"finished_s": 9000.0}, "> recommended, as ground left counts;"),
+        ({"worked_pct": 97.0}, "> recommended, as it is about as quick and works more;"),
+        ({"min_clearance_m": 1.0}, "> recommended, as it is about as quick and keeps more distance;"),
+        ({"reversals": 2}, "> recommended, as it is about as quick and reverses less;"),
+        ({"waiting_s": 90.0}, "> recommended, as it is about as quick and waits less;"),
+    ],
+)
+def test_a_quicker_plan_is_not_recommended_for_the_reason_that_decided(other: dict[str, Any], told: str) -> None:
+    best = build_plan(2, "split-field", 2, 1.0, 40.0)
+    quicker = build_plan(1, "interleaved", 2, 0.995, 40.0, **other)
+    ranking = replace(RANKINGS["default"], plans=(quicker, best))
+    assert ranking.best is best
+    assert write_legend(ranking, [best, quicker]).startswith(told)
 
 
 def test_no_plan_in_time_is_said_first() -> None:
