@@ -9,7 +9,7 @@ from typing import Any
 
 from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
+from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_end_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
@@ -87,7 +87,7 @@ def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[
         while any(abs(other["x"] - x) < 0.99 * step and abs(other["y"] - y) < _POINT_DISTANCE for other in points):
             x = round(x + step, 3)
         finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
-        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_s(plan))}{finish}"
+        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_end_s(plan))}{finish}"
         colour = names.index(plan.strategy) % len(TRACTOR_COLOURS)
         points.append({"x": x, "y": y, "colour": colour, "front": plan.on_pareto_front, "text": text})
     return points[::-1]

@@ -263,9 +263,10 @@ def _list_advice(ranking: PlanRanking) -> list[str]:
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
-    unworked = format_unworked(plan)
-    when = _describe_time(ranking, get_stated_s(plan), get_stated_end_s(plan))
-    is_done = abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S
+    unworked, end_s = format_unworked(plan), get_stated_end_s(plan)
+    driven_s = get_stated_s(plan) if format_end_clock(ranking, end_s) else end_s
+    when = _describe_time(ranking, driven_s, end_s)
+    is_done = abs(driven_s - end_s) < SAME_TIME_S
     done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
     leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
     tractors = format_tractor_count(plan.tractors)

@@ -20,6 +20,8 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     join_list,
 )
+from reports.plan.answer import write_answer
+from reports.plan.figures import FIGURES, TABLE_DROPS
 from reports.plan.plan_wording import (
     describe_ranking,
     describe_simulated_effects,
@@ -88,6 +90,16 @@ def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: 
     plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
     told = describe_ranking(replace(ranking, plans=plans))[0]
     assert "driven in 0:28:32 (field work done at 08:28), cost 5.65." in told
+
+
+def test_sentence_and_table_of_all_plans_state_the_end_of_field_work(ranking: PlanRanking) -> None:
+    """Not the way out after it, which the headline leaves out too."""
+    plans = tuple(replace(plan, meets_deadline=None, done_s=plan.time_s and plan.time_s - 60.0)
+                  for plan in ranking.plans)  # fmt: skip
+    free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, chosen=("split-field", 3))
+    assert "split-field, turns switch-back, done in 0:27:32, cost" in describe_ranking(free)[0]
+    assert free.best is not None and FIGURES["stated_span_s"].format(free.best) == "0:27:32"
+    assert "stated_span_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
 
 
 def test_a_deadline_on_the_next_day_says_so(ranking: PlanRanking) -> None:

@@ -32,7 +32,7 @@ from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
@@ -109,6 +109,8 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
         worked_pct=result.worked_pct,
+        stated_end_s=get_stated_end_s(result),
+        has_delays=result.p50_s is not None,
     )
 
 
