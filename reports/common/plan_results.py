@@ -452,6 +452,28 @@ class PlanRanking(ShownResult):
         return choose_plan(plans, self.allowed_s, self.is_priced) if plans else None
 
     @property
+    def by_count(self) -> dict[int, PlanResult]:
+        """The plan to take with every number of tractors, fewest first; `best` is one of them.
+
+        They are the cheapest where samples decide, else the quickest; those that work too little where `best` does.
+        """
+        best = self.best
+        if best is None:
+            return {}
+        plans = [plan for plan in self.plans if plan.feasible and (plan.works_enough or not best.works_enough)]
+        chosen = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
+        return chosen | {best.tractors: best}
+
+    @property
+    def neighbours(self) -> list[PlanResult]:
+        """The plans to take with the next smaller and the next larger number of tractors than the best."""
+        best, counts = self.best, list(self.by_count)
+        place = -1 if best is None else counts.index(best.tractors)
+        return [
+            self.by_count[count] for count in (*counts[max(place - 1, 0) : max(place, 0)], *counts[place + 1 :][:1])
+        ]
+
+    @property
     def is_priced(self) -> bool:
         """Whether somebody gave the prices of the costs."""
         return not self.prices_assumed and any(plan.cost for plan in self.plans)

@@ -12,10 +12,8 @@ from reports.common.plan_results import (
     MODEL_ERROR_SHARE,
     PlanRanking,
     PlanResult,
-    choose_by_count,
     get_finishing_cost,
     get_finishing_s,
-    get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
     get_stated_end_s,
@@ -44,7 +42,6 @@ from reports.plan.plan_wording import (
     explain_no_plan,
     format_unworked,
     format_wide_interval,
-    list_feasible,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
@@ -187,16 +184,8 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
-    """The plans to take with the next smaller and the next larger number of tractors.
-
-    They are the cheapest where samples decide, else the quickest; those that work too little only where the best does.
-    """
-    plans = [plan for plan in list_feasible(ranking) if plan.works_enough or not best.works_enough]
-    by_count = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
-    fewer = max((count for count in by_count if count < best.tractors), default=None)
-    more = min((count for count in by_count if count > best.tractors), default=None)
-    others = [by_count[count] for count in (fewer, more) if count is not None]
-    sentences = []
+    """The plans to take with the next smaller and the next larger number of tractors."""
+    others, sentences = ranking.neighbours, []
     if others and ranking.has_knee and others[-1].tractors > best.tractors:
         sentences.append(_describe_next(ranking, others.pop(), best))
     if others:

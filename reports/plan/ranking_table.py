@@ -96,16 +96,19 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:
-    """The best plan, then the Pareto front from few tractors to many, then others until there are a few rows."""
+    """The best plan, then those to take with other numbers of tractors, then others until there are a few rows.
+
+    Numbers of tractors are those beside that of the best and those of the Pareto front, as many as have room.
+    """
     plans, best = list_feasible(ranking), ranking.best
-    front = sorted(
-        (plan for plan in plans if plan.on_pareto_front and plan is not best), key=lambda plan: plan.tractors
-    )
-    first = [*([best] if best else []), *front]
+    front = {plan.tractors for plan in plans if plan.on_pareto_front}
+    to_take = [*ranking.neighbours, *(plan for count, plan in ranking.by_count.items() if count in front)]
+    first = [] if best is None else [best]
+    for plan in to_take:
+        first += [plan] if len(first) < most and all(plan is not each for each in first) else []
     others = [plan for plan in plans if all(plan is not each for each in first)]
-    if math.isinf(most):
-        return [*first, *others]
-    return [*first[: int(most)], *others[: max(LEAST_ROWS - len(first), 0)]]
+    shown = [*first[:1], *sorted(first[1:], key=lambda plan: plan.tractors)]
+    return [*shown, *(others if math.isinf(most) else others[: max(LEAST_ROWS - len(first), 0)])]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:

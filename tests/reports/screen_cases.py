@@ -68,10 +68,10 @@ KNEE_S = {1: 11_916.0, 2: 6_200.0, 3: 4_400.0, 4: 3_900.0, 5: 3_700.0, 6: 3_600.
 KNEE = replace(
     DEFAULT, prices_assumed=True,
     plans=tuple(
-        replace(plan, time_s=KNEE_S[plan.tractors], finished_s=KNEE_S[plan.tractors] + 102.0,
-                cost=KNEE_S[plan.tractors] * plan.tractors / 90.0,
-                finished_cost=KNEE_S[plan.tractors] * plan.tractors / 90.0 + 2.26)
+        replace(plan, time_s=seconds, finished_s=seconds + 102.0, cost=seconds * plan.tractors / 90.0,
+                finished_cost=seconds * plan.tractors / 90.0 + 2.26)
         for plan in PLANS
+        for seconds in (KNEE_S[plan.tractors] * 1.03 ** STRATEGIES.index(plan.strategy),)
     ),
 )  # fmt: skip
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import re
 from dataclasses import replace
@@ -105,6 +106,19 @@ def test_the_recommended_plan_comes_first_then_the_front() -> None:
     assert shown[0] is DEADLINE.best
     assert [plan.tractors for plan in shown[1:6]] == [1, 3, 4, 5, 6] and all(plan.on_pareto_front for plan in shown)
     assert len(build_answer_table(DEADLINE, shown).columns) == 7
+
+
+def test_headline_and_table_have_the_same_plan_of_every_number_of_tractors() -> None:
+    """Of two tractors the quicker plan comes too near, or is as quick and works less: the other one is to take."""
+    best = build_plan(1, "split-field", 3, 0.7, 42.0, on_pareto_front=True)
+    taken = build_plan(3, "split-field", 2, 1.0, 40.0)
+    for other in ({"keeps_clearance": False}, {"worked_pct": 98.0, "missed_m2": 780.0}):
+        front = build_plan(2, "interleaved", 2, 0.99, 40.0, on_pareto_front=True, **other)
+        plans = (best, front, taken, *(build_plan(4 + n, f"s{n}", 3, 1.5, 90.0) for n in range(5)))
+        ranking = replace(RANKINGS["default"], plans=plans, chosen=("split-field", 3))
+        assert write_answer(ranking).alternatives.startswith("Or 2 tractors: 1:00:00")
+        shown = choose_first_plans(ranking)
+        assert shown[:2] == [best, taken] and len(choose_first_plans(ranking, math.inf)) == len(plans)
 
 
 def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
