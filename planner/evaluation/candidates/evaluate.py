@@ -19,6 +19,7 @@ from planner.evaluation.candidates.pruning import (
     estimate_loss_s,
     find_incumbent,
 )
+from planner.evaluation.candidates.remarks import Remark, Stake
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -28,7 +29,6 @@ from planner.evaluation.candidates.slope_figures import (
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
-from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.risk.assessment import add_risk_estimate
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
@@ -221,8 +221,6 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> Outcome:
     """The figures of a run, with those of its samples."""
     result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
-    largest = describe_largest_piece(context, result.largest_missed)
-    result = result if largest is None else replace(result, remarks=(largest, *result.remarks))
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,
@@ -237,23 +235,27 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
     return Outcome(estimated, outcome.run)
 
 
-def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
+def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
     remarks = []
     if run.min_clearance_m < context.request.clearance_m:
-        remarks.append(
+        near = (
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
             f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
         )
+        remarks.append(Remark(Stake.MACHINES, near))
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
-        remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)")
+        reversing = f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)"
+        remarks.append(Remark(Stake.TIME, reversing))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:
-        remarks.append(f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all")
+        slow = f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all"
+        remarks.append(Remark(Stake.WORK, slow))
     if loosened_count := run.plan.notes.get("loosened"):
         places = "one place" if loosened_count == 1 else f"{loosened_count} places"
-        remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")
+        changed = f"in {places} the order of tractors was changed to avoid a deadlock"
+        remarks.append(Remark(Stake.NOTHING, changed))
     return remarks + list_slope_remarks(context, run)
 
 
