@@ -85,6 +85,7 @@ class PlanResult(ShownResult):
         rank: of feasible plans from 1, by the time to finish the field, then tractors.
         time_s, cost: of the plan as driven.
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
+        spared_m2: of `missed_m2`, what obstacles cut off or was to be left out: no plan is to work it.
         worked_pct, overlap_pct: shares of the field.
         works_enough: whether the share of the ground asked for is that of a recommendation.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
@@ -137,6 +138,7 @@ class PlanResult(ShownResult):
     worked_pct: float | None = None
     overlap_pct: float | None = None
     missed_m2: float | None = None
+    spared_m2: float = 0.0
     largest_missed: UnworkedPiece | None = None
     finished_s: float | None = None
     finished_cost: float | None = None
@@ -266,6 +268,11 @@ def get_ranked_cost(plan: PlanResult) -> float:
 def get_finishing_s(plan: PlanResult) -> float:
     """Seconds that finishing the unworked ground would take, at the plan's own rate."""
     return get_finished_field_s(plan) - (plan.time_s or 0.0)
+
+
+def get_due_missed_m2(plan: PlanResult) -> float:
+    """The missed ground that was to be worked, which `get_finishing_s` is for."""
+    return max((plan.missed_m2 or 0.0) - plan.spared_m2, 0.0)
 
 
 def get_finishing_cost(plan: PlanResult) -> float:

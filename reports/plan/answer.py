@@ -12,6 +12,7 @@ from reports.common.plan_results import (
     MODEL_ERROR_SHARE,
     PlanRanking,
     PlanResult,
+    get_due_missed_m2,
     get_finishing_cost,
     get_finishing_s,
     get_ranked_s,
@@ -249,7 +250,7 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         faults.append(translate("Obstacles cut off {area}, which no plan works.", area=format_area(cut_off_m2)))
     is_late = ranking.allowed_s is not None and get_stated_finished_end_s(best) > ranking.allowed_s
     if best.meets_deadline and is_late and best.finished_done_s is not None:
-        area = format_area(best.missed_m2 or 0.0)
+        area = format_area(get_due_missed_m2(best))
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )

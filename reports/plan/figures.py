@@ -190,6 +190,7 @@ _CATALOGUE = (
            is_optional=True),
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
+    Figure("spared_m2"),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
     Figure("stated_span_s", "Time", "", format_duration, read=get_stated_end_s, is_exported=False),

@@ -14,6 +14,7 @@ from reports.common.plan_results import (
     PlanResult,
     SlopePlace,
     UnworkedPiece,
+    get_due_missed_m2,
     get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
@@ -292,9 +293,13 @@ def get_charged_traffic_m2(plan: PlanResult) -> float | None:
 
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
-    driven_over = get_charged_traffic_m2(plan)
-    grounds = [translate("the missed {area}", area=missed)] if missed else []
+    due_m2, driven_over = get_due_missed_m2(plan), get_charged_traffic_m2(plan)
+    is_missed = due_m2 >= LEAST_UNWORKED_M2
+    grounds = []
+    if is_missed and plan.spared_m2 >= LEAST_UNWORKED_M2:
+        grounds.append(translate("the {area} of it that was to be worked", area=format_area(due_m2)))
+    elif is_missed:
+        grounds.append(translate("the missed {area}", area=format_area(due_m2)))
     if driven_over is not None:
         grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
     sentences = []
@@ -308,8 +313,11 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
         is_late = ranking.allowed_s is not None and get_stated_finished_end_s(plan) > ranking.allowed_s
         late = translate(", too late for the deadline") if plan.meets_deadline and is_late else ""
         extra = join_list([f"{added}{done}", *cost])
-        sentences.append(translate("Finishing {ground} adds {extra}.", ground=join_list(grounds), extra=extra + late))
-    if plan.largest_missed is not None and missed:
+        values = {"ground": join_list(grounds), "extra": extra + late}
+        sentences.append(
+            translate("At the plan's own rate, without ways there, finishing {ground} adds {extra}.", **values)
+        )
+    if plan.largest_missed is not None and is_missed:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
     return sentences

@@ -136,11 +136,25 @@ class TestWhatIsLeft:
         assert sentences == [
             "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89, leaves 0.38 ha "
             "(20 %) unworked.",
-            "Finishing the missed 0.38 ha adds 0:05:13 (field work done at 08:27) and 1.72.",
+            "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 0:05:13 (field work done "
+            "at 08:27) and 1.72.",
             "The largest missed piece, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
             "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92, leaves 0.19 ha (10 %) "
             "unworked.",
         ]
+
+    def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
+        """Not of what was left out on request, which no time is charged for."""
+        best = leaving.best
+        assert best is not None and best.missed_m2 is not None
+        for spared_m2, told in (
+            (best.missed_m2 - 212.0, "the 212 m2 of it that was to be worked adds"),
+            (0.0, "the missed 0."),
+        ):
+            plans = tuple(replace(plan, spared_m2=spared_m2 if plan is best else 0.0) for plan in leaving.plans)
+            assert f"finishing {told}" in " ".join(describe_ranking(replace(leaving, plans=plans)))
+        plans = tuple(replace(plan, spared_m2=plan.missed_m2 or 0.0) for plan in leaving.plans)
+        assert "finishing" not in " ".join(describe_ranking(replace(leaving, plans=plans)))
 
     def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: PlanRanking) -> None:
         little = replace(leaving.plans[4], worked_pct=30.0, missed_m2=13_230.0, finished_s=14_917.0, finished_cost=16.4)

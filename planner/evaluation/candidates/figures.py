@@ -86,6 +86,7 @@ def measure_candidate(
         worked_pct=coverage.worked_pct,
         overlap_pct=coverage.overlap_pct,
         missed_m2=coverage.unworked_m2,
+        spared_m2=coverage.spared_m2,
         largest_missed=coverage.largest_piece,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
