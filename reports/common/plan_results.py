@@ -13,8 +13,15 @@ from typing import Any
 
 from reports.common.language import mark_text
 from reports.common.notebook import ShownResult
+from reports.common.shortfalls import FENCE as FENCE
+from reports.common.shortfalls import OBSTACLE as OBSTACLE
+from reports.common.shortfalls import OUTLINE as OUTLINE
+from reports.common.shortfalls import STUCK as STUCK
+from reports.common.shortfalls import PlanFault as PlanFault
 from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
+from reports.common.shortfalls import SlopePlace as SlopePlace
+from reports.common.shortfalls import UnworkedPiece as UnworkedPiece
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
@@ -29,51 +36,6 @@ DECIDING_REASONS = (
     mark_text("as it is about as quick and waits less"),
 )
 """What decides for a plan and against a quicker one, in the order in which `choose_by_count` compares them."""
-
-
-@dataclass(frozen=True)
-class UnworkedPiece:
-    """A piece of unworked ground: its area, and a place in it in metres of the field and in degrees.
-
-    `lon` and `lat` are None for a field in local metres.
-    """
-
-    m2: float
-    x_m: float
-    y_m: float
-    lon: float | None = None
-    lat: float | None = None
-
-
-OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
-
-
-@dataclass(frozen=True)
-class PlanFault:
-    """Why and where a plan cannot be driven: a kind above, and the place in metres of the field.
-
-    `number` is that of the obstacle (Field.solid_obstacles, then fences) that is touched.
-    """
-
-    kind: str
-    number: int | None
-    x_m: float
-    y_m: float
-
-
-@dataclass(frozen=True)
-class SlopePlace:
-    """A slope (percent) or a margin (degrees) at a place of a tractor, counted from 1: metres of the field and degrees.
-
-    `lon` and `lat` are None for a field in local metres.
-    """
-
-    amount: float
-    tractor: int
-    x_m: float
-    y_m: float
-    lon: float | None = None
-    lat: float | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -337,8 +299,7 @@ def find_deciding_reason(plan: PlanResult, quicker: PlanResult) -> str | None:
     """
     lacks = [(not one.works_enough, not one.keeps_clearance, get_ranked_s(one)) for one in (plan, quicker)]
     qualities = [build_quality_key(one) for one in (plan, quicker)]
-    pairs = [*zip(*lacks, strict=True), *zip(*qualities, strict=True)]
-    reasons = zip(DECIDING_REASONS, pairs, strict=True)
+    reasons = zip(DECIDING_REASONS, (*zip(*lacks, strict=True), *zip(*qualities, strict=True)), strict=True)
     return next((reason for reason, (own, other) in reasons if own < other), None)
 
 
@@ -460,10 +421,7 @@ class PlanRanking(ShownResult):
 
     @property
     def by_count(self) -> dict[int, PlanResult]:
-        """The plan to take with every number of tractors, fewest first; `best` is one of them.
-
-        They are the cheapest where samples decide, else the quickest; those that work too little where `best` does.
-        """
+        """The plan to take with every number of tractors, fewest first: cheapest where samples decide, else quickest."""
         best = self.best
         if best is None:
             return {}

@@ -13,7 +13,6 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.remarks import Remark, Stake
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import measure_overhang
 from planner.evaluation.ground.unworked_area import MAX_MISSED_SHARE
@@ -22,6 +21,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
+from reports.common.shortfalls import Remark, Stake
 from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate

@@ -19,7 +19,6 @@ from planner.evaluation.candidates.pruning import (
     estimate_loss_s,
     find_incumbent,
 )
-from planner.evaluation.candidates.remarks import Remark, Stake
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
@@ -28,13 +27,13 @@ from planner.evaluation.candidates.slope_figures import (
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
-from planner.evaluation.ground.coverage import measure_longest_reverse_m
 from planner.risk.assessment import add_risk_estimate
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
+from reports.common.shortfalls import Remark, Stake
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import SimulationRun, find_longest_reversing
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
 WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
@@ -77,8 +76,8 @@ def simulate_candidates(
         if incumbent is not None and incumbent.keeps_clearance:
             nearness_m = compute_nearness_m(context, beside=True)
             reason = describe_nearness(nearness_m, context.request.clearance_m, incumbent)
-            told = {"is_simulated": False, "keeps_clearance": False}
-            yield from ((number, _build_refusal(context, candidates[number], reason, **told)) for number in group)
+            marks = {"is_simulated": False, "keeps_clearance": False}
+            yield from ((number, _build_refusal(context, candidates[number], reason, **marks)) for number in group)
             return
         sketches = {number: _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
@@ -244,9 +243,9 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
             f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
         )
         remarks.append(Remark(Stake.MACHINES, near))
-    reverse_m = measure_longest_reverse_m(run)
+    reverse_m, number = find_longest_reversing(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
-        reversing = f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)"
+        reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:

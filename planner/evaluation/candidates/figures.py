@@ -10,7 +10,6 @@ import numpy as np
 
 from fields.units import HOUR_S
 from planner.evaluation.candidates.energy_figures import list_energy_figures, list_service_figures, measure_energy
-from planner.evaluation.candidates.remarks import Remark, Stake, sort_remarks
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
@@ -27,6 +26,7 @@ from planner.risk.costs import (
     measure_driven_times,
 )
 from reports.common.plan_results import PlanFault, PlanResult, UnworkedPiece, get_field_work_end_s
+from reports.common.shortfalls import Remark, Stake, sort_remarks
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
@@ -146,11 +146,11 @@ def _list_overhang_remarks(overhang: Overhang, context: PlanningContext) -> list
     """A remark on machines that reach farther beyond the outline than allowed for a while."""
     if overhang.beyond_m < MIN_BEYOND_M:
         return []
-    told = (
+    text = (
         f"tractor or implement reach up to {overhang.farthest_m:.1f} m beyond the outline, and farther than allowed "
         f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
     )
-    return [Remark(Stake.GROUND_OF_OTHERS, told)]
+    return [Remark(Stake.GROUND_OF_OTHERS, text)]
 
 
 def name_main_turns(counts: Mapping[str, int]) -> str:

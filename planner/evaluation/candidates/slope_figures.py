@@ -11,9 +11,9 @@ import numpy.typing as npt
 from fields.geometry.field import Field
 from fields.terrain.checks import describe_place
 from fields.terrain.slopes import compute_directional_slopes
-from planner.evaluation.candidates.remarks import Remark, Stake
 from planner.evaluation.context import PlanningContext
 from reports.common.plan_results import STUCK, PlanFault, SlopePlace
+from reports.common.shortfalls import Remark, Stake
 from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
 from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED
@@ -77,11 +77,11 @@ def list_slope_remarks(context: PlanningContext, run: SimulationRun) -> list[Rem
     if degrees >= stability.warn_deg:
         return []
     place = describe_place(context.layout.field, margin.x_m, margin.y_m)
-    told = (
+    text = (
         f"tractor {number} comes within {degrees:.0f} degrees of rolling over at {place}"
         f"{_describe_cross_slope(context, margin)}; its file warns from {stability.warn_deg:g} degrees"
     )
-    return [Remark(Stake.LIFE, told)]
+    return [Remark(Stake.LIFE, text)]
 
 
 def find_overturning(context: PlanningContext, run: SimulationRun) -> str | None:
