@@ -421,7 +421,7 @@ class PlanRanking(ShownResult):
 
     @property
     def by_count(self) -> dict[int, PlanResult]:
-        """The plan to take with every number of tractors, fewest first: cheapest where samples decide, else quickest."""
+        """The plan to take with every number of tractors, fewest first: cheapest if samples decide, else quickest."""
         best = self.best
         if best is None:
             return {}

@@ -222,7 +222,7 @@ def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResu
     ):
         figures.append(translate("{share} % sure", share=format_percent(plan.finish_probability)))
     change = _compute_cost_change(plan, best)
-    figures.append(translate("same cost") if change is None else _add_currency(ranking, change))
+    figures.append(translate("same cost") if change is None else _describe_cost_change(ranking, change))
     if is_share_different(plan.worked_pct, best.worked_pct):
         figures.append(_describe_share(plan))
     return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
@@ -232,6 +232,13 @@ def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
     """The difference as printed, with its sign; None where it is none or not known."""
     more_ground = get_finishing_cost(plan) - get_finishing_cost(best)
     return format_price_change(get_stated_cost(plan), get_stated_cost(best), more_ground)
+
+
+def _describe_cost_change(ranking: PlanRanking, change: str) -> str:
+    """``+3 EUR``, ``1 EUR cheaper``: a minus alone would be read as a dash."""
+    if not change.startswith("-"):
+        return _add_currency(ranking, change)
+    return translate("{money} cheaper", money=_add_currency(ranking, change[1:]))
 
 
 def _add_currency(ranking: PlanRanking, money: str) -> str:

@@ -335,7 +335,7 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     """Field and plan, then the figures of the drive, in lines for a figure of `width` inches."""
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    tracks = f"{len(drive.swaths)} tracks"
+    tracks = f"{len(drive.swaths)} track{'' if len(drive.swaths) == 1 else 's'}"
     second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
     if drive.headland_passes:
         passes = max(headland_pass.number for headland_pass in drive.headland_passes)

@@ -15,6 +15,7 @@ from reports.common.plan_results import (
     SlopePlace,
     UnworkedPiece,
     get_due_missed_m2,
+    get_finishing_s,
     get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
@@ -32,11 +33,11 @@ from reports.common.wording import (
     format_money,
     format_number,
     format_percent,
+    format_time_span,
     format_tractor_count,
     format_width,
     group_alike,
     join_list,
-    round_seconds,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
@@ -187,7 +188,7 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
         return [explain_no_plan(ranking)]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
     cheapest = min(priced, key=get_ranked_cost, default=None)
-    best_is_cheapest = cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
+    best_is_cheapest = len(priced) > 1 and cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.shortfalls:
@@ -229,7 +230,7 @@ def _describe_other_plans(
     plans_by_name = {}
     if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
         plans_by_name[translate("Fastest")] = fastest
-    if cheapest is not None and not best_is_cheapest:
+    if cheapest is not None and cheapest is not best and not best_is_cheapest:
         plans_by_name[translate("Cheapest")] = cheapest
     if len(plans_by_name) == 2 and fastest is cheapest:
         plans_by_name = {translate("Fastest and cheapest"): fastest}
@@ -304,8 +305,7 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
         grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
     sentences = []
     if grounds and plan.finished_s is not None:
-        added_s = plan.finished_s - (plan.time_s or 0.0)
-        added = format_duration(added_s) if round_seconds(added_s) >= 60 else f"{round_seconds(added_s)} s"
+        added = format_time_span(get_finishing_s(plan))
         clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
         done = translate(" (field work done at {clock})", clock=clock) if clock else ""
         added_cost = 0.0 if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
@@ -382,7 +382,9 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     counts = translate("{counts} tractors", counts=join_list(meeting, "or"))
     who = {"name": name, "tractors": format_tractor_count(1) if meeting == [1] else counts, "missed": missed}
     text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of them."
-    if ranking.chosen is not None:
+    if len(judged) == 1:
+        text = "{name} can be met with {tractors}{missed}."
+    elif ranking.chosen is not None:
         text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
     elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=get_ranked_cost)):
         text = (

@@ -87,6 +87,11 @@ def test_a_picture_states_the_end_that_tables_state_and_what_its_drive_is(drive:
         assert ("as drawn" in title) is bool(told)
 
 
+def test_one_track_is_no_tracks(drive: PlanDrive) -> None:
+    title = draw_plan_map(replace(drive, title="a plan", swaths=drive.swaths[:1], swath_names=())).get_suptitle()
+    assert "1 track," in " ".join(title.split())
+
+
 def test_the_title_lies_inside_the_picture(drive: PlanDrive) -> None:
     from matplotlib.transforms import Bbox
 

@@ -128,6 +128,13 @@ def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     ]
 
 
+def test_a_single_plan_is_not_called_the_cheapest(ranking: PlanRanking) -> None:
+    plan = next(plan for plan in ranking.plans if plan.meets_deadline)
+    for meets in (True, None):
+        alone = replace(ranking, plans=(replace(plan, meets_deadline=meets),))
+        assert not any("cheapest" in text.lower() for text in describe_ranking(alone))
+
+
 class TestWhatIsLeft:
     def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: PlanRanking) -> None:
         plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
@@ -136,7 +143,7 @@ class TestWhatIsLeft:
         assert sentences == [
             "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89, leaves 0.38 ha "
             "(20 %) unworked.",
-            "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 0:05:13 (field work done "
+            "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 5 min (field work done "
             "at 08:27) and 1.72.",
             "The largest missed piece, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
             "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92, leaves 0.19 ha (10 %) "
@@ -259,7 +266,7 @@ def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
     ]
     late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall("late"),)))
     assert late[0].startswith("No plan is done by 09:00; the best is ")
-    assert late[-1] == "This plan is also the cheapest."
+    assert late[-1].startswith("The best of them: 1 tractor, split-field"), "of one plan it says nothing"
 
 
 def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> None:
