@@ -116,6 +116,8 @@ class PlanDrive(ShownResult):
         steps: the legs of each tractor, in order.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
+        stated_end_s: when its plan is done as every report states it; `has_delays`: with late starts, stops and
+            breakdowns, which the drive has not. None for the end of the drive.
         fault_places: places (x, y) where plans cannot be driven.
         crs, origin_m: system and origin of the metres on the earth; None for local metres.
         relief: heights; None for level ground.
@@ -143,6 +145,8 @@ class PlanDrive(ShownResult):
     steps: tuple[tuple[DriverLeg, ...], ...] = ()
     cut_off: tuple[UnworkedPiece, ...] = ()
     worked_pct: float | None = None
+    stated_end_s: float | None = None
+    has_delays: bool = False
     fault_places: tuple[tuple[float, float], ...] = ()
     crs: str | None = None
     origin_m: tuple[float, float] = (0.0, 0.0)

@@ -11,58 +11,31 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from reports.common.language import mark_text
 from reports.common.notebook import ShownResult
+from reports.common.shortfalls import FENCE as FENCE
+from reports.common.shortfalls import OBSTACLE as OBSTACLE
+from reports.common.shortfalls import OUTLINE as OUTLINE
+from reports.common.shortfalls import STUCK as STUCK
+from reports.common.shortfalls import PlanFault as PlanFault
 from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
+from reports.common.shortfalls import SlopePlace as SlopePlace
+from reports.common.shortfalls import UnworkedPiece as UnworkedPiece
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
-
-
-@dataclass(frozen=True)
-class UnworkedPiece:
-    """A piece of unworked ground: its area, and a place in it in metres of the field and in degrees.
-
-    `lon` and `lat` are None for a field in local metres.
-    """
-
-    m2: float
-    x_m: float
-    y_m: float
-    lon: float | None = None
-    lat: float | None = None
-
-
-OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
-
-
-@dataclass(frozen=True)
-class PlanFault:
-    """Why and where a plan cannot be driven: a kind above, and the place in metres of the field.
-
-    `number` is that of the obstacle (Field.solid_obstacles, then fences) that is touched.
-    """
-
-    kind: str
-    number: int | None
-    x_m: float
-    y_m: float
-
-
-@dataclass(frozen=True)
-class SlopePlace:
-    """A slope (percent) or a margin (degrees) at a place of a tractor, counted from 1: metres of the field and degrees.
-
-    `lon` and `lat` are None for a field in local metres.
-    """
-
-    amount: float
-    tractor: int
-    x_m: float
-    y_m: float
-    lon: float | None = None
-    lat: float | None = None
+DECIDING_REASONS = (
+    mark_text("as what is quicker leaves too much ground"),
+    mark_text("as what is quicker comes nearer than {distance}"),
+    mark_text("as ground left counts"),
+    mark_text("as it is about as quick and works more"),
+    mark_text("as it is about as quick and keeps more distance"),
+    mark_text("as it is about as quick and reverses less"),
+    mark_text("as it is about as quick and waits less"),
+)
+"""What decides for a plan and against a quicker one, in the order in which `choose_by_count` compares them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,6 +47,7 @@ class PlanResult(ShownResult):
         rank: of feasible plans from 1, by the time to finish the field, then tractors.
         time_s, cost: of the plan as driven.
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
+        spared_m2: of `missed_m2`, what obstacles cut off or was to be left out: no plan is to work it.
         worked_pct, overlap_pct: shares of the field.
         works_enough: whether the share of the ground asked for is that of a recommendation.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
@@ -98,8 +72,8 @@ class PlanResult(ShownResult):
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something or leaves the field.
-        keeps_clearance: whether no two tractors come nearer than asked for.
-        is_simulated: whether it was driven or refused, and not left out as another one is better.
+        keeps_clearance: whether no two tractors come nearer than asked for, or might where it was not simulated.
+        is_simulated: whether it was driven or refused, and not left out for one that is better or keeps clear.
         bound_s: estimated time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
@@ -126,6 +100,7 @@ class PlanResult(ShownResult):
     worked_pct: float | None = None
     overlap_pct: float | None = None
     missed_m2: float | None = None
+    spared_m2: float = 0.0
     largest_missed: UnworkedPiece | None = None
     finished_s: float | None = None
     finished_cost: float | None = None
@@ -257,6 +232,11 @@ def get_finishing_s(plan: PlanResult) -> float:
     return get_finished_field_s(plan) - (plan.time_s or 0.0)
 
 
+def get_due_missed_m2(plan: PlanResult) -> float:
+    """The missed ground that was to be worked, which `get_finishing_s` is for."""
+    return max((plan.missed_m2 or 0.0) - plan.spared_m2, 0.0)
+
+
 def get_finishing_cost(plan: PlanResult) -> float:
     """What finishing the unworked ground would cost, at the plan's own rate."""
     return get_finished_field_cost(plan) - (plan.cost or 0.0)
@@ -310,6 +290,17 @@ def choose_by_count(
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
         chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
     return chosen
+
+
+def find_deciding_reason(plan: PlanResult, quicker: PlanResult) -> str | None:
+    """Why `choose_by_count` takes a plan before a quicker one with as many tractors, one of `DECIDING_REASONS`.
+
+    None where it would not.
+    """
+    lacks = [(not one.works_enough, not one.keeps_clearance, get_ranked_s(one)) for one in (plan, quicker)]
+    qualities = [build_quality_key(one) for one in (plan, quicker)]
+    reasons = zip(DECIDING_REASONS, (*zip(*lacks, strict=True), *zip(*qualities, strict=True)), strict=True)
+    return next((reason for reason, (own, other) in reasons if own < other), None)
 
 
 def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_priced: bool = False) -> PlanResult:
@@ -427,6 +418,25 @@ class PlanRanking(ShownResult):
         if self.chosen is not None:
             return next((plan for plan in plans if (plan.strategy, plan.tractors) == self.chosen), None)
         return choose_plan(plans, self.allowed_s, self.is_priced) if plans else None
+
+    @property
+    def by_count(self) -> dict[int, PlanResult]:
+        """The plan to take with every number of tractors, fewest first: cheapest if samples decide, else quickest."""
+        best = self.best
+        if best is None:
+            return {}
+        plans = [plan for plan in self.plans if plan.feasible and (plan.works_enough or not best.works_enough)]
+        chosen = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
+        return chosen | {best.tractors: best}
+
+    @property
+    def neighbours(self) -> list[PlanResult]:
+        """The plans to take with the next smaller and the next larger number of tractors than the best."""
+        best, counts = self.best, list(self.by_count)
+        place = -1 if best is None else counts.index(best.tractors)
+        return [
+            self.by_count[count] for count in (*counts[max(place - 1, 0) : max(place, 0)], *counts[place + 1 :][:1])
+        ]
 
     @property
     def is_priced(self) -> bool:

@@ -12,10 +12,9 @@ from reports.common.plan_results import (
     MODEL_ERROR_SHARE,
     PlanRanking,
     PlanResult,
-    choose_by_count,
+    get_due_missed_m2,
     get_finishing_cost,
     get_finishing_s,
-    get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
     get_stated_end_s,
@@ -44,7 +43,6 @@ from reports.plan.plan_wording import (
     explain_no_plan,
     format_unworked,
     format_wide_interval,
-    list_feasible,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
@@ -187,16 +185,8 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
-    """The plans to take with the next smaller and the next larger number of tractors.
-
-    They are the cheapest where samples decide, else the quickest; those that work too little only where the best does.
-    """
-    plans = [plan for plan in list_feasible(ranking) if plan.works_enough or not best.works_enough]
-    by_count = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
-    fewer = max((count for count in by_count if count < best.tractors), default=None)
-    more = min((count for count in by_count if count > best.tractors), default=None)
-    others = [by_count[count] for count in (fewer, more) if count is not None]
-    sentences = []
+    """The plans to take with the next smaller and the next larger number of tractors."""
+    others, sentences = ranking.neighbours, []
     if others and ranking.has_knee and others[-1].tractors > best.tractors:
         sentences.append(_describe_next(ranking, others.pop(), best))
     if others:
@@ -232,7 +222,7 @@ def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResu
     ):
         figures.append(translate("{share} % sure", share=format_percent(plan.finish_probability)))
     change = _compute_cost_change(plan, best)
-    figures.append(translate("same cost") if change is None else _add_currency(ranking, change))
+    figures.append(translate("same cost") if change is None else _describe_cost_change(ranking, change))
     if is_share_different(plan.worked_pct, best.worked_pct):
         figures.append(_describe_share(plan))
     return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
@@ -242,6 +232,13 @@ def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
     """The difference as printed, with its sign; None where it is none or not known."""
     more_ground = get_finishing_cost(plan) - get_finishing_cost(best)
     return format_price_change(get_stated_cost(plan), get_stated_cost(best), more_ground)
+
+
+def _describe_cost_change(ranking: PlanRanking, change: str) -> str:
+    """``+3 EUR``, ``1 EUR cheaper``: a minus alone would be read as a dash."""
+    if not change.startswith("-"):
+        return _add_currency(ranking, change)
+    return translate("{money} cheaper", money=_add_currency(ranking, change[1:]))
 
 
 def _add_currency(ranking: PlanRanking, money: str) -> str:
@@ -260,7 +257,7 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         faults.append(translate("Obstacles cut off {area}, which no plan works.", area=format_area(cut_off_m2)))
     is_late = ranking.allowed_s is not None and get_stated_finished_end_s(best) > ranking.allowed_s
     if best.meets_deadline and is_late and best.finished_done_s is not None:
-        area = format_area(best.missed_m2 or 0.0)
+        area = format_area(get_due_missed_m2(best))
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )

@@ -9,7 +9,7 @@ from typing import Any
 
 from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
+from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_end_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
@@ -87,7 +87,7 @@ def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[
         while any(abs(other["x"] - x) < 0.99 * step and abs(other["y"] - y) < _POINT_DISTANCE for other in points):
             x = round(x + step, 3)
         finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
-        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_s(plan))}{finish}"
+        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_end_s(plan))}{finish}"
         colour = names.index(plan.strategy) % len(TRACTOR_COLOURS)
         points.append({"x": x, "y": y, "colour": colour, "front": plan.on_pareto_front, "text": text})
     return points[::-1]
@@ -96,7 +96,7 @@ def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[
 def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     """Two curves over the number of tractors: probability above, where there is one, and expected cost below.
 
-    Every count has its plan of lowest expected cost, that of the best plan has the best plan. None without samples.
+    Every count has the plan to take. None without samples.
     """
     plans = choose_plan_per_count(ranking)
     if not plans:
@@ -133,12 +133,8 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
 
 
 def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
-    """One plan for every number of tractors, fewest first."""
-    best, plan_by_count = ranking.best, dict[int, PlanResult]()
-    plans = [plan for plan in list_feasible(ranking) if plan.expected_cost is not None]
-    for plan in sorted(plans, key=lambda plan: (plan.tractors, plan is not best, plan.expected_cost)):
-        plan_by_count.setdefault(plan.tractors, plan)
-    return list(plan_by_count.values())
+    """The plan to take with every number of tractors that has a cost from samples, fewest first."""
+    return [plan for plan in ranking.by_count.values() if plan.expected_cost is not None]
 
 
 def _describe_risk(plan: PlanResult) -> str:

@@ -19,7 +19,6 @@ from reports.common.plan_results import (
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
-    get_stated_s,
 )
 from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import (
@@ -152,9 +151,9 @@ _CATALOGUE = (
            note="of the samples; a range (95 %) where they are few", unit="%", write=format_in_time_probability,
            is_optional=True),
     Figure("finish_probability_interval", parts=("low", "high")),
-    Figure("p50_s", "Median time", "Median\ntime", format_duration),
+    Figure("p50_s"),
     Figure("p80_s"),
-    Figure("p95_s", "95 %", "", format_duration),
+    Figure("p95_s"),
     Figure("expected_cost"),
     Figure("paid_cost", "Paid", "", format_price,
            note="of the cost, what is paid; the rest is expected loss on late ground", is_optional=True),
@@ -163,8 +162,8 @@ _CATALOGUE = (
     Figure("refilling_s", "Refilling", "", format_duration, is_optional=True),
     Figure("over_finished_m"),
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
-    Figure("p50_done_s"),
-    Figure("p95_done_s"),
+    Figure("p50_done_s", "Median time", "Median\ntime", format_duration),
+    Figure("p95_done_s", "95 %", "", format_duration),
     Figure("fuel_l", "Fuel l", "", lambda litres: _TENTHS(VOLUME.convert(litres)),
            "litres of all tractors in the field, by the load of the simulated drive", is_optional=True),
     Figure("stated_end_s", "Time", "", format_duration,
@@ -191,7 +190,10 @@ _CATALOGUE = (
            is_optional=True),
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
-    Figure("stated_s", "Time", "", format_duration, read=get_stated_s, is_exported=False),
+    Figure("spared_m2"),
+    Figure("keeps_clearance"),
+    Figure("is_simulated"),
+    Figure("stated_span_s", "Time", "", format_duration, read=get_stated_end_s, is_exported=False),
     Figure("charged_traffic_m2", "Driven over", "Driven\nover", format_area_or_dash,
            note="finished ground under wheels that drive over it, counted like unworked ground", unit="m2",
            read=get_charged_traffic_m2, is_optional=True, is_exported=False),
@@ -216,13 +218,15 @@ SCREEN_DROPS = {
 }  # fmt: skip
 """Of the first screen, each with the order in which it is dropped where there is no room."""
 TABLE_DROPS = {
-    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_s": 0, "stated_cost": 2, "paid_cost": 6, "fuel_l": 6,
-    "energy_kwh": 6, "refills": 3, "charges": 3, "turning_s": 5, "waiting_s": 6, "worked_pct": 4, "missed_m2": 4,
-    "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7, "finish_probability": 3, "meets_deadline": 3,
+    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
+    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "charges": 3, "turning_s": 5, "waiting_s": 6, "worked_pct": 4,
+    "missed_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7, "finish_probability": 3,
+    "meets_deadline": 3,
 }  # fmt: skip
 """Of the table of all plans."""
 COUNT_DROPS = {
-    "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_s": 0, "p95_s": 0, "stated_cost": 2, "paid_cost": 6,
+    "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_done_s": 0, "p95_done_s": 0, "stated_cost": 2,
+    "paid_cost": 6,
 }  # fmt: skip
 """Of the table of the best plan of every number of tractors."""
 PAGE_KEYS = (

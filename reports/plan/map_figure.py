@@ -335,7 +335,7 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     """Field and plan, then the figures of the drive, in lines for a figure of `width` inches."""
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    tracks = f"{len(drive.swaths)} tracks"
+    tracks = f"{len(drive.swaths)} track{'' if len(drive.swaths) == 1 else 's'}"
     second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
     if drive.headland_passes:
         passes = max(headland_pass.number for headland_pass in drive.headland_passes)
@@ -343,7 +343,7 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     if count:
         second += [
             *([] if format_tractor_count(count) in first else [format_tractor_count(count)]),
-            f"done in {format_duration(max(drive.finish_s))}",
+            _describe_end(drive),
         ]
     if drive.worked_pct is not None:
         second.append(f"{drive.worked_pct:.1f} % worked")
@@ -351,6 +351,17 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
         second.append(f"{format_area(math.fsum(one.m2 for one in drive.cut_off))} cut off by obstacles")
     room = int(width * _LETTERS_PER_INCH)
     return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
+
+
+def _describe_end(drive: PlanDrive) -> str:
+    """When the plan is done as it is stated, and what the drive on the map takes where that is not the same."""
+    drawn_s = max(drive.finish_s)
+    stated_s = drawn_s if drive.stated_end_s is None else drive.stated_end_s
+    text = f"done in {format_duration(stated_s)}"
+    if format_duration(stated_s) == format_duration(drawn_s):
+        return text
+    without = ", without late starts, stops and breakdowns" if drive.has_delays else ""
+    return f"{text} (the drive as drawn{without}: {format_duration(drawn_s)})"
 
 
 def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:

@@ -14,6 +14,8 @@ from reports.common.plan_results import (
     PlanResult,
     SlopePlace,
     UnworkedPiece,
+    get_due_missed_m2,
+    get_finishing_s,
     get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
@@ -31,11 +33,11 @@ from reports.common.wording import (
     format_money,
     format_number,
     format_percent,
+    format_time_span,
     format_tractor_count,
     format_width,
     group_alike,
     join_list,
-    round_seconds,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
@@ -186,7 +188,7 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
         return [explain_no_plan(ranking)]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
     cheapest = min(priced, key=get_ranked_cost, default=None)
-    best_is_cheapest = cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
+    best_is_cheapest = len(priced) > 1 and cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.shortfalls:
@@ -228,7 +230,7 @@ def _describe_other_plans(
     plans_by_name = {}
     if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
         plans_by_name[translate("Fastest")] = fastest
-    if cheapest is not None and not best_is_cheapest:
+    if cheapest is not None and cheapest is not best and not best_is_cheapest:
         plans_by_name[translate("Cheapest")] = cheapest
     if len(plans_by_name) == 2 and fastest is cheapest:
         plans_by_name = {translate("Fastest and cheapest"): fastest}
@@ -263,9 +265,10 @@ def _list_advice(ranking: PlanRanking) -> list[str]:
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
-    unworked = format_unworked(plan)
-    when = _describe_time(ranking, get_stated_s(plan), get_stated_end_s(plan))
-    is_done = abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S
+    unworked, end_s = format_unworked(plan), get_stated_end_s(plan)
+    driven_s = get_stated_s(plan) if format_end_clock(ranking, end_s) else end_s
+    when = _describe_time(ranking, driven_s, end_s)
+    is_done = abs(driven_s - end_s) < SAME_TIME_S
     done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
     leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
     tractors = format_tractor_count(plan.tractors)
@@ -291,15 +294,18 @@ def get_charged_traffic_m2(plan: PlanResult) -> float | None:
 
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
-    driven_over = get_charged_traffic_m2(plan)
-    grounds = [translate("the missed {area}", area=missed)] if missed else []
+    due_m2, driven_over = get_due_missed_m2(plan), get_charged_traffic_m2(plan)
+    is_missed = due_m2 >= LEAST_UNWORKED_M2
+    grounds = []
+    if is_missed and plan.spared_m2 >= LEAST_UNWORKED_M2:
+        grounds.append(translate("the {area} of it that was to be worked", area=format_area(due_m2)))
+    elif is_missed:
+        grounds.append(translate("the missed {area}", area=format_area(due_m2)))
     if driven_over is not None:
         grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
     sentences = []
     if grounds and plan.finished_s is not None:
-        added_s = plan.finished_s - (plan.time_s or 0.0)
-        added = format_duration(added_s) if round_seconds(added_s) >= 60 else f"{round_seconds(added_s)} s"
+        added = format_time_span(get_finishing_s(plan))
         clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
         done = translate(" (field work done at {clock})", clock=clock) if clock else ""
         added_cost = 0.0 if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
@@ -307,8 +313,11 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
         is_late = ranking.allowed_s is not None and get_stated_finished_end_s(plan) > ranking.allowed_s
         late = translate(", too late for the deadline") if plan.meets_deadline and is_late else ""
         extra = join_list([f"{added}{done}", *cost])
-        sentences.append(translate("Finishing {ground} adds {extra}.", ground=join_list(grounds), extra=extra + late))
-    if plan.largest_missed is not None and missed:
+        values = {"ground": join_list(grounds), "extra": extra + late}
+        sentences.append(
+            translate("At the plan's own rate, without ways there, finishing {ground} adds {extra}.", **values)
+        )
+    if plan.largest_missed is not None and is_missed:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
     return sentences
@@ -373,7 +382,9 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     counts = translate("{counts} tractors", counts=join_list(meeting, "or"))
     who = {"name": name, "tractors": format_tractor_count(1) if meeting == [1] else counts, "missed": missed}
     text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of them."
-    if ranking.chosen is not None:
+    if len(judged) == 1:
+        text = "{name} can be met with {tractors}{missed}."
+    elif ranking.chosen is not None:
         text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
     elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=get_ranked_cost)):
         text = (

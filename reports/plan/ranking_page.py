@@ -16,7 +16,6 @@ from reports.common.plan_results import (
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
-    get_stated_s,
 )
 from reports.common.rendering import render_template
 from reports.common.wording import (
@@ -209,7 +208,7 @@ def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | No
     """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
     labels = {
         _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
-        f"{format_duration(get_stated_s(plan))}"
+        f"{format_duration(get_stated_end_s(plan))}"
         for plan in reversed(plans)
     }
     return [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]

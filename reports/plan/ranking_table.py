@@ -17,9 +17,22 @@ from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    find_deciding_reason,
+    get_stated_end_s,
+)
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import FIELD_AREA, format_minutes, format_signed_number, join_list, parse_start_time
+from reports.common.wording import (
+    FIELD_AREA,
+    format_minutes,
+    format_signed_number,
+    format_width,
+    join_list,
+    parse_start_time,
+)
 from reports.plan.answer import write_answer
 from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
@@ -34,6 +47,7 @@ from reports.plan.figures import (
 )
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
+    SAME_TIME_S,
     UNWORKED_HELP,
     describe_machines,
     describe_order_optimality,
@@ -82,16 +96,19 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:
-    """The best plan, then the Pareto front from few tractors to many, then others until there are a few rows."""
+    """The best plan, then those to take with other numbers of tractors, then others until there are a few rows.
+
+    Numbers of tractors are those beside that of the best and those of the Pareto front, as many as have room.
+    """
     plans, best = list_feasible(ranking), ranking.best
-    front = sorted(
-        (plan for plan in plans if plan.on_pareto_front and plan is not best), key=lambda plan: plan.tractors
-    )
-    first = [*([best] if best else []), *front]
+    front = {plan.tractors for plan in plans if plan.on_pareto_front}
+    to_take = [*ranking.neighbours, *(plan for count, plan in ranking.by_count.items() if count in front)]
+    first = [] if best is None else [best]
+    for plan in to_take:
+        first += [plan] if len(first) < most and all(plan is not each for each in first) else []
     others = [plan for plan in plans if all(plan is not each for each in first)]
-    if math.isinf(most):
-        return [*first, *others]
-    return [*first[: int(most)], *others[: max(LEAST_ROWS - len(first), 0)]]
+    shown = [*first[:1], *sorted(first[1:], key=lambda plan: plan.tractors)]
+    return [*shown, *(others if math.isinf(most) else others[: max(LEAST_ROWS - len(first), 0)])]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
@@ -120,11 +137,8 @@ def _is_front_part(plans: Sequence[PlanResult]) -> bool:
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
-    best = ranking.best
     mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
-    alike = [plan for plan in plans if best is not None and plan.tractors == best.tractors]
-    if best is not None and any((plan.time_s or math.inf) < (best.time_s or 0.0) for plan in alike):
-        mark = translate("{mark}, as ground left counts", mark=mark)
+    mark = _add_deciding_reason(mark, ranking, plans)
     has_samples = any(plan.p50_s is not None for plan in plans)
     figures = (
         translate("times are medians, costs are means")
@@ -135,18 +149,48 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     return f"{'; '.join([mark, *front, figures])}."
 
 
+def _add_deciding_reason(mark: str, ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+    """The mark with what decided against quicker plans with as many tractors, where one reason holds for all."""
+    best = ranking.best
+    if best is None or ranking.chosen is not None:  # samples decide by cost, or by what was asked for
+        return mark
+    limit_s = get_stated_end_s(best) - SAME_TIME_S
+    quicker = [plan for plan in plans if plan.tractors == best.tractors and get_stated_end_s(plan) < limit_s]
+    reasons = {find_deciding_reason(best, plan) for plan in quicker}
+    reason = reasons.pop() if len(reasons) == 1 else None
+    if reason is None:
+        return mark
+    return f"{mark}, {translate(reason, distance=format_width(ranking.scenario['clearance_m']))}"
+
+
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """How many plans the table leaves out, were refused, or were not simulated."""
     refused = list_refused(ranking)
-    not_simulated = sum(not plan.is_simulated for plan in refused)
+    simulated_count = sum(plan.is_simulated for plan in refused)
     hidden = len(list_feasible(ranking)) - len(plans)
     counts = [
         translate_count("{count} more plan", "{count} more plans", hidden) if hidden else "",
-        translate("{count} refused", count=len(refused) - not_simulated) if len(refused) > not_simulated else "",
-        translate("{count} not simulated as others are better", count=not_simulated) if not_simulated else "",
+        translate("{count} refused", count=simulated_count) if simulated_count else "",
+        _describe_not_simulated(ranking, [plan for plan in refused if not plan.is_simulated]),
     ]
     listed = ", ".join(filter(None, counts))
     return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []
+
+
+def _describe_not_simulated(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+    """How many plans were not simulated for which reason; "" without any."""
+    near_count = sum(not plan.keeps_clearance for plan in plans)
+    worse_count = len(plans) - near_count
+    if not near_count:
+        return translate("{count} not simulated as others are better (--all)", count=worse_count) if plans else ""
+    values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
+    if not worse_count:
+        return translate("{near} not simulated as tractors may come nearer than {distance} (--all)", **values)
+    return translate(
+        "{count} not simulated as others are better, {near} as tractors may come nearer than {distance} (--all)",
+        count=worse_count,
+        **values,
+    )
 
 
 def _suggest_commands(ranking: PlanRanking) -> list[str]:

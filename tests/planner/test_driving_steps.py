@@ -15,7 +15,7 @@ from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps, n
 from strategies.moves.drives import build_path_legs
 from strategies.path_planning.turns import build_omega_turn, build_switch_back, build_u_turn
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import SimulationRun, find_longest_reversing
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.sim.world import simulate
 
@@ -107,10 +107,12 @@ def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
     points = np.array([(60.0, 0.0), (20.0, 0.0)])
     back = Leg(points, 1.0, gear=-1, task=LegTask("way", 7))
     plan = Plan((Mission((straight(0, 60, 0, 4), back)), Mission((straight(0, 60, 20, 9),))))
-    steps, _ = list_steps(simulate(plan, load_tractor("eg105"), Implement(width_m=3.0)), 3.0)
+    run = simulate(plan, load_tractor("eg105"), Implement(width_m=3.0))
+    steps, _ = list_steps(run, 3.0)
     assert [step.kind for step in steps] == ["track", "way"]
     assert (steps[0].reversing_m, steps[0].over_finished) == (0.0, ())
     assert steps[1].reversing_m == pytest.approx(40.0, abs=3.0)
+    assert find_longest_reversing(run) == (steps[1].reversing_m, 1), "the remark has the metres of this list"
     assert steps[1].over_finished == ("5",) and steps[1].over_finished_m == pytest.approx(40.0, abs=4.0)
 
 

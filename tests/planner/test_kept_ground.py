@@ -7,7 +7,7 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_longest_reverse_m
+from vehicle.missions.run import find_longest_reversing
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -26,8 +26,8 @@ def sown(place: Any) -> tuple[PlanningContext, Outcome]:
 def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, Outcome]) -> None:
     site, found = sown
     assert found.run is not None and found.result.feasible
-    assert measure_longest_reverse_m(found.run) <= site.driving_rules.max_reverse_m + 0.5
-    assert "reversing" not in (found.result.remark or "")
+    assert find_longest_reversing(found.run)[0] <= site.driving_rules.max_reverse_m + 0.5
+    assert "reverses" not in (found.result.remark or "")
 
 
 def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningContext, Outcome]) -> None:

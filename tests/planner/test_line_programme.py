@@ -138,7 +138,7 @@ def test_lines_that_are_left_are_in_the_remark(context: PlanningContext, program
     left = Programme(programme.table, ((),), (0, 1))
     area_m2 = sum(line.own_m2 for line in programme.table.lines[:2])
     remark, _ = list_left_remarks(left, context)
-    assert f"2 lines of work are left ({area_m2:.0f} m2 in all" in remark
+    assert f"2 lines of work are left ({area_m2:.0f} m2 in all" in remark.text
 
 
 def test_a_field_that_passes_leave_much_of_is_worked() -> None:

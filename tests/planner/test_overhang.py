@@ -22,6 +22,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
+from reports.common.shortfalls import Remark, Stake
 from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate
@@ -99,9 +100,16 @@ def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     evaluation = simulate_candidate(site, Candidate("split-field", 1))
     assert "beyond the outline" not in (evaluation.result.remark or "") and evaluation.run is not None
     strict = replace(site, request=replace(site.request, overhang_m=0.2))
-    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none"))
+    others = (
+        Remark(Stake.NOTHING, "in one place"),
+        Remark(Stake.TIME, "reversing"),
+        Remark(Stake.LIFE, "rolling over"),
+    )
+    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none", others))
     assert (result.outside_along_m or 0.0) > 1.0
-    assert f"reach up to {result.outside_m:.1f} m beyond the outline" in (result.remark or "")
+    worst, beyond, *less = result.remarks
+    assert f"reach up to {result.outside_m:.1f} m beyond the outline" in beyond
+    assert worst == "rolling over" and less[-2:] == ["reversing", "in one place"]
 
 
 def drive_straight(site: PlanningContext, from_x: float, to_x: float, y: float) -> Plan:

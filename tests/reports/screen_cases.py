@@ -47,10 +47,19 @@ PLANS = tuple(
 REFUSED = (
     PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
     PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0, is_simulated=False),
+    PlanResult(
+        "col-by-col",
+        4,
+        "u",
+        False,
+        "machines may come within 0.10 m of each other",
+        is_simulated=False,
+        keeps_clearance=False,
+    ),
 )
 DEFAULT = PlanRanking(
     "denmark", 3.92, 1, (*PLANS, *REFUSED), currency="EUR",
-    scenario={"tractor": "Yanmar EG105", "width_m": 3.0, "implement": None},
+    scenario={"tractor": "Yanmar EG105", "width_m": 3.0, "implement": None, "clearance_m": 0.5},
 )  # fmt: skip
 
 
@@ -59,10 +68,10 @@ KNEE_S = {1: 11_916.0, 2: 6_200.0, 3: 4_400.0, 4: 3_900.0, 5: 3_700.0, 6: 3_600.
 KNEE = replace(
     DEFAULT, prices_assumed=True,
     plans=tuple(
-        replace(plan, time_s=KNEE_S[plan.tractors], finished_s=KNEE_S[plan.tractors] + 102.0,
-                cost=KNEE_S[plan.tractors] * plan.tractors / 90.0,
-                finished_cost=KNEE_S[plan.tractors] * plan.tractors / 90.0 + 2.26)
+        replace(plan, time_s=seconds, finished_s=seconds + 102.0, cost=seconds * plan.tractors / 90.0,
+                finished_cost=seconds * plan.tractors / 90.0 + 2.26)
         for plan in PLANS
+        for seconds in (KNEE_S[plan.tractors] * 1.03 ** STRATEGIES.index(plan.strategy),)
     ),
 )  # fmt: skip
 

@@ -27,6 +27,8 @@ TELLING_MODULES = (
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
     "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
+    "planner/evaluation/candidates/figures.py", "planner/evaluation/candidates/line_programme.py",
+    "strategies/formations/compose.py",
     "planner/traffic/giving_way.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reports.common.plan_drives import PlanDrive
+from reports.common.wording import format_duration
 from reports.plan.leg_list import format_leg_rows
 from reports.plan.map_figure import _format_leg_columns, draw_plan_map, render_png, render_svg
 from reports.trials.figures import draw_panel
@@ -71,6 +72,24 @@ def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: PlanDri
     hours, minutes, seconds = text.split("done in ")[1].split(" ")[0].split(":")
     assert 3600 * int(hours) + 60 * int(minutes) + int(seconds) == pytest.approx(max(drive.finish_s), abs=0.51)
     assert draw_plan_map(drive, "Iwamizawa").get_suptitle().count("Iwamizawa") == 1
+
+
+def test_a_picture_states_the_end_that_tables_state_and_what_its_drive_is(drive: PlanDrive) -> None:
+    drawn_s = max(drive.finish_s)
+    drawn = format_duration(drawn_s)
+    for stated_s, has_delays, told in (
+        (drawn_s - 41.0, False, f"(the drive as drawn: {drawn})"),
+        (drawn_s + 600.0, True, f"(the drive as drawn, without late starts, stops and breakdowns: {drawn})"),
+        (drawn_s, False, ""),
+    ):
+        title = draw_plan_map(replace(drive, stated_end_s=stated_s, has_delays=has_delays)).get_suptitle()
+        assert f"done in {format_duration(stated_s)} {told}".rstrip() in " ".join(title.split())
+        assert ("as drawn" in title) is bool(told)
+
+
+def test_one_track_is_no_tracks(drive: PlanDrive) -> None:
+    title = draw_plan_map(replace(drive, title="a plan", swaths=drive.swaths[:1], swath_names=())).get_suptitle()
+    assert "1 track," in " ".join(title.split())
 
 
 def test_the_title_lies_inside_the_picture(drive: PlanDrive) -> None:

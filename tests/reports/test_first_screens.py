@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -30,7 +32,14 @@ from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.many_fields import FieldRow, build_many_fields_screen, render_many_fields_page
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
-from reports.plan.ranking_table import build_answer_table, build_first_screen, build_ranking_table, choose_first_plans
+from reports.plan.ranking_table import (
+    build_answer_table,
+    build_first_screen,
+    build_ranking_table,
+    choose_first_plans,
+    count_other_plans,
+    write_legend,
+)
 from tests.examples import count_examples
 from tests.reports.screen_cases import (
     DEADLINE,
@@ -38,6 +47,7 @@ from tests.reports.screen_cases import (
     LATE_RANKING,
     PLANS,
     RANKINGS,
+    REFUSED,
     REMARK,
     REMARKED,
     STRATEGIES,
@@ -98,11 +108,56 @@ def test_the_recommended_plan_comes_first_then_the_front() -> None:
     assert len(build_answer_table(DEADLINE, shown).columns) == 7
 
 
+def test_headline_and_table_have_the_same_plan_of_every_number_of_tractors() -> None:
+    """Of two tractors the quicker plan comes too near, or is as quick and works less: the other one is to take."""
+    best = build_plan(1, "split-field", 3, 0.7, 42.0, on_pareto_front=True)
+    taken = build_plan(3, "split-field", 2, 1.0, 40.0)
+    for other in ({"keeps_clearance": False}, {"worked_pct": 98.0, "missed_m2": 780.0}):
+        front = build_plan(2, "interleaved", 2, 0.99, 40.0, on_pareto_front=True, **other)
+        plans = (best, front, taken, *(build_plan(4 + n, f"s{n}", 3, 1.5, 90.0) for n in range(5)))
+        ranking = replace(RANKINGS["default"], plans=plans, chosen=("split-field", 3))
+        assert write_answer(ranking).alternatives.startswith("Or 2 tractors: 1:00:00")
+        shown = choose_first_plans(ranking)
+        assert shown[:2] == [best, taken] and len(choose_first_plans(ranking, math.inf)) == len(plans)
+
+
 def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
     before, _ = split_screen(print_screen(build_first_screen(REMARKED)))
     assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
     explained = " ".join(print_screen(build_ranking_table(REMARKED)).split())
     assert explained.count(REMARK) == 1, "not once per plan"
+
+
+def test_what_is_not_simulated_is_counted_by_its_reason() -> None:
+    worse, near = (plan for plan in REFUSED if not plan.is_simulated)
+    near_told = "as tractors may come nearer than 0.5 m (--all)"
+    for plans, told in (
+        ((worse,), "1 not simulated as others are better (--all)"),
+        ((near, near), f"2 not simulated {near_told}"),
+        ((near, worse, near), f"1 not simulated as others are better, 2 {near_told}"),
+    ):
+        ranking = replace(RANKINGS["default"], plans=(*PLANS, *plans))
+        assert count_other_plans(ranking, PLANS) == [f"Not shown: {told}."]
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ({"keeps_clearance": False}, "> recommended, as what is quicker comes nearer than 0.5 m;"),
+        ({"works_enough": False}, "> recommended, as what is quicker leaves too much ground;"),
+        ({"finished_s": 9000.0}, "> recommended, as ground left counts;"),
+        ({"worked_pct": 97.0}, "> recommended, as it is about as quick and works more;"),
+        ({"min_clearance_m": 1.0}, "> recommended, as it is about as quick and keeps more distance;"),
+        ({"reversals": 2}, "> recommended, as it is about as quick and reverses less;"),
+        ({"waiting_s": 90.0}, "> recommended, as it is about as quick and waits less;"),
+    ],
+)
+def test_a_quicker_plan_is_not_recommended_for_the_reason_that_decided(other: dict[str, Any], told: str) -> None:
+    best = build_plan(2, "split-field", 2, 1.0, 40.0)
+    quicker = build_plan(1, "interleaved", 2, 0.995, 40.0, **other)
+    ranking = replace(RANKINGS["default"], plans=(quicker, best))
+    assert ranking.best is best
+    assert write_legend(ranking, [best, quicker]).startswith(told)
 
 
 def test_no_plan_in_time_is_said_first() -> None:

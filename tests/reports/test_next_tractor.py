@@ -67,7 +67,7 @@ def test_with_a_deadline_both_neighbours_tell_their_time_and_their_share() -> No
     plans = [replace(build_plan(count, 120.0 / count, 40.0 + 5.0 * count), meets_deadline=True) for count in (1, 2, 3)]
     plans[2] = replace(plans[2], worked_pct=99.8)
     said = write_alternatives(*plans, allowed_s=9000.0, chosen=("split-field", 2))
-    assert said == "Or 1 tractor: 2:00:00, -5 EUR; 3 tractors: 0:40:00, +5 EUR, 99.8 % worked."
+    assert said == "Or 1 tractor: 2:00:00, 5 EUR cheaper; 3 tractors: 0:40:00, +5 EUR, 99.8 % worked."
 
 
 def test_a_plan_that_works_too_little_is_no_alternative() -> None:

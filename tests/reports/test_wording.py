@@ -20,6 +20,8 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     join_list,
 )
+from reports.plan.answer import write_answer
+from reports.plan.figures import FIGURES, TABLE_DROPS
 from reports.plan.plan_wording import (
     describe_ranking,
     describe_simulated_effects,
@@ -90,6 +92,16 @@ def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: 
     assert "driven in 0:28:32 (field work done at 08:28), cost 5.65." in told
 
 
+def test_sentence_and_table_of_all_plans_state_the_end_of_field_work(ranking: PlanRanking) -> None:
+    """Not the way out after it, which the headline leaves out too."""
+    plans = tuple(replace(plan, meets_deadline=None, done_s=plan.time_s and plan.time_s - 60.0)
+                  for plan in ranking.plans)  # fmt: skip
+    free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, chosen=("split-field", 3))
+    assert "split-field, turns switch-back, done in 0:27:32, cost" in describe_ranking(free)[0]
+    assert free.best is not None and FIGURES["stated_span_s"].format(free.best) == "0:27:32"
+    assert "stated_span_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
+
+
 def test_a_deadline_on_the_next_day_says_so(ranking: PlanRanking) -> None:
     late = replace(ranking, start="22:00", deadline="02:00", allowed_s=4 * 3600.0)
     assert describe_ranking(late)[1].startswith("The deadline (02:00 next day) can be met with")
@@ -116,6 +128,13 @@ def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     ]
 
 
+def test_a_single_plan_is_not_called_the_cheapest(ranking: PlanRanking) -> None:
+    plan = next(plan for plan in ranking.plans if plan.meets_deadline)
+    for meets in (True, None):
+        alone = replace(ranking, plans=(replace(plan, meets_deadline=meets),))
+        assert not any("cheapest" in text.lower() for text in describe_ranking(alone))
+
+
 class TestWhatIsLeft:
     def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: PlanRanking) -> None:
         plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
@@ -124,11 +143,25 @@ class TestWhatIsLeft:
         assert sentences == [
             "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89, leaves 0.38 ha "
             "(20 %) unworked.",
-            "Finishing the missed 0.38 ha adds 0:05:13 (field work done at 08:27) and 1.72.",
+            "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 5 min (field work done "
+            "at 08:27) and 1.72.",
             "The largest missed piece, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
             "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92, leaves 0.19 ha (10 %) "
             "unworked.",
         ]
+
+    def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
+        """Not of what was left out on request, which no time is charged for."""
+        best = leaving.best
+        assert best is not None and best.missed_m2 is not None
+        for spared_m2, told in (
+            (best.missed_m2 - 212.0, "the 212 m2 of it that was to be worked adds"),
+            (0.0, "the missed 0."),
+        ):
+            plans = tuple(replace(plan, spared_m2=spared_m2 if plan is best else 0.0) for plan in leaving.plans)
+            assert f"finishing {told}" in " ".join(describe_ranking(replace(leaving, plans=plans)))
+        plans = tuple(replace(plan, spared_m2=plan.missed_m2 or 0.0) for plan in leaving.plans)
+        assert "finishing" not in " ".join(describe_ranking(replace(leaving, plans=plans)))
 
     def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: PlanRanking) -> None:
         little = replace(leaving.plans[4], worked_pct=30.0, missed_m2=13_230.0, finished_s=14_917.0, finished_cost=16.4)
@@ -233,7 +266,7 @@ def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
     ]
     late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall("late"),)))
     assert late[0].startswith("No plan is done by 09:00; the best is ")
-    assert late[-1] == "This plan is also the cheapest."
+    assert late[-1].startswith("The best of them: 1 tractor, split-field"), "of one plan it says nothing"
 
 
 def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> None:

@@ -138,11 +138,13 @@ def result() -> dict[str, Any]:
         "feasible": False,
         "reason": "Three tractors abreast have no room to turn on a headland of 9 m.",
     }
-    not_tried = {**refused, "strategy": "col-by-col", "reason": "skipped: by estimate it is slower", "bound_s": 900.0}
+    told = {"is_simulated": False, "keeps_clearance": True, "bound_s": 900.0}
+    not_tried = {**refused, **told, "strategy": "col-by-col", "reason": "skipped: by estimate it is slower"}
+    too_near = {**not_tried, "strategy": "interleaved", "keeps_clearance": False, "bound_s": None}
     return {
         "field": {"name": "north field", "area_ha": 0.72},
-        "scenario": {"tractor": "Yanmar EG105"},
-        "plans": [*plans, refused, not_tried],
+        "scenario": {"tractor": "Yanmar EG105", "clearance_m": 0.5},
+        "plans": [*plans, refused, not_tried, too_near],
         "best": plans[0],
         "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more.",
     }

@@ -55,6 +55,7 @@ def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> No
     page = open_plan(watched)
     assert page.locator("summary:has-text('not possible')").inner_text() == "1 plan not possible, with the reason"
     assert page.locator("text=1 plan not simulated, as others are estimated to be faster.").is_visible()
+    assert page.locator("text=1 plan not simulated, as tractors may come nearer than 0.5").is_visible()
     watched.well()
 
 

@@ -1,16 +1,35 @@
-"""The result of a simulation: outcome, 10 Hz record and times."""
+"""The result of a simulation: outcome, 10 Hz record and times, and its segments: work, ways, waits and stops.
+
+The legs of one swath, headland side, turn or route are one step, drive-in included; a wait splits a step in two.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
-from vehicle.arrays import Floats, Integers, Records
-from vehicle.missions.plan import LEAVE, Plan
-from vehicle.records import REC_LEG, REC_POSE, REC_SPEED, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
+from vehicle.arrays import Floats, Integers, Records, find_true_spans
+from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
+from vehicle.records import (
+    FINISHED,
+    REC_LEG,
+    REC_POSE,
+    REC_SPEED,
+    REC_STATUS,
+    REVERSING,
+    STANDING,
+    TURNING,
+    WAITING,
+    WORKING,
+)
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
+MIN_WAIT_S = 3.0  # a shorter stop belongs to the segment it interrupts
 
 
 @dataclass(frozen=True)
@@ -136,3 +155,74 @@ class SimulationRun:
         """Seconds per tractor of working, turning, waiting and reversing."""
         statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
         return {name: self.sum_seconds(status) for name, status in statuses.items()}
+
+
+@dataclass(frozen=True)
+class RecordSegment:
+    """Rows `first_row` to before `end_row` of the record: driving, waiting, or standing at a service stop."""
+
+    group: int
+    is_waiting: bool
+    is_standing: bool
+    first_row: int
+    end_row: int
+
+
+def number_leg_steps(legs: Sequence[Leg]) -> Integers:
+    """Number of the step each leg belongs to, (n,)."""
+    group, groups = 0, [0]
+    for before, after in pairwise(legs):
+        is_same_kind = classify_task(before.task) == classify_task(after.task)
+        group += not is_same_kind or not (before.task.has_same_goal(after.task) or after.task.kind in (ENTER, LEAVE))
+        groups.append(group)
+    return np.array(groups, dtype=np.int64)
+
+
+def classify_task(task: LegTask) -> str:
+    """The class that all legs of a step share; crossing the headland line is part of the swath."""
+    if task.is_work or task.kind == DRIVE_IN:
+        return HEADLAND_PASS if task.kind == HEADLAND_PASS else SWATH
+    return ROUTE if task.kind in (TURN, ROUTE) else task.kind
+
+
+def iter_segments(run: SimulationRun, tractor: int) -> Iterator[RecordSegment]:
+    """Driving and standing segments in order of time; short stops belong to what they interrupt."""
+    groups = number_leg_steps(run.plan.missions[tractor].legs)
+    status, group = run.get_statuses(tractor), groups[run.get_leg_numbers(tractor)]
+    end = int(np.argmax(status == FINISHED)) if (status == FINISHED).any() else len(status)
+    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
+    is_waiting = _clear_short_sequences(status[:end] == WAITING, math.ceil(MIN_WAIT_S / step_s - 1e-9) if step_s else 1)
+    is_standing = status[:end] == STANDING
+    keys = 3 * group[:end] + np.where(is_standing, 2, is_waiting)
+    cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
+    for first, last in pairwise(cuts):
+        if last > first:
+            yield RecordSegment(int(group[first]), bool(is_waiting[first]), bool(is_standing[first]), first, last)
+
+
+def _clear_short_sequences(flags: npt.NDArray[np.bool_], min_rows: int) -> npt.NDArray[np.bool_]:
+    """The flags without runs of fewer than `min_rows`."""
+    long_flags = np.zeros(len(flags), dtype=bool)
+    for first, last in find_true_spans(flags).tolist():
+        long_flags[first:last] = last - first >= min_rows
+    return long_flags
+
+
+def measure_reversing_m(run: SimulationRun, tractor: int, segment: RecordSegment) -> float:
+    """The metres of a segment that are driven in reverse."""
+    last = min(segment.end_row, len(run.time_s) - 1)
+    path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
+    gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs])
+    gear = gears[run.get_leg_numbers(tractor)[segment.first_row : last]]
+    return float(np.hypot(*np.diff(path, axis=0).T)[gear < 0].sum())
+
+
+def find_longest_reversing(run: SimulationRun) -> tuple[float, int]:
+    """The most that a segment of a run is driven in reverse (m), and the number of its tractor from 1."""
+    lengths = (
+        (measure_reversing_m(run, tractor, segment), tractor + 1)
+        for tractor in range(run.plan.tractors)
+        for segment in iter_segments(run, tractor)
+        if not segment.is_waiting
+    )
+    return max(lengths, key=lambda pair: pair[0], default=(0.0, 1))

@@ -10,7 +10,7 @@ from typing import Any
 
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_parallel_clearance_m
+from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -27,14 +27,13 @@ from planner.evaluation.candidates.slope_figures import (
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
-from planner.evaluation.ground.coverage import measure_longest_reverse_m
-from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.risk.assessment import add_risk_estimate
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
+from reports.common.shortfalls import Remark, Stake
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import SimulationRun, find_longest_reversing
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
 WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
@@ -75,10 +74,10 @@ def simulate_candidates(
         incumbent = find_incumbent(results) if prunes and near else None
         group = [number for number in numbers if are_near[number] == near]
         if incumbent is not None and incumbent.keeps_clearance:
-            reason = describe_nearness(max(0.0, compute_machine_gap_m(context)), context.request.clearance_m, incumbent)
-            yield from (
-                (number, _build_refusal(context, candidates[number], reason, is_simulated=False)) for number in group
-            )
+            nearness_m = compute_nearness_m(context, beside=True)
+            reason = describe_nearness(nearness_m, context.request.clearance_m, incumbent)
+            marks = {"is_simulated": False, "keeps_clearance": False}
+            yield from ((number, _build_refusal(context, candidates[number], reason, **marks)) for number in group)
             return
         sketches = {number: _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
@@ -91,7 +90,7 @@ def simulate_candidates(
 def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
     """Whether tractors work beside each other where neighbouring tracks leave less than the clearance."""
     beside = candidate.tractors > 1 and get_strategy(candidate.strategy).beside
-    return compute_parallel_clearance_m(context, beside) < context.request.clearance_m
+    return compute_nearness_m(context, beside) < context.request.clearance_m
 
 
 def _build_refusal(context: PlanningContext, candidate: Candidate, reason: str, **figures: Any) -> Outcome:
@@ -221,8 +220,6 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> Outcome:
     """The figures of a run, with those of its samples."""
     result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
-    largest = describe_largest_piece(context, result.largest_missed)
-    result = result if largest is None else replace(result, remarks=(largest, *result.remarks))
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,
@@ -237,23 +234,27 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
     return Outcome(estimated, outcome.run)
 
 
-def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
+def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
     remarks = []
     if run.min_clearance_m < context.request.clearance_m:
-        remarks.append(
+        near = (
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
             f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
         )
-    reverse_m = measure_longest_reverse_m(run)
+        remarks.append(Remark(Stake.MACHINES, near))
+    reverse_m, number = find_longest_reversing(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
-        remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there (the list of legs says where)")
+        reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
+        remarks.append(Remark(Stake.TIME, reversing))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:
-        remarks.append(f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all")
+        slow = f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all"
+        remarks.append(Remark(Stake.WORK, slow))
     if loosened_count := run.plan.notes.get("loosened"):
         places = "one place" if loosened_count == 1 else f"{loosened_count} places"
-        remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")
+        changed = f"in {places} the order of tractors was changed to avoid a deadlock"
+        remarks.append(Remark(Stake.NOTHING, changed))
     return remarks + list_slope_remarks(context, run)
 
 

@@ -15,6 +15,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
 from planner.evaluation.ground.coverage import count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import (
@@ -24,7 +25,8 @@ from planner.risk.costs import (
     get_price_per_hour,
     measure_driven_times,
 )
-from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
+from reports.common.plan_results import PlanFault, PlanResult, UnworkedPiece, get_field_work_end_s
+from reports.common.shortfalls import Remark, Stake, sort_remarks
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
@@ -43,7 +45,7 @@ class CandidateRun:
     run: SimulationRun
     reason: str | None
     turns: str
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     faults: tuple[PlanFault, ...] = ()
 
 
@@ -84,6 +86,7 @@ def measure_candidate(
         worked_pct=coverage.worked_pct,
         overlap_pct=coverage.overlap_pct,
         missed_m2=coverage.unworked_m2,
+        spared_m2=coverage.spared_m2,
         largest_missed=coverage.largest_piece,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
@@ -101,7 +104,13 @@ def measure_candidate(
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         measured={key: measure(run) for key, measure in MEASURES.items()},
-        remarks=(*candidate_run.remarks, *_list_overhang_remarks(overhang, context)),
+        remarks=sort_remarks(
+            (
+                *_list_missed_remarks(coverage.largest_piece, context),
+                *candidate_run.remarks,
+                *_list_overhang_remarks(overhang, context),
+            )
+        ),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
@@ -127,14 +136,21 @@ def measure_headland_phase_s(run: SimulationRun) -> float | None:
     return max(times) - min(times) if times else None
 
 
-def _list_overhang_remarks(overhang: Overhang, context: PlanningContext) -> list[str]:
+def _list_missed_remarks(largest: UnworkedPiece | None, context: PlanningContext) -> list[Remark]:
+    """A remark on the largest piece that is left, where it is worth one."""
+    text = describe_largest_piece(context, largest)
+    return [] if text is None else [Remark(Stake.WORK, text)]
+
+
+def _list_overhang_remarks(overhang: Overhang, context: PlanningContext) -> list[Remark]:
     """A remark on machines that reach farther beyond the outline than allowed for a while."""
     if overhang.beyond_m < MIN_BEYOND_M:
         return []
-    return [
+    text = (
         f"tractor or implement reach up to {overhang.farthest_m:.1f} m beyond the outline, and farther than allowed "
         f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
-    ]
+    )
+    return [Remark(Stake.GROUND_OF_OTHERS, text)]
 
 
 def name_main_turns(counts: Mapping[str, int]) -> str:

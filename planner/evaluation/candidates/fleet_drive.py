@@ -86,6 +86,15 @@ def compute_parallel_clearance_m(context: PlanningContext, beside: bool) -> floa
     return min(beside_m, context.request.clearance_m) if beside else context.request.clearance_m
 
 
+def compute_nearness_m(context: PlanningContext, beside: bool) -> float:
+    """How near machines may come that work neighbouring swaths beside each other (m), to the centimetre as it is told.
+
+    That is the part of their gap that errors of guidance leave; machines that overlap have none.
+    """
+    gap_m = max(0.0, compute_machine_gap_m(context)) if beside else math.inf
+    return round(min(gap_m, compute_parallel_clearance_m(context, beside)), 2)
+
+
 def compute_machine_gap_m(context: PlanningContext) -> float:
     """The gap between machines on neighbouring swaths (m); negative if they overlap."""
     return measure_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)

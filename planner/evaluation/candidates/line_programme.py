@@ -26,6 +26,7 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.giving_way import resolve_conflicts
+from reports.common.shortfalls import Remark, Stake
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
@@ -364,16 +365,18 @@ class ProgrammeDriver:
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
         left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
-        return CandidateRun(run, reason, name_main_turns(turns), left if apart is None else (apart, *left))
+        return CandidateRun(
+            run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
+        )
 
 
-def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[str, ...]:
+def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[Remark, ...]:
     """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
     lines = programme.table.lines
     wanted_out = context.request.line_wishes.find_left_out(lines)
     wanted = [lines[number] for number in wanted_out]
     left = [lines[number] for number in programme.left if number not in wanted_out]
-    left_out = _describe_left_out(wanted)
+    left_out = _list_left_out_remarks(wanted)
     left_m2 = math.fsum(line.own_m2 for line in left)
     if left_m2 < MENTIONED_M2:
         return left_out
@@ -384,15 +387,15 @@ def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[s
         where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
     return (
         *left_out,
-        f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine",
-        "a smaller turning radius or a narrower implement may help",
+        Remark(Stake.WORK, f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine"),
+        Remark(Stake.WORK, "a smaller turning radius or a narrower implement may help"),
     )
 
 
-def _describe_left_out(lines: Sequence[WorkLine]) -> tuple[str, ...]:
+def _list_left_out_remarks(lines: Sequence[WorkLine]) -> tuple[Remark, ...]:
     """A remark on the lines that were to be left out; empty without any."""
     if not lines:
         return ()
     area_m2 = math.fsum(line.own_m2 for line in lines)
     count = "1 line of work is" if len(lines) == 1 else f"{len(lines)} lines of work are"
-    return (f"{count} left out as asked ({area_m2:.0f} m2)",)
+    return (Remark(Stake.NOTHING, f"{count} left out as asked ({area_m2:.0f} m2)"),)

@@ -79,9 +79,9 @@ def describe_loss(bound_s: float, incumbent: Incumbent) -> str:
     return f"skipped: by estimate ({bound_s:.0f} s) it is slower than {incumbent.strategy} ({incumbent.finish_s:.0f} s)"
 
 
-def describe_nearness(gap_m: float, clearance_m: float, incumbent: Incumbent) -> str:
+def describe_nearness(nearness_m: float, clearance_m: float, incumbent: Incumbent) -> str:
     """Why a candidate is not simulated whose tractors would work neighbouring tracks beside each other."""
     return (
-        f"machines on neighbouring tracks are {gap_m:.2f} m apart, less than the clearance of "
-        f"{clearance_m:g} m, which {incumbent.strategy} keeps"
+        f"with errors of guidance, machines on neighbouring tracks may come within {nearness_m:.2f} m of each other, "
+        f"less than the clearance of {clearance_m:g} m, which {incumbent.strategy} keeps"
     )

@@ -13,6 +13,7 @@ from fields.terrain.checks import describe_place
 from fields.terrain.slopes import compute_directional_slopes
 from planner.evaluation.context import PlanningContext
 from reports.common.plan_results import STUCK, PlanFault, SlopePlace
+from reports.common.shortfalls import Remark, Stake
 from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
 from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED
@@ -66,7 +67,7 @@ def _locate(amount: float, tractor: int, x_m: float, y_m: float, field: Field) -
     return SlopePlace(amount, tractor, x_m, y_m, lon, lat)
 
 
-def list_slope_remarks(context: PlanningContext, run: SimulationRun) -> list[str]:
+def list_slope_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     """A remark where a tractor comes nearer to rolling over than its file allows; `find_overturning` refuses more."""
     stability = context.tractor.stability
     if stability is None or not run.roll_over:
@@ -76,10 +77,11 @@ def list_slope_remarks(context: PlanningContext, run: SimulationRun) -> list[str
     if degrees >= stability.warn_deg:
         return []
     place = describe_place(context.layout.field, margin.x_m, margin.y_m)
-    return [
+    text = (
         f"tractor {number} comes within {degrees:.0f} degrees of rolling over at {place}"
         f"{_describe_cross_slope(context, margin)}; its file warns from {stability.warn_deg:g} degrees"
-    ]
+    )
+    return [Remark(Stake.LIFE, text)]
 
 
 def find_overturning(context: PlanningContext, run: SimulationRun) -> str | None:

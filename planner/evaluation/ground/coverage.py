@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -206,15 +206,6 @@ def measure_outside_m(poses: Points, context: PlanningContext) -> Points:
 def count_reversals(run: SimulationRun) -> int:
     """Number of changes of direction in the plan of a run."""
     return sum(a.gear != b.gear for mission in run.plan.missions for a, b in pairwise(mission.legs))
-
-
-def measure_longest_reverse_m(run: SimulationRun) -> float:
-    """The most that the plan of a run drives in reverse without a change of direction (m)."""
-    longest_m = 0.0
-    for mission in run.plan.missions:
-        for is_reverse, legs in groupby(mission.legs, key=lambda leg: leg.gear < 0):
-            longest_m = max(longest_m, math.fsum(leg.length_m for leg in legs) if is_reverse else 0.0)
-    return longest_m
 
 
 def replace_infinite(value: float) -> float | None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,19 @@ import shapely
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter
-from vehicle.arrays import find_true_spans, measure_along
-from vehicle.missions.plan import DRIVE, DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
-from vehicle.missions.run import SimulationRun
-from vehicle.records import FINISHED, STANDING, WAITING
+from vehicle.arrays import measure_along
+from vehicle.missions.plan import DRIVE, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
+from vehicle.missions.run import (
+    RecordSegment,
+    SimulationRun,
+    classify_task,
+    iter_segments,
+    measure_reversing_m,
+    number_leg_steps,
+)
+from vehicle.records import WAITING
 
 CORNER, WAIT, TO_REFILL = "corner", "wait", "refill-way"  # kinds of step that are not kinds of task
-MIN_WAIT_S = 3.0  # a shorter stop belongs to the step it interrupts
 LOOP_SHARE = 0.5  # of the length: a step whose ends are nearer to each other has no direction
 OMEGA_SWING_RAD = math.radians(20.0)  # a turn that first swings out by more than this is an omega
 MAX_SKEW_SHARE = 0.02  # of the length: swaths of one cell diverge by no more
@@ -45,17 +50,6 @@ class _StepNames:
 
     lettered_lines: frozenset[int]
     width_m: float
-
-
-@dataclass(frozen=True)
-class _RecordSegment:
-    """Rows `first_row` to before `end_row` of the record: driving, waiting, or standing at a service stop."""
-
-    group: int
-    is_waiting: bool
-    is_standing: bool
-    first_row: int
-    end_row: int
 
 
 def list_steps(
@@ -129,9 +123,9 @@ def _iter_steps(
     run: SimulationRun, tractor: int, names: _StepNames, worked_ground: _WorkedGround, measures: StepMeasures
 ) -> Iterator[DriverLeg]:
     legs = run.plan.missions[tractor].legs
-    groups = _number_leg_steps(legs)
+    groups = number_leg_steps(legs)
     begun: set[int] = set()
-    for segment in _iter_segments(run, tractor, groups):
+    for segment in iter_segments(run, tractor):
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
         step = replace(_build_wait_step(run, tractor, segment), **values)
         if segment.is_standing:
@@ -158,46 +152,7 @@ def _iter_steps(
         begun.add(segment.group)
 
 
-def _number_leg_steps(legs: Sequence[Leg]) -> Rows:
-    """Number of the step each leg belongs to, (n,)."""
-    group, groups = 0, [0]
-    for before, after in pairwise(legs):
-        is_same_kind = _classify_task(before.task) == _classify_task(after.task)
-        group += not is_same_kind or not (before.task.has_same_goal(after.task) or after.task.kind in (ENTER, LEAVE))
-        groups.append(group)
-    return np.array(groups, dtype=np.int64)
-
-
-def _classify_task(task: LegTask) -> str:
-    """The class that all legs of a step share; crossing the headland line is part of the swath."""
-    if task.is_work or task.kind == DRIVE_IN:
-        return HEADLAND_PASS if task.kind == HEADLAND_PASS else SWATH
-    return ROUTE if task.kind in (TURN, ROUTE) else task.kind
-
-
-def _iter_segments(run: SimulationRun, tractor: int, groups: Rows) -> Iterator[_RecordSegment]:
-    """Driving and standing segments in order of time; short stops belong to what they interrupt."""
-    status, group = run.get_statuses(tractor), groups[run.get_leg_numbers(tractor)]
-    end = int(np.argmax(status == FINISHED)) if (status == FINISHED).any() else len(status)
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
-    is_waiting = _clear_short_sequences(status[:end] == WAITING, math.ceil(MIN_WAIT_S / step_s - 1e-9) if step_s else 1)
-    is_standing = status[:end] == STANDING
-    keys = 3 * group[:end] + np.where(is_standing, 2, is_waiting)
-    cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
-    for first, last in pairwise(cuts):
-        if last > first:
-            yield _RecordSegment(int(group[first]), bool(is_waiting[first]), bool(is_standing[first]), first, last)
-
-
-def _clear_short_sequences(flags: npt.NDArray[np.bool_], min_rows: int) -> npt.NDArray[np.bool_]:
-    """The flags without runs of fewer than `min_rows`."""
-    long_flags = np.zeros(len(flags), dtype=bool)
-    for first, last in find_true_spans(flags).tolist():
-        long_flags[first:last] = last - first >= min_rows
-    return long_flags
-
-
-def _build_wait_step(run: SimulationRun, tractor: int, segment: _RecordSegment) -> DriverLeg:
+def _build_wait_step(run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
     """A wait step with the time, length and place of a segment."""
     first, last = segment.first_row, min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[first : last + 1, :2]
@@ -208,23 +163,21 @@ def _build_wait_step(run: SimulationRun, tractor: int, segment: _RecordSegment) 
 
 
 def _describe_drive(
-    run: SimulationRun, tractor: int, segment: _RecordSegment, kind: str, worked_ground: _WorkedGround
+    run: SimulationRun, tractor: int, segment: RecordSegment, kind: str, worked_ground: _WorkedGround
 ) -> dict[str, Any]:
     """How much of a driven segment is in reverse, and over which finished ground it leads; nothing for work."""
     if kind in (SWATH, HEADLAND_PASS):
         return {}
     last = min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
-    gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs])
-    gear = gears[run.get_leg_numbers(tractor)[segment.first_row : last]]
-    reversing_m = float(np.hypot(*np.diff(path, axis=0).T)[gear < 0].sum())
+    reversing_m = measure_reversing_m(run, tractor, segment)
     crossed, crossed_m = (
         ((), 0.0) if len(path) < 2 else _measure_finished_crossing(path, segment.first_row, worked_ground)
     )
     return {"reversing_m": reversing_m, "over_finished": crossed, "over_finished_m": crossed_m}
 
 
-def _find_service_amount(run: SimulationRun, tractor: int, segment: _RecordSegment) -> float | None:
+def _find_service_amount(run: SimulationRun, tractor: int, segment: RecordSegment) -> float | None:
     """Amount filled in at a service stop, negative if taken out; None if the plan does not say."""
     leg = int(run.get_leg_numbers(tractor)[segment.first_row])
     entries = (one for one in run.plan.notes.get("refills", ()) if (one["tractor"], one["leg"]) == (tractor + 1, leg))
@@ -232,7 +185,7 @@ def _find_service_amount(run: SimulationRun, tractor: int, segment: _RecordSegme
     return next((sign * float(one["amount"]) for one in entries), None)
 
 
-def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: _RecordSegment) -> tuple[int, ...]:
+def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: RecordSegment) -> tuple[int, ...]:
     """The tractors, from 1, whose gates may be closed when a wait begins; otherwise the tractor that is followed."""
     legs, current_leg = run.plan.missions[tractor].legs, int(run.get_leg_numbers(tractor)[segment.first_row])
     started = bool((run.get_statuses(tractor)[: segment.first_row] != WAITING).any())
@@ -252,7 +205,7 @@ def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: _RecordSeg
 
 def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -> DriverLeg:
     """The step of the legs `first` to `last`, without time and place."""
-    task, kind_group = legs[first].task, _classify_task(legs[first].task)
+    task, kind_group = legs[first].task, classify_task(legs[first].task)
     goal = next((leg for leg in range(first, len(legs)) if legs[leg].task.is_work), None)
     on_headland_pass = goal is not None and legs[goal].task.kind == HEADLAND_PASS
     step = DriverLeg(kind_group, None, "", 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -32,7 +32,7 @@ from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
@@ -109,6 +109,8 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
         worked_pct=result.worked_pct,
+        stated_end_s=get_stated_end_s(result),
+        has_delays=result.p50_s is not None,
     )
 
 
@@ -338,13 +340,14 @@ def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, flo
 def build_outline_picture(context: PlanningContext) -> PlanDrive:
     """The field with its layout, without tractors; ground that the layout leaves unworked is shown as missed."""
     layout = context.layout
+    plural = "" if len(layout.swaths) == 1 else "s"
     unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
     largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
     return replace(
-        build_field_picture(context, f"{layout.field.name}: {len(layout.swaths)} tracks at {bearing}"),
+        build_field_picture(context, f"{layout.field.name}: {len(layout.swaths)} track{plural} at {bearing}"),
         unworked=list_simplified_rings(tuple(unworked)),
         largest_missed=exclude_cut_off_piece(largest, layout.field),
     )

@@ -41,7 +41,8 @@ async function shown(job, node, closing, nameFirst) {
   const [answer, maps] = await Promise.all([get(`${path}result.json`), get(`${path}maps.json`).catch(() => ({ plans: [] }))]);
   nameFirst(answer.scenario?.tractor);
   const best = answer.best ?? answer.plans.find((one) => one.feasible), plans = inOrder(answer.plans.filter((one) => one.feasible), best);
-  const refused = answer.plans.filter((one) => !one.feasible), left = [refusedTable(refused.filter((one) => !notTried(one))), notSimulated(refused.filter(notTried))];
+  const refused = answer.plans.filter((one) => !one.feasible), notTried = refused.filter((one) => one.is_simulated === false);
+  const left = [refusedTable(refused.filter((one) => !notTried.includes(one))), notSimulated(notTried.filter((one) => one.keeps_clearance)), tooNear(notTried.filter((one) => !one.keeps_clearance), answer)];
   if (!best) return put(node, (answer.summary ?? [answer.unmet ?? "No plan is feasible."]).map((text) => note(text, "warn")), left, results("plans", job, (error) => put(trouble, sorry(error))), trouble);
   const map = new PlanMap(), figures = el("div"), send = el("div");
   closing.push(() => map.close());
@@ -76,7 +77,6 @@ async function shown(job, node, closing, nameFirst) {
 const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [t`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
 
 const same = (one, other) => one.strategy === other.strategy && one.tractors === other.tractors;
-const notTried = (plan) => known(plan.bound_s);
 const known = (value) => value !== null && value !== undefined;
 
 // The plan to take, then the Pareto front from few tractors to many, then the others by rank.
@@ -107,6 +107,8 @@ function columnsOf(plans, { scenario, currency }, action) {
 }
 
 const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, t`${plural(rows.length, "plan")} not simulated, as others are estimated to be faster.`);
+
+const tooNear = (rows, { scenario }) => rows.length > 0 && el("p", { class: "small soft" }, t`${plural(rows.length, "plan")} not simulated, as tractors may come nearer than ${number(scenario.clearance_m, 1, "m")}.`);
 
 const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, t`${plural(rows.length, "plan")} not possible, with the reason`),
   sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);
