@@ -179,7 +179,7 @@ class Sweep:
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"
             raise RequestError(
-                f"Every {several} of a sweep numbers its tracks anew, and single ones are wanted; give one {several}, "
+                f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one, "
                 f"or none of {', '.join(map(mark_parameter, WISHES))}."
             )
 
