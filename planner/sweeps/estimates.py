@@ -51,20 +51,11 @@ WISHES = ("leave_out", "work_first", "give")
 MOST_PREPARED = 8  # tractors
 PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
-SUMMED = frozenset(
-    {
-        "tractors",
-        "headland_order",
-        "speed_mps",
-        "turn_speed_mps",
-        "price_per_hour",
-        "price_per_tractor",
-        "start_s",
-        "deadline_s",
-        *WISHES,
-    }
-)
-"""Parameters that change no layout: their plans share the ground, its lines and the moves between them."""
+UNLAID = frozenset({"tractors", "price_per_hour", "price_per_tractor", "start_s", "deadline_s", *WISHES})
+"""Parameters that the choice of a layout does not ask for: all that have the same others number the same tracks."""
+DRIVING = frozenset({"speed_mps", "turn_speed_mps", "headland_order"})
+SUMMED = UNLAID | DRIVING
+"""Parameters whose plans may share a ground, its lines and the moves between them, for estimates of many."""
 
 
 @dataclass(frozen=True)
@@ -416,7 +407,7 @@ class KeptGrounds:
 
     def _find_near_ground(self, order: WorkOrder, files: str) -> _KeptGround | None:
         """The ground of the nearest width; None where the order's own has all its tours, or the field has none."""
-        own = self._grounds.get(_build_key(order, files, SUMMED))
+        own = self._grounds.get(_build_key(order, files, UNLAID))
         if own is not None and own.estimates.knows(order):
             return None
         field_key = _build_key(order, files, SUMMED | {"width_m"})
@@ -425,11 +416,11 @@ class KeptGrounds:
         return min(near, key=lambda ground: abs(math.log(ground.estimates.width_m / width_m)), default=None)
 
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
-        key = _build_key(order, files, SUMMED)
+        key = _build_key(order, files, UNLAID)
         field_key = _build_key(order, files, SUMMED | {"width_m"})
         ground = self._grounds.pop(key, None)
         if ground is None:
-            ground = self._lay_out(_choose_reference(order), field_key)
+            ground = self._lay_out(_forget_wishes(order), field_key)
             self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
         _keep(self._grounds, key, ground, MOST_GROUNDS)
         _keep(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
@@ -473,15 +464,9 @@ def _build_key(order: WorkOrder, files: str, without: Iterable[str]) -> str:
     return repr((files, values, order.field, order.tractor, order.implement, order.supply))
 
 
-def _choose_reference(order: WorkOrder) -> WorkOrder:
-    """The order at which tours are found, whatever speed is asked for first, so that answers do not depend on that."""
-    request = order.request
-    least_mps, greatest_mps = request.min_speed_mps or 0.0, request.max_speed_mps or math.inf
-    speed_mps = min(max(PlanRequest.speed_mps, least_mps), greatest_mps)
-    return replace(
-        order,
-        request=replace(request, speed_mps=speed_mps, turn_speed_mps=None, leave_out=None, work_first=None, give=()),
-    )
+def _forget_wishes(order: WorkOrder) -> WorkOrder:
+    """The order without what is wanted of single lines, which changes no layout."""
+    return replace(order, request=replace(order.request, leave_out=None, work_first=None, give=()))
 
 
 def _borrow_layout(request: PlanRequest, layout: tuple[float, int] | None) -> PlanRequest | None:

@@ -26,7 +26,7 @@ from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import Axis, list_points
-from planner.sweeps.estimates import STRATEGY, SUMMED, WISHES, GroundEstimates
+from planner.sweeps.estimates import STRATEGY, SUMMED, UNLAID, WISHES, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
@@ -175,7 +175,7 @@ class Sweep:
 
     def _check_tracks(self) -> None:
         """Raise RequestError where something is wanted of single tracks, and several layouts number them."""
-        varied = [axis.option.name for axis in self.axes if axis.parameter not in SUMMED and len(axis.values) > 1]
+        varied = [axis.option.name for axis in self.axes if axis.parameter not in UNLAID and len(axis.values) > 1]
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"
             raise RequestError(

@@ -14,7 +14,7 @@ import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planopt
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
-const NO_LAYOUT = ["tractors", "speed_kmh", "turn_speed_kmh", "price_per_hour", "price_per_tractor", "start", "deadline", "headland_first", "headland_last", "strategies", "samples", "objective", "budget"];
+const NO_LAYOUT = ["tractors", "price_per_hour", "price_per_tractor", "start", "deadline", "strategies", "samples", "budget"];
 const ADDRESS_MS = 250; // browsers allow an address to change only so often
 
 export async function open(main, shell, _parts, query) {
