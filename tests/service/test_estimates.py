@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.service.errors import BusyError
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
@@ -17,6 +18,7 @@ from planner.service.sandbox.readings import build_work_order
 from planner.sweeps import estimates
 from planner.sweeps.estimates import KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
+from strategies.lines.line_wishes import name_lines
 from tests.service.conftest import Shared, bearer
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
@@ -101,17 +103,22 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
 ) -> None:
     first = estimate(grounds)
     monkeypatch.setattr("planner.sweeps.estimates.prepare_context", pytest.fail)
-    faster = estimate(grounds, speed_kmh=7.0, tractors="1-3", price_per_hour=30.0, start="09:00", deadline="12:00")
-    assert len(faster.plans) == 3
-    assert (faster.plans[0].time_s or 0.0) < (first.plans[0].time_s or 0.0)
+    dearer = estimate(grounds, tractors="1-3", price_per_hour=80.0, start="09:00", deadline="12:00")
+    assert len(dearer.plans) == 3
+    assert (dearer.plans[0].cost or 0.0) > (first.plans[0].cost or 0.0)
     again = estimate(grounds)
     assert replace(again, order=first.order) == first
 
 
-def test_an_answer_does_not_depend_on_the_speed_that_was_asked_for_first(grounds: KeptGrounds) -> None:
-    other = KeptGrounds()
-    estimate(other, speed_kmh=8.0)
-    assert estimate(other).plans == estimate(grounds).plans
+@pytest.mark.slow
+@pytest.mark.parametrize("speed_kmh", [5.0, 12.0])
+def test_lines_are_those_of_the_plan_that_is_driven(speed_kmh: float) -> None:
+    order = build_work_order({"field": "denmark", "width": 6.0, "tractors": "1", "speed_kmh": speed_kmh})
+    shown = KeptGrounds().estimate(order)
+    lines = get_site_moves(prepare_context(order)).lines
+    assert [one.name for one in shown.lines] == name_lines([line.task for line in lines])
+    for one, line in zip(shown.lines, lines, strict=True):
+        assert [one.points[0], one.points[-1]] in [[tuple(path[0]), tuple(path[-1])] for path in line.paths]
 
 
 def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: KeptGrounds) -> None:
