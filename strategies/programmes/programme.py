@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,9 @@ from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_legs import build_run_parts
+from strategies.programmes.tour_legs import build_mission, build_run_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
@@ -99,7 +100,9 @@ def make_programme(
     def can_be_driven(tours: list[list[int]]) -> bool:
         if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
             return False
-        return False not in [prove_short_runs(table, tour) for tour in tours]
+        return False not in [prove_short_runs(table, tour) for tour in tours] and not (
+            barred is not None and _bar_stuck(table, barred, tours)
+        )
 
     best = search_driven_tours(
         table,
@@ -113,6 +116,22 @@ def make_programme(
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
+
+
+def _bar_stuck(table: MoveTable, barred: BarredPlaces, tours: Sequence[Sequence[int]]) -> bool:
+    """Bar places where tractors of tours begin or end and never get on, however they wait; whether there were any."""
+    connected = [_keep_connected(table, tour) for tour in tours]
+    back_m = table.site.body.guide_m - table.site.axle_m
+    ways = {number: build_way(build_mission(table, tour), back_m) for number, tour in enumerate(connected) if tour}
+    is_stuck = False
+    for a, b in combinations(ways, 2):
+        side = find_stuck_side(ways[a], ways[b], barred.stands_in_way)
+        if side is None or (side == 0 and table.starts):
+            continue
+        seconds = [compute_tour_s(table, connected[number]) for number in (a, b)]
+        barred.bar(side, *((a, b) if seconds[0] < seconds[1] else (b, a)), connected)
+        is_stuck = True
+    return is_stuck
 
 
 def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:

@@ -53,11 +53,15 @@ class StandingCheck:
 
     def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
-        path, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
+        blocked = np.zeros(len(places), bool)
         for other in driving:
-            rows = find_conflicting_poses(path, other, self.models, self.clearance_m, self.beside_clearance_m)
-            blocked[rows[:, 0]] = True
+            blocked[self.find_blocked_stretches(places, other)[:, 0]] = True
         return blocked
+
+    def find_blocked_stretches(self, places: Floats, driving: PosePath) -> npt.NDArray[np.int64]:
+        """Rows (k, 3) of one of the poses (n, 3) and the first and last pose of a path that one who stands there bars."""
+        standing = PosePath(build_poses(places))
+        return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
 
 
 def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:
@@ -92,12 +96,16 @@ class BarredPlaces:
         """Bar places of tours that clash, of the tractor that is done sooner; whether there were any."""
         clashes = list(self._iter_clashes(tours))
         for side, a, b in clashes:
-            yields, keeps = (a, b) if seconds[a] < seconds[b] else (b, a)
-            taken = tours[keeps][-side]
-            for node in range(self.table.gate):
-                if self._do_clash(side, taken, node):
-                    self.masks[side, yields, node] = True
+            self.bar(side, *((a, b) if seconds[a] < seconds[b] else (b, a)), tours)
         return bool(clashes)
+
+    def bar(self, side: int, yields: int, keeps: int, tours: Sequence[Sequence[int]]) -> None:
+        """Bar a tractor from the place of its tour, and from all that clash with the place of another that keeps it."""
+        taken = tours[keeps][-side]
+        self.masks[side, yields, tours[yields][-side]] = True
+        for node in range(self.table.gate):
+            if self._do_clash(side, taken, node):
+                self.masks[side, yields, node] = True
 
     def _iter_clashes(self, tours: Sequence[Sequence[int]]) -> Iterator[tuple[int, int, int]]:
         working = [number for number, tour in enumerate(tours) if tour]
