@@ -32,7 +32,7 @@ class Way:
 
 
 def build_way(mission: Mission, back_m: float) -> Way:
-    """The way of a mission whose tractors have their centre of mass `back_m` behind the guided point."""
+    """The way of a tractor on its mission, with its centre of mass `back_m` behind the guided point."""
     parts = [_sample_leg(leg, back_m) for leg in mission.legs]
     begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
     holds = [begins[number] for number, leg in enumerate(mission.legs) if not number or leg.may_wait]
@@ -71,7 +71,7 @@ def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:
 
 
 def _spread(first_passes: Flags, second_passes: Flags) -> Flags:
-    """Which pairs of holds two get to from the first of each, by passes (m, n + 1) of one and (m + 1, n) of the other."""
+    """Which pairs of holds two get to from their first, by passes (m, n + 1) of one and (m + 1, n) of the other."""
     reached = np.zeros((len(second_passes), first_passes.shape[1]), bool)
     reached[0, 0] = True
     for i, j in np.ndindex(reached.shape):
