@@ -103,3 +103,19 @@ def test_it_is_said_in_every_language() -> None:
         assert write_alternatives(*plans) == "3 Traktoren; ein vierter spart 4 min für 9 EUR."
     with use_language("fr"):
         assert write_alternatives(*plans) == "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."
+
+
+@pytest.mark.parametrize(
+    ("scenario", "order", "said"),
+    [
+        ({"operation": "till"}, "last", "98.4 % worked, headland last."),
+        ({"operation": "till", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
+        ({"operation": "sow"}, "last", "98.4 % worked, headland last (as sowing asks)."),
+        ({"operation": "mow", "headland_order": None}, "first", "98.4 % worked, headland first (as mowing asks)."),
+        ({"operation": "sow", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
+        ({"operation": "sow"}, None, "98.4 % worked."),
+    ],
+)
+def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], order: str | None, said: str) -> None:
+    plan = replace(build_plan(1, 60.0, 50.0), headland_order=order)
+    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said

@@ -109,6 +109,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
         worked_pct=result.worked_pct,
+        headland_order=result.headland_order,
     )
 
 
