@@ -74,6 +74,7 @@ class Answer:
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors, the latter as what one more tractor saves where that
             decides their number.
+        counting: that time alone decides their number, where the assumed prices would take another.
         faults: what is wrong with the plan to take.
         question: what of the request should be checked: whether the tractor can pull the implement.
     """
@@ -83,12 +84,14 @@ class Answer:
     work: str = ""
     certainty: str = ""
     alternatives: str = ""
+    counting: str = ""
     faults: tuple[str, ...] = ()
     question: str = ""
 
     def list_sentences(self) -> list[str]:
         """All sentences, the most important first."""
-        first = (self.verdict, self.decision, self.question, self.work, self.certainty, self.alternatives)
+        first = (self.verdict, self.decision, self.question, self.work, self.certainty)
+        first += (self.alternatives, self.counting)
         return [text for text in (*first, *self.faults) if text]
 
 
@@ -104,6 +107,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
         _describe_work(ranking, best),
         _describe_certainty(ranking, best),
         _describe_alternatives(ranking, best),
+        _describe_counting(ranking),
         tuple(_list_faults(ranking, best)),
         "" if question in verdict else question,
     )
@@ -252,6 +256,13 @@ def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResu
     if is_share_different(plan.worked_pct, best.worked_pct):
         figures.append(_describe_share(plan))
     return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
+
+
+def _describe_counting(ranking: PlanRanking) -> str:
+    if ranking.priced_tractors is None:
+        return ""
+    count = format_tractor_count(ranking.priced_tractors)
+    return translate("Counted by time alone; at the assumed price {tractors} (--price-per-hour).", tractors=count)
 
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
