@@ -55,7 +55,7 @@ NEXT_TRACTORS = (
 )  # fmt: skip
 """What one more tractor is, from the second on."""
 HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
-ASKED_ORDERS = {
+REQUIRED_ORDERS = {
     "sow": mark_text("headland last (as sowing asks)"),
     "mow": mark_text("headland first (as mowing asks)"),
     "harvest": mark_text("headland first (as harvesting asks)"),
@@ -91,8 +91,7 @@ class Answer:
     def list_sentences(self) -> list[str]:
         """All sentences, the most important first."""
         first = (self.verdict, self.decision, self.question, self.work, self.certainty)
-        first += (self.alternatives, self.counting)
-        return [text for text in (*first, *self.faults) if text]
+        return [text for text in (*first, self.alternatives, self.counting, *self.faults) if text]
 
 
 def write_answer(ranking: PlanRanking) -> Answer:
@@ -176,8 +175,8 @@ def _describe_share(plan: PlanResult) -> str:
 
 def _describe_headland(ranking: PlanRanking, order: str) -> str:
     """``headland last``, and that the operation asks for it where it allows no other and nobody asked."""
-    is_asked = ranking.scenario.get("headland_order") is not None
-    by_operation = None if is_asked else ASKED_ORDERS.get(str(ranking.scenario.get("operation")))
+    is_requested = ranking.scenario.get("headland_order") is not None
+    by_operation = None if is_requested else REQUIRED_ORDERS.get(str(ranking.scenario.get("operation")))
     return translate(by_operation or HEADLAND_ORDERS[order])
 
 

@@ -58,10 +58,10 @@ class StandingCheck:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
         blocked = np.zeros(len(places), bool)
         for other in driving:
-            blocked[self.find_blocked_stretches(places, other)[:, 0]] = True
+            blocked[self.find_blocked_parts(places, other)[:, 0]] = True
         return blocked
 
-    def find_blocked_stretches(self, places: Floats, driving: PosePath) -> npt.NDArray[np.int64]:
+    def find_blocked_parts(self, places: Floats, driving: PosePath) -> npt.NDArray[np.int64]:
         """Rows (k, 3): one of the poses (n, 3), and the first and last pose of a path that one standing there bars."""
         standing = PosePath(build_poses(places))
         return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)

@@ -61,7 +61,7 @@ def find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
 
 def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:
     """Whether one can drive a segment while the other stands at a hold, (segments, holds)."""
-    rows = check.find_blocked_stretches(standing.poses[list(standing.holds)], PosePath(build_poses(driving.poses)))
+    rows = check.find_blocked_parts(standing.poses[list(standing.holds)], PosePath(build_poses(driving.poses)))
     free = np.ones((len(driving.holds) - 1, len(standing.holds)), bool)
     for hold, first, last in rows.tolist():
         low = np.searchsorted(driving.holds[1:], first)

@@ -15,7 +15,7 @@ Place = tuple[float, float]
 class NearCheck:
     """One that stands nearer than 2 m to a path bars it."""
 
-    def find_blocked_stretches(self, places: np.ndarray, driving: Any) -> np.ndarray:
+    def find_blocked_parts(self, places: np.ndarray, driving: Any) -> np.ndarray:
         poses = np.column_stack([driving.poses["x"], driving.poses["y"]])
         gaps_m = np.hypot(*(places[:, None, :2] - poses[None]).transpose(2, 0, 1))
         return np.array([(hold, pose, pose) for hold, pose in np.argwhere(gaps_m < 2.0)], int).reshape(-1, 3)
