@@ -21,7 +21,7 @@ from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import add_clock_times, compute_cost
-from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
+from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, weigh_order_s
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.layout_choice import compute_covered_share
@@ -111,7 +111,7 @@ class GroundEstimates:
         return self._context.request.width_m
 
     def estimate(self, order: WorkOrder) -> PlanResult:
-        """The plan of an order for one number of tractors on this ground, the quicker of its orders of the headland."""
+        """The plan of an order for one number of tractors on this ground, the better of its orders of the headland."""
         context, count = change_terms(self._context, order), order.request.tractors[0]
         timed = list[_TimedTours]()
         refusal: StrategyError | None = None
@@ -125,8 +125,7 @@ class GroundEstimates:
                 timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
-        best = min(timed, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share)
-        return _build_result(context, best)
+        return _build_result(context, min(timed, key=_weigh_s))
 
     def knows(self, order: WorkOrder) -> bool:
         """Whether tours, and moves at its speeds, are there for all that an order asks for."""
@@ -156,7 +155,7 @@ class GroundEstimates:
             for distance, _, sketch in found
             if distance == least
         ]
-        return _build_result(context, min(near, key=lambda one: float(one.times.tractor_s.max()) / one.worked_share))
+        return _build_result(context, min(near, key=_weigh_s))
 
     def _time_between(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch, their moves between those of the two nearest speeds by one over the speed."""
@@ -246,6 +245,11 @@ class GroundEstimates:
         moves = self._moves.get(key) or SiteMoves(build_site(context), get_site_moves(self._context).lines)
         _keep(self._moves, key, moves, MOST_SPEEDS)
         return moves
+
+
+def _weigh_s(one: _TimedTours) -> float:
+    """Seconds to finish the field, as orders of the headland are compared by."""
+    return weigh_order_s(one.order, float(one.times.tractor_s.max()) / one.worked_share)
 
 
 def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves, covered_share: float) -> _TimedTours:

@@ -110,7 +110,7 @@ class PlanDrive(ShownResult):
             tractor.
         done: rings around ground that was worked before, in the same order.
         unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
-        headland_passes: those that are worked.
+        headland_passes: those that are worked; headland_order: whether "first" or "last".
         cells: of a field that has several.
         obstacles, fences: rings, and lines along the outline.
         steps: the legs of each tractor, in order.
@@ -151,3 +151,4 @@ class PlanDrive(ShownResult):
     crs: str | None = None
     origin_m: tuple[float, float] = (0.0, 0.0)
     relief: Relief | None = None
+    headland_order: str | None = None

@@ -450,6 +450,16 @@ class PlanRanking(ShownResult):
         return self.chosen is None and best is not None and best.meets_deadline is None
 
     @property
+    def priced_tractors(self) -> int | None:
+        """How many tractors assumed prices would take, where time alone takes another number; else None."""
+        best = self.best
+        if best is None or not self.has_knee or not self.prices_assumed or not best.cost:
+            return None
+        plans = [plan for plan in self.plans if plan.feasible]
+        priced = choose_plan(plans, self.allowed_s, is_priced=True).tractors
+        return None if priced == best.tractors else priced
+
+    @property
     def is_recommended(self) -> bool:
         """Whether there is a plan that meets all that was asked for."""
         return self.best is not None and not self.shortfalls

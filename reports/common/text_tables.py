@@ -189,7 +189,8 @@ class AnswerLines:
     """An answer before its table, in at most five lines where the console has 80 columns.
 
     `sentences` always stand there, the first in bold, shortened with dots if need be. Where lines are lacking, the
-    title goes, then all remarks (`faults`) but the first, then the `alternatives`, then the first remark too.
+    title goes, then all remarks (`faults`) but the first, then the `alternatives` from the last on, then the first
+    remark too.
     """
 
     sentences: tuple[str, ...]
@@ -211,7 +212,7 @@ class AnswerLines:
             yield format_sentence(note, style="yellow")
 
     def _choose_rest(self, width: int, room: int) -> tuple[tuple[str, ...], str]:
-        """The alternatives or none, and of the remarks all, the first with a count, or a count, in so many lines."""
+        """The first alternatives, and of the remarks all, the first with a count, or a count, in so many lines."""
         notes = [" ".join(self.faults)]
         if self.faults:
             count = len(self.faults) - 1
@@ -219,7 +220,7 @@ class AnswerLines:
                 [translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count)] if count else []
             )
             counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count + 1)
-        for alternatives in (self.alternatives, ()):
+        for alternatives in (self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)):
             for note in notes:
                 if count_lines([*alternatives, note], width) <= room:
                     return alternatives, note

@@ -52,6 +52,13 @@ NEXT_TRACTORS = (
     mark_text("a seventh"), mark_text("an eighth"), mark_text("a ninth"), mark_text("a tenth"),
 )  # fmt: skip
 """What one more tractor is, from the second on."""
+HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
+REQUIRED_ORDERS = {
+    "sow": mark_text("headland last (as sowing asks)"),
+    "mow": mark_text("headland first (as mowing asks)"),
+    "harvest": mark_text("headland first (as harvesting asks)"),
+}
+"""The order of the headland by the operation that allows no other."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +68,11 @@ class Answer:
     Attributes:
         verdict: that no plan works and why, or what the best lacks of what was asked for.
         decision: the plan to take, when it is done and what it costs.
-        work: how much of the field is worked, and the end that is nearly sure.
+        work: how much of the field is worked, when its headland, and the end that is nearly sure.
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors, the latter as what one more tractor saves where that
             decides their number.
+        counting: that time alone decides their number, where the assumed prices would take another.
         faults: what is wrong with the plan to take.
         question: what of the request should be checked: whether the tractor can pull the implement.
     """
@@ -74,13 +82,14 @@ class Answer:
     work: str = ""
     certainty: str = ""
     alternatives: str = ""
+    counting: str = ""
     faults: tuple[str, ...] = ()
     question: str = ""
 
     def list_sentences(self) -> list[str]:
         """All sentences, the most important first."""
-        first = (self.verdict, self.decision, self.question, self.work, self.certainty, self.alternatives)
-        return [text for text in (*first, *self.faults) if text]
+        first = (self.verdict, self.decision, self.question, self.work, self.certainty)
+        return [text for text in (*first, self.alternatives, self.counting, *self.faults) if text]
 
 
 def write_answer(ranking: PlanRanking) -> Answer:
@@ -95,6 +104,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
         _describe_work(ranking, best),
         _describe_certainty(ranking, best),
         _describe_alternatives(ranking, best),
+        _describe_counting(ranking),
         tuple(_list_faults(ranking, best)),
         "" if question in verdict else question,
     )
@@ -131,7 +141,7 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``98.4 % worked (the rest: 12 min, 9 EUR), 95 % sure by 15:02, 2 refills.``
+    """``98.4 % worked (the rest: 12 min, 9 EUR), headland last, 95 % sure by 15:02, 2 refills.``
 
     The rest of the ground is left out where it takes no more than the error of the model.
     """
@@ -142,6 +152,8 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
             time, money = format_time_span(get_finishing_s(plan)), get_finishing_cost(plan)
             rest = translate(" (the rest: {time}, {money})", time=time, money=format_money(money, ranking.currency))
         parts.append(_describe_share(plan) + rest)
+    if plan.headland_order is not None:
+        parts.append(_describe_headland(ranking, plan.headland_order))
     if (late_s := get_stated_late_end_s(plan)) is not None:
         late = format_stated_end(ranking, late_s)
         has_start = parse_start_time(ranking.start) is not None
@@ -157,6 +169,13 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
 
 def _describe_share(plan: PlanResult) -> str:
     return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
+
+
+def _describe_headland(ranking: PlanRanking, order: str) -> str:
+    """``headland last``, and that the operation asks for it where it allows no other and nobody asked."""
+    is_requested = ranking.scenario.get("headland_order") is not None
+    by_operation = None if is_requested else REQUIRED_ORDERS.get(str(ranking.scenario.get("operation")))
+    return translate(by_operation or HEADLAND_ORDERS[order])
 
 
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -226,6 +245,13 @@ def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResu
     if is_share_different(plan.worked_pct, best.worked_pct):
         figures.append(_describe_share(plan))
     return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
+
+
+def _describe_counting(ranking: PlanRanking) -> str:
+    if ranking.priced_tractors is None:
+        return ""
+    count = format_tractor_count(ranking.priced_tractors)
+    return translate("Counted by time alone; at the assumed price {tractors} (--price-per-hour).", tractors=count)
 
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:

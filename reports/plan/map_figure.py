@@ -339,7 +339,8 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
     if drive.headland_passes:
         passes = max(headland_pass.number for headland_pass in drive.headland_passes)
-        second.append(f"{passes} headland pass{'es' if passes > 1 else ''}")
+        order = "" if drive.headland_order is None else f" {drive.headland_order}"
+        second.append(f"{passes} headland pass{'es' if passes > 1 else ''}{order}")
     if count:
         second += [
             *([] if format_tractor_count(count) in first else [format_tractor_count(count)]),

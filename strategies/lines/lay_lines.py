@@ -65,8 +65,8 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     """The lines worth driving, each with the ground that it alone covers.
 
     Headland sides come first, as they were laid if they are given; swaths go on beyond their ends as long as they cover
-    what no side does, and lines of their own follow the ground that is still left. A headland that is only room for
-    turning counts as covered.
+    what neither sides nor other swaths do, and lines of their own follow the ground that is still left. A headland that
+    is only room for turning counts as covered.
     """
     lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
@@ -106,7 +106,10 @@ def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
 
 
 def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]:
-    """The swaths, drawn out beyond their ends as long as they cover ground that headland sides do not."""
+    """The swaths, drawn out beyond their ends as long as they cover ground that no headland side or swath does."""
+    swaths = [shapely.LineString(swath.points_m) for swath in site.layout.swaths]
+    strips = shapely.buffer(swaths, 0.5 * site.width_m, cap_style="flat", join_style="mitre")
+    uncovered = subtract_area(uncovered, unite_areas(strips))
     shapely.prepare(uncovered)
     for swath in site.layout.swaths:
         points = swath.points_m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,9 @@ from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_legs import build_run_parts
-from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.tour_legs import build_mission, build_run_parts
+from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
+from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
@@ -80,26 +81,29 @@ def make_programme(
     stages: Sequence[int] | None = None,
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
-    stands_in_way: StandsInWay | None = None,
+    stands_in_way: StandingCheck | None = None,
     served_s: Floats | None = None,
     start: Sequence[Sequence[int]] | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    With `stands_in_way` no two tractors of a field without an entrance begin or end where each is in the way of the
-    other; `served_s` (n,) says how long a tractor takes to be served for each line, so that all finish together. The
-    search begins with the tours `start`.
+    With `stands_in_way` no two tractors of a field without an entrance begin or end where they never get on. `served_s`
+    (n,) says how long a tractor takes to be served for each line, so that all finish together. The search begins with
+    the tours `start`.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
+    check = None if table.site.lane else stands_in_way
+    barred = None if check is None else BarredPlaces(table, check, tractors)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
             return False
-        return False not in [prove_short_runs(table, tour) for tour in tours]
+        if False in [prove_short_runs(table, tour) for tour in tours]:
+            return False
+        return barred is None or check is None or not _bar_stuck(table, barred, check, tours)
 
     best = search_driven_tours(
         table,
@@ -113,6 +117,17 @@ def make_programme(
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
+
+
+def _bar_stuck(table: MoveTable, barred: BarredPlaces, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
+    """Bar places where tractors of tours begin or end and never get on, however they wait; whether there were any."""
+    connected = [_keep_connected(table, tour) for tour in tours]
+    back_m = table.site.body.guide_m - table.site.axle_m
+    ways = {number: build_way(build_mission(table, tour), back_m) for number, tour in enumerate(connected) if tour}
+    sides = [(find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
+    first_side = 1 if table.starts else 0  # those on the field stand where they stand
+    stuck = [(side, a, b) for side, a, b in sides if side is not None and side >= first_side]
+    return barred.bar(stuck, connected, [compute_tour_s(table, tour) for tour in connected])
 
 
 def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:

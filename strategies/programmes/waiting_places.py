@@ -25,6 +25,9 @@ Floats = npt.NDArray[np.float64]
 StandsInWay = Callable[[Floats, Floats], bool]
 """Whether a tractor that stands with its centre of mass at a pose (3,) is in the way of one at poses (n, 3)."""
 
+Clash = tuple[int, int, int]
+"""Where tractors begin (0) or end (1), and the two that are in each other's way there."""
+
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
 
@@ -53,11 +56,15 @@ class StandingCheck:
 
     def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
-        path, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
+        blocked = np.zeros(len(places), bool)
         for other in driving:
-            rows = find_conflicting_poses(path, other, self.models, self.clearance_m, self.beside_clearance_m)
-            blocked[rows[:, 0]] = True
+            blocked[self.find_blocked_parts(places, other)[:, 0]] = True
         return blocked
+
+    def find_blocked_parts(self, places: Floats, driving: PosePath) -> npt.NDArray[np.int64]:
+        """Rows (k, 3): one of the poses (n, 3), and the first and last pose of a path that one standing there bars."""
+        standing = PosePath(build_poses(places))
+        return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
 
 
 def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:
@@ -90,16 +97,20 @@ class BarredPlaces:
 
     def extend(self, tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
         """Bar places of tours that clash, of the tractor that is done sooner; whether there were any."""
-        clashes = list(self._iter_clashes(tours))
+        return self.bar(list(self._iter_clashes(tours)), tours, seconds)
+
+    def bar(self, clashes: Sequence[Clash], tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
+        """Bar the tractor that is done sooner from its place and all that clash with the other's; whether any was."""
         for side, a, b in clashes:
             yields, keeps = (a, b) if seconds[a] < seconds[b] else (b, a)
             taken = tours[keeps][-side]
+            self.masks[side, yields, tours[yields][-side]] = True
             for node in range(self.table.gate):
                 if self._do_clash(side, taken, node):
                     self.masks[side, yields, node] = True
         return bool(clashes)
 
-    def _iter_clashes(self, tours: Sequence[Sequence[int]]) -> Iterator[tuple[int, int, int]]:
+    def _iter_clashes(self, tours: Sequence[Sequence[int]]) -> Iterator[Clash]:
         working = [number for number, tour in enumerate(tours) if tour]
         for side in (0, 1):
             for a, b in combinations(working, 2):

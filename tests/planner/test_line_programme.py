@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fields.geometry.obstacles import Obstacle
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
+from planner.evaluation.candidates.fleet_drive import build_standing_check
 from planner.evaluation.candidates.line_programme import ProgrammeDriver, list_left_remarks, sketch_plans
 from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
@@ -27,6 +29,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import get_stage
+from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
@@ -194,3 +197,12 @@ def test_what_starting_and_stopping_take_does_not_depend_on_where_heights_are_kn
     )
     level, high = (SiteMoves(build_site(one), []).drives.rest_s for one in (context, found))
     assert high == pytest.approx(level, abs=0.2)
+
+
+def test_no_two_tractors_begin_or_end_where_they_never_get_on() -> None:
+    """With only their first parts compared two of three began on neighbouring tracks, face to face."""
+    found = prepare(Field("rectangle", shapely.box(0.0, 0.0, 120.0, 60.0)), width_m=4.0, headland_order="last")
+    composed = sketch_plans(found, STRATEGIES["split-field"], 3)[0].compose()
+    site, check = composed.programme.table.site, build_standing_check(found, beside=False)
+    ways = [build_way(mission, site.body.guide_m - site.axle_m) for mission in composed.plan.missions]
+    assert [find_stuck_side(a, b, check) for a, b in combinations(ways, 2)] == [None] * 3

@@ -75,6 +75,13 @@ def test_ground_that_is_cut_off_is_named_where_it_lies(drive: PlanDrive, ranking
     assert "Obstacles cut off 0.17 ha of the field" in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_the_title_says_when_the_headland_is_worked(drive: PlanDrive) -> None:
+    worked = replace(drive, headland_passes=(HeadlandPassLine(2, drive.boundary),))
+    for order, said in ((None, "2 headland passes,"), ("last", "2 headland passes last,")):
+        title = draw_plan_map(replace(worked, headland_order=order), "f").get_suptitle()
+        assert said in " ".join(title.split())
+
+
 def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) -> None:
     piece = UnworkedPiece(120.0, 50.0, 40.0)
     far = replace(drive, largest_missed=piece, entrance=(10.0, 10.0))

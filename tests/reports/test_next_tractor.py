@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, PlanResult, Shortfall
+from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer
 
@@ -103,3 +106,38 @@ def test_it_is_said_in_every_language() -> None:
         assert write_alternatives(*plans) == "3 Traktoren; ein vierter spart 4 min für 9 EUR."
     with use_language("fr"):
         assert write_alternatives(*plans) == "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."
+
+
+@pytest.mark.parametrize(
+    ("scenario", "order", "said"),
+    [
+        ({"operation": "till"}, "last", "98.4 % worked, headland last."),
+        ({"operation": "till", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
+        ({"operation": "sow"}, "last", "98.4 % worked, headland last (as sowing asks)."),
+        ({"operation": "mow", "headland_order": None}, "first", "98.4 % worked, headland first (as mowing asks)."),
+        ({"operation": "sow", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
+        ({"operation": "sow"}, None, "98.4 % worked."),
+    ],
+)
+def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], order: str | None, said: str) -> None:
+    plan = replace(build_plan(1, 60.0, 50.0), headland_order=order)
+    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
+
+
+def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_take() -> None:
+    plans = build_plan(1, 90.0, 50.0), build_plan(2, 50.0, 60.0), build_plan(3, 40.0, 75.0)
+    ranking = PlanRanking("f", 1.0, 1, plans, currency="EUR", prices_assumed=True)
+    said = write_answer(ranking).counting
+    assert said == "Counted by time alone; at the assumed price 1 tractor (--price-per-hour)."
+    assert said in write_answer(ranking).list_sentences()
+    assert write_answer(replace(ranking, prices_assumed=False)).counting == ""
+    same = replace(plans[2], cost=49.0, finished_cost=49.0)
+    assert write_answer(replace(ranking, plans=(*plans[:2], same))).counting == ""
+    judged = replace(ranking, chosen=("split-field", 2))
+    assert write_answer(judged).counting == "", "a deadline or an objective has decided"
+
+
+def test_where_lines_are_lacking_the_last_alternative_goes_first() -> None:
+    console = Console(width=80, file=io.StringIO(), color_system=None)
+    console.print(AnswerLines(("one", "two", "three"), ("Or 1 tractor.", "a " * 60)))
+    assert console.file.getvalue().split("\n")[:4] == ["one", "two", "three", "Or 1 tractor."]  # type: ignore[attr-defined]

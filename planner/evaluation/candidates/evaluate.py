@@ -11,7 +11,7 @@ from typing import Any
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans, weigh_order_s
 from planner.evaluation.candidates.pruning import (
     Incumbent,
     describe_loss,
@@ -155,11 +155,11 @@ def _run_unless_pruned(
     sketches: list[SketchedPlan] | StrategyError,
     incumbent: Incumbent | None,
 ) -> CandidateRun | float:
-    """The run of the programme that finishes the field first; of those that cannot be driven the first if none can.
+    """The run of the best programme by `weigh_order_s`; of those that cannot be driven the first if none can.
 
     About the least seconds of its plans instead where these are likely to lose to the incumbent.
 
-    Another order of headland and swaths is driven only where it would be quicker than what was driven before, if
+    Another order of headland and swaths is driven only where it would be better than what was driven before, if
     nobody waited; where somebody did, tractors that work apart are tried too.
     """
     if isinstance(sketches, StrategyError):
@@ -168,7 +168,7 @@ def _run_unless_pruned(
     losers, refusals = list[float](), list[StrategyError]()
     sketches = list(sketches)
     for sketch in sketches:
-        if max(sketch.tractor_s) >= best_s:
+        if weigh_order_s(sketch.order, max(sketch.tractor_s)) >= best_s:
             continue
         loss_s = estimate_loss_s(context, sketch.tractor_s, incumbent)
         if loss_s is not None:
@@ -186,15 +186,15 @@ def _run_unless_pruned(
             losers.append(loss_s)
             continue
         alone_s = max(driver.measure_alone_s(one)) * one.left_factor
-        if best is not None and alone_s >= best_s:
+        if best is not None and weigh_order_s(one.order, alone_s) >= best_s:
             continue
         driven = _check_run(context, driver.drive(one))
         seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
         if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
             with suppress(StrategyError):
                 sketches.append(sketch.sketch_apart(one.programme.left_m2))
-        if best is None or seconds < best_s:
-            best, best_s = driven, seconds
+        if best is None or weigh_order_s(one.order, seconds) < best_s:
+            best, best_s = driven, weigh_order_s(one.order, seconds)
     if losers and (best is None or best.reason is not None):
         return min(losers)
     if best is None:

@@ -26,6 +26,7 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.giving_way import resolve_conflicts
+from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.shortfalls import Remark, Stake
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
@@ -110,8 +111,17 @@ SketchOrder = Callable[[str], SketchedPlan]
 """Sketches a plan with the headland first or last, "" for any."""
 
 
+def weigh_order_s(order: str, seconds: float) -> float:
+    """Seconds that a plan with the headland in an order is compared by with others of its strategy.
+
+    Turns lie on the headland. Where it is finished first all of them lead over it, which is worth no gain in time that
+    may be an error of the model.
+    """
+    return (1.0 + MODEL_ERROR_SHARE) * seconds if order == HEADLAND_FIRST else seconds
+
+
 def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) -> list[SketchedPlan]:
-    """A plan for every order of headland and swaths that is asked for, the quickest first.
+    """A plan for every order of headland and swaths that is asked for, the best by `weigh_order_s` first.
 
     Raises StrategyError where there is none, or the lines do not suffice for that many tractors.
     """
@@ -127,7 +137,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
         sketches.append(_add_notes(context, one, notes))
     if not sketches:
         raise refusals[0]
-    return sorted(sketches, key=lambda one: round(max(one.tractor_s), 3))
+    return sorted(sketches, key=lambda one: round(weigh_order_s(one.order, max(one.tractor_s)), 3))
 
 
 def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, Any]) -> SketchedPlan:

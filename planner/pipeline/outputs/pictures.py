@@ -111,6 +111,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         worked_pct=result.worked_pct,
         stated_end_s=get_stated_end_s(result),
         has_delays=result.p50_s is not None,
+        headland_order=result.headland_order,
     )
 
 

@@ -1,0 +1,59 @@
+"""Whether two tractors both get home: ways drawn by hand, on which they are 2 m long and wide."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from strategies.programmes.ways_home import build_way, find_stuck_side
+from vehicle.missions.plan import Leg, Mission
+
+Place = tuple[float, float]
+
+
+class NearCheck:
+    """One that stands nearer than 2 m to a path bars it."""
+
+    def find_blocked_parts(self, places: np.ndarray, driving: Any) -> np.ndarray:
+        poses = np.column_stack([driving.poses["x"], driving.poses["y"]])
+        gaps_m = np.hypot(*(places[:, None, :2] - poses[None]).transpose(2, 0, 1))
+        return np.array([(hold, pose, pose) for hold, pose in np.argwhere(gaps_m < 2.0)], int).reshape(-1, 3)
+
+
+def draw_way(*places: Place, waits: tuple[int, ...] = ()) -> Any:
+    """A way along places; the tractor may wait before the legs with these numbers."""
+    legs = [
+        Leg(np.array([begin, end]), 2.0, may_wait=number in waits)
+        for number, (begin, end) in enumerate(pairwise(places))
+    ]
+    return build_way(Mission(tuple(legs)), 0.0)
+
+
+BESIDE = (0.0, 1.5), (-50.0, 1.5)
+"""A track in the other direction beside the one from (-50, 0) to (0, 0)."""
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "side"),
+    [
+        (draw_way((-50, 0), (-8, 0), (0, 0), (0, -30), waits=(1,)), draw_way(*BESIDE, (-50, 30)), 0),
+        (draw_way((0, -30), (0, 0), (-50, 0)), draw_way((-50, 30), (-50, 1.5), (0, 1.5)), 1),
+        (draw_way((-50, 0), (0, 0), (0, -30)), draw_way((0, 30), *BESIDE, (-50, 30)), None),
+        (draw_way((-50, 0), (0, 0), (0, -30)), draw_way((0, 9), (-50, 9)), None),
+        # One ends in the way of the other, which is done before, or waits aside; where both do, neither place helps.
+        (draw_way((-50, 0), (0, 0)), draw_way((0, 30), (0, -30)), None),
+        (draw_way((0, -30), (0, -9), (0, 0), waits=(1,)), draw_way((30, 0), (-30, 0), (0, -1), waits=(1,)), 1),
+        (draw_way((0, -30), (0, -9), (0, 0), waits=(1,)), draw_way((30, 0), (-30, 0), (-30, 5)), None),
+    ],
+)  # fmt: skip
+def test_where_two_are_stuck(one: Any, other: Any, side: int | None) -> None:
+    assert find_stuck_side(one, other, NearCheck()) == side  # type: ignore[arg-type]
+    assert find_stuck_side(other, one, NearCheck()) == side  # type: ignore[arg-type]
+
+
+def test_a_way_has_its_holds_and_the_centre_of_mass_behind_the_point() -> None:
+    legs = (Leg(np.array([(0.0, 0.0), (8.0, 0.0)]), 2.0), Leg(np.array([(8.0, 0.0), (2.0, 0.0)]), 2.0, gear=-1))
+    way = build_way(Mission((legs[0], legs[1].copy_with(may_wait=True))), 1.0)
+    assert way.holds == (0, 10, len(way.poses) - 1)
+    assert way.poses[[0, 9, 10, -1]].tolist() == [[-1.0, 0.0, 0.0], [7.0, 0.0, 0.0], [7.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
