@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
-COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
+_OF_ONE_LAYOUT = ("leave_out", "work_first", "give")
+COMPARED_OPTIONS = (
+    "corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland", *_OF_ONE_LAYOUT
+)  # fmt: skip
 """Options of a plan that this command takes as lists, or not at all."""
 _SPLIT_FIELD = {
     "default": "split-field",
@@ -51,7 +54,7 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
     "strategies": _SPLIT_FIELD,
 }
-LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all")
+LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all", *_OF_ONE_LAYOUT)
 """Options of a plan that this command compares, or that exclude what it compares."""
 _ONE_TRACTOR = {
     "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},

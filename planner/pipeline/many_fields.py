@@ -307,6 +307,11 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
     """
     if len({request.field for request in requests}) < 2:
         return list(requests)
+    if any(request.line_wishes for request in requests):
+        raise RequestError(
+            f"Every field numbers its own tracks, so {mark_parameter('leave_out')}, {mark_parameter('work_first')} and "
+            f"{mark_parameter('give')} are for one field; give one."
+        )
     fields: dict[str, Field] = {}
     for request in requests:
         if (request.obstacles or request.ignored) and request.field not in fields:

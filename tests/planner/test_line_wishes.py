@@ -18,6 +18,7 @@ from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.many_fields import share_obstacles
 from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
@@ -132,3 +133,10 @@ def test_formations_do_not_deal_out_single_lines() -> None:
     assert ranking.best is None and "use split-field or interleaved" in str(ranking.plans[0].reason)
     lines = get_site_moves(prepare_context(WorkOrder(PlanRequest(**BASE), field=FIELD))).lines
     assert LineWishes(parse_line_names("3", "leave_out")).find_left_out(lines)
+
+
+def test_single_tracks_are_of_one_field() -> None:
+    requests = [PlanRequest(field, leave_out="3") for field in ("denmark", "iwamizawa")]
+    with pytest.raises(HeadlandError, match="Every field numbers its own tracks"):
+        share_obstacles(requests)
+    assert share_obstacles(requests[:1]) == requests[:1]
