@@ -33,16 +33,8 @@ from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    PullFigures,
-    Shortfall,
-    UnworkedPiece,
-    build_time_sort_key,
-    get_ranked_s,
-    get_stated_end_s,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key, get_ranked_s, get_stated_end_s
+from reports.common.shortfalls import PullFigures, Shortfall, UnworkedPiece
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
 from strategies.registry import get_strategy

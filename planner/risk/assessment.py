@@ -28,12 +28,12 @@ from planner.risk.rain import RainForecast, parse_rain
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    Shortfall,
     build_quality_key,
     get_finishing_cost,
     get_finishing_s,
     get_stated_end_s,
 )
+from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.notebook import ShownResult
-from reports.common.plan_results import UnworkedPiece
+from reports.common.shortfalls import UnworkedPiece
 
 Points = npt.NDArray[np.float64]
 

@@ -13,15 +13,7 @@ from typing import Any
 
 from reports.common.language import mark_text
 from reports.common.notebook import ShownResult
-from reports.common.shortfalls import FENCE as FENCE
-from reports.common.shortfalls import OBSTACLE as OBSTACLE
-from reports.common.shortfalls import OUTLINE as OUTLINE
-from reports.common.shortfalls import STUCK as STUCK
-from reports.common.shortfalls import PlanFault as PlanFault
-from reports.common.shortfalls import PullFigures as PullFigures
-from reports.common.shortfalls import Shortfall as Shortfall
-from reports.common.shortfalls import SlopePlace as SlopePlace
-from reports.common.shortfalls import UnworkedPiece as UnworkedPiece
+from reports.common.shortfalls import PlanFault, PullFigures, Shortfall, SlopePlace, UnworkedPiece
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan

@@ -7,7 +7,8 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Generic, TypeVar
 
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_ranked_cost
+from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_cost
+from reports.common.shortfalls import UnworkedPiece
 from reports.plan.small_map import SmallMap
 
 Label = TypeVar("Label")

@@ -15,11 +15,11 @@ from reports.common.language import translate
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    SlopePlace,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
 )
+from reports.common.shortfalls import SlopePlace
 from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import (
     NO_VALUE,

@@ -12,8 +12,6 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
     PlanResult,
-    SlopePlace,
-    UnworkedPiece,
     get_due_missed_m2,
     get_finishing_s,
     get_ranked_cost,
@@ -24,6 +22,7 @@ from reports.common.plan_results import (
     get_stated_s,
     is_dearer,
 )
+from reports.common.shortfalls import SlopePlace, UnworkedPiece
 from reports.common.wording import (
     LEAST_COST,
     format_area,

@@ -12,12 +12,12 @@ from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    SlopePlace,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
 )
 from reports.common.rendering import render_template
+from reports.common.shortfalls import SlopePlace
 from reports.common.wording import (
     NO_VALUE,
     SOFT_HYPHEN,

@@ -22,7 +22,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import OBSTACLE
+from reports.common.shortfalls import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable

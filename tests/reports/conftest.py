@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from reports.common.plan_drives import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow, UnworkedPiece
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow
+from reports.common.shortfalls import UnworkedPiece
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
 from reports.common.language import use_language
-from reports.common.plan_results import PlanRanking, Shortfall, get_stated_cost, get_stated_end_s
+from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s
+from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json

@@ -14,7 +14,8 @@ import pytest
 from rich.console import Console
 
 from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, UnworkedPiece
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
+from reports.common.shortfalls import UnworkedPiece
 from reports.plan.comparison import LayoutFigures
 from reports.plan.headland_comparison import (
     HeadlandChoice,

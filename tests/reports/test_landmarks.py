@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive
-from reports.common.plan_results import PlanRanking, UnworkedPiece
+from reports.common.plan_results import PlanRanking
+from reports.common.shortfalls import UnworkedPiece
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.map_figure import draw_plan_map
 from reports.plan.map_labels import (

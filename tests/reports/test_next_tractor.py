@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 
 from reports.common.language import use_language
-from reports.common.plan_results import PlanRanking, PlanResult, Shortfall
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.shortfalls import Shortfall
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.common.effect_names import replace_effect_ids
-from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, UnworkedPiece
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.shortfalls import Shortfall, UnworkedPiece
 from reports.common.wording import (
     NO_BREAK,
     format_clock_after_start,

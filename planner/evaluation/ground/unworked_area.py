@@ -16,7 +16,7 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.site import recall
 from reports.common.language import mark_text
-from reports.common.plan_results import UnworkedPiece
+from reports.common.shortfalls import UnworkedPiece
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS

@@ -32,7 +32,8 @@ from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
+from reports.common.shortfalls import UnworkedPiece
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
