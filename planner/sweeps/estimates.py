@@ -138,21 +138,22 @@ class GroundEstimates:
         """The plan of an order for one number of tractors, of another width, number or speed: nothing is sought.
 
         Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
-        nearest number of tractors are, whose last one ends by as much later than all on average.
+        nearest number of tractors are, whose last one ends by as much later than all on average. New wishes for single
+        lines are left aside.
         """
         context, request = change_terms(self._context, order), order.request
         count, orders = request.tractors[0], request.headland_orders or ("",)
         found = [
-            (abs(known - count), headland, sketch)
+            ((wishes != request.line_wishes, abs(known - count)), sketch)
             for (known, headland, wishes), sketch in self._sketches.items()
-            if headland in orders and wishes == request.line_wishes and not isinstance(sketch, StrategyError)
+            if headland in orders and not isinstance(sketch, StrategyError)
         ]
         if not found:
             return self.estimate(order)
-        least, ratio = min(distance for distance, _, _ in found), self.width_m / request.width_m
+        least, ratio = min(distance for distance, _ in found), self.width_m / request.width_m
         near = [
             _scale_tours(self._time_between(context, sketch), count, ratio)
-            for distance, _, sketch in found
+            for distance, sketch in found
             if distance == least
         ]
         return _build_result(context, min(near, key=_weigh_s))

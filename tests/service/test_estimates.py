@@ -163,6 +163,7 @@ def test_tours_of_other_numbers_are_sought_between_orders() -> None:
     assert estimate(own, at_once=True, tractors="3").is_scaled
     while own.prepare():
         pass
+    assert estimate(own, at_once=True, tractors="3", work_first="8").is_scaled, "nothing is sought for a new wish"
     prepared = estimate(own, at_once=True, tractors="3")
     assert not prepared.is_scaled and prepared.plans == estimate(KeptGrounds(), tractors="3").plans
 
