@@ -65,13 +65,14 @@ export function liveAnswer(laidOut = () => {}) {
     else if (asked.change === changes) layOut(asked);
   });
   const startDrive = async (asked) => {
-    const mine = drive = { key: latest, id: null, isKept: false, isOver: false };
+    const mine = drive = { key: latest, id: null, isKept: false, isOver: false, isFollowed: true };
     box.tell("Driving it in full");
     try {
       mine.id = (await post("plans", asked.values)).id;
-      if (mine.isOver) return drop(mine);
-      await follow(mine, asked);
+      if (!mine.isOver) await follow(mine, asked);
     } catch (error) { if (!mine.isOver) box.tell(error.message); }
+    mine.isFollowed = false;
+    if (mine.isOver) drop(mine);
   };
   const follow = async (mine, asked) => {
     const path = `plans/${part(mine.id)}`;
@@ -88,9 +89,10 @@ export function liveAnswer(laidOut = () => {}) {
     if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };
   const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
-  const end = () => {
+  // What is being asked for is dropped after that, unless nobody is left to do so.
+  const end = (isLeft = false) => {
     clearTimeout(resting);
-    if (drive) { drive.isOver = true; drop(drive); }
+    if (drive) { drive.isOver = true; if (isLeft || !drive.isFollowed) drop(drive); }
     drive = null;
   };
   box.kept = () => { if (drive) drive.isKept = true; };

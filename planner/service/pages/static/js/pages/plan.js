@@ -27,7 +27,7 @@ export async function open(main, shell, _parts, query) {
   const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, labels.local),
     el("label", { class: "check" }, swap, labels.swap_axes), labelled(labels.crs, crs, "For example EPSG:25832; only for a file that names none."));
   preview.refused = (error) => { if (["local", "swap_axes", "crs"].includes(error.parameter)) reading.open = true; };
-  const keep = el("div");
+  const keep = el("div"), change = button("Change this field", () => edit(true), "small", { disabled: true });
   const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "guidance_line" });
   const ofSeveral = labelled("Field of the file", parcel), byLine = labelled(labels.guidance_line, along);
   ofSeveral.hidden = byLine.hidden = true;
@@ -35,6 +35,7 @@ export async function open(main, shell, _parts, query) {
     ofSeveral.hidden = fields.length < 2;
     if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(one.key, `${one.key} (${number(one.area_ha, 2, "ha")})`)));
     if (draft.parcel && fields.length > 1) { parcel.value = draft.parcel; draft.parcel = ""; if (parcel.value) look(); }
+    change.disabled = !shape?.geojson;
     put(keep, obstacleChoice(shape?.obstacles ?? [], draft.ignore ?? []));
     const lines = shape?.lines ?? [], before = along.value;
     byLine.hidden = !lines.length;
@@ -44,6 +45,7 @@ export async function open(main, shell, _parts, query) {
   const another = () => {
     const said = draft.reading ?? field.options();
     draft.reading = null;
+    change.disabled = true;
     [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap_axes), said.crs ?? ""];
     put(parcel);
     put(along);
@@ -76,7 +78,7 @@ export async function open(main, shell, _parts, query) {
   const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", chosen: draft.rain, hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", labels.gnss_table, { accept: ".csv", none: "no table", chosen: draft.gnss, hint: "Made with headland gnss fit." });
   const elevation = await filePicker("elevations", labels.elevation, { accept: ACCEPTED.elevations, none: "level ground", chosen: draft.elevation, hint: "A GeoTIFF, an ASCII grid, or points: CSV, GeoJSON, KML, GPX, or a zip with a Shapefile." });
   const trouble = el("div", { class: "trouble" }), form = el("form", { class: "stack steps", novalidate: true });
-  const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn), change = button("Change this field", () => edit(true), "small");
+  const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
   let editor = null;
   const edit = (chosen) => {
     const shape = chosen ? preview.field() : null, name = field.value();
