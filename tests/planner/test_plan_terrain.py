@@ -135,7 +135,8 @@ def test_near_rolling_over_is_a_remark() -> None:
     careful = replace(context, tractor=context.tractor.model_copy(update={"stability": stability}))
     (remark,) = list_slope_remarks(careful, driven.run)
     margin = driven.result.rollover
-    assert margin is not None and remark.text.startswith(f"tractor 1 comes within {margin.amount:.0f} degrees of rolling")
+    assert margin is not None
+    assert remark.text.startswith(f"tractor 1 comes within {margin.amount:.0f} degrees of rolling")
     assert remark.text.endswith("where the ground slopes by 10 %; its file warns from 45 degrees")
 
 
