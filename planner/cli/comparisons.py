@@ -29,6 +29,7 @@ from planner.cli.common.options import (
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError, shorten_value, suggest_name
+from planner.request.parameter_names import WISHES
 from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES, OUTPUT, WORK
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
@@ -36,9 +37,8 @@ if TYPE_CHECKING:
     from reports.plan.headland_comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
-_OF_ONE_LAYOUT = ("leave_out", "work_first", "give")
 COMPARED_OPTIONS = (
-    "corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland", *_OF_ONE_LAYOUT
+    "corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland", *WISHES
 )  # fmt: skip
 """Options of a plan that this command takes as lists, or not at all."""
 _SPLIT_FIELD = {
@@ -54,7 +54,7 @@ _CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
     "strategies": _SPLIT_FIELD,
 }
-LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all", *_OF_ONE_LAYOUT)
+LEFT_OUT = ("bearing", "cell_bearing", "guidance_line", "swaths", "no_headland", "all", *WISHES)
 """Options of a plan that this command compares, or that exclude what it compares."""
 _ONE_TRACTOR = {
     "tractors": {"default": "1", "help": "Tractor counts to try; the best plan of each bearing is compared."},

@@ -38,6 +38,7 @@ from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_fi
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import locate_cut_off_ground
+from planner.request.parameter_names import WISHES
 from planner.request.plan_request import PlanRequest
 from reports.common.rendering import make_json_safe
 from reports.plan.comparison import ComparisonRow, LayoutFigures
@@ -308,10 +309,8 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
     if len({request.field for request in requests}) < 2:
         return list(requests)
     if any(request.line_wishes for request in requests):
-        raise RequestError(
-            f"Every field numbers its own tracks, so {mark_parameter('leave_out')}, {mark_parameter('work_first')} and "
-            f"{mark_parameter('give')} are for one field; give one."
-        )
+        wishes = ", ".join(map(mark_parameter, WISHES))
+        raise RequestError(f"Every field numbers its own tracks, so {wishes} are for one field; give one.")
     fields: dict[str, Field] = {}
     for request in requests:
         if (request.obstacles or request.ignored) and request.field not in fields:

@@ -1,4 +1,7 @@
-"""Labels of options and strategies in forms, options with their units; the key is the name, the text English."""
+"""Labels of options and strategies in forms, options with their units (the key is the name, the text English).
+
+Also which parameters name single tracks, and which number none anew.
+"""
 
 from __future__ import annotations
 
@@ -38,3 +41,12 @@ def quote_label(parameter: str) -> str:
     """The label of the option of a parameter in quotes, for sentences; its name where it has no label."""
     name = strip_unit(parameter)
     return f"\u201c{LABELS[name]}\u201d" if name in LABELS else name
+
+
+WISHES = ("leave_out", "work_first", "give")
+"""Parameters that name single tracks and headland passes."""
+UNLAID = frozenset(
+    ("tractors", "strategies", "price_per_hour", "price_per_tractor", "start_s", "deadline_s", "samples", "seed",
+     "budget", *WISHES)
+)  # fmt: skip
+"""Parameters that the choice of a layout does not ask for: with any values of them tracks have the same numbers."""

@@ -29,6 +29,7 @@ from planner.evaluation.preparation import change_terms, prepare_context
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import mark_worked_shares
+from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import STRAIGHT, PlanRequest
 from planner.risk.costs import DrivenTimes
 from reports.common.plan_results import PlanResult, choose_plan
@@ -47,14 +48,10 @@ MOST_GROUNDS = 6
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
-WISHES = ("leave_out", "work_first", "give")
 MOST_PREPARED = 8  # tractors
 PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
-UNLAID = frozenset({"tractors", "price_per_hour", "price_per_tractor", "start_s", "deadline_s", *WISHES})
-"""Parameters that the choice of a layout does not ask for: all that have the same others number the same tracks."""
-DRIVING = frozenset({"speed_mps", "turn_speed_mps", "headland_order"})
-SUMMED = UNLAID | DRIVING
+SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
 """Parameters whose plans may share a ground, its lines and the moves between them, for estimates of many."""
 
 
@@ -105,10 +102,10 @@ class GroundEstimates:
         """Bearing of the tracks of the largest cell, degrees clockwise from north, and headland passes."""
         return self._context.layout.bearing_deg, self._context.layout.headland_passes
 
-    @property
-    def width_m(self) -> float:
-        """Working width, metres."""
-        return self._context.request.width_m
+    def compare(self, request: PlanRequest) -> tuple[float, float]:
+        """How far the width of a request, then its speed, are from those of this ground; 0 for the same."""
+        own = self._context.request
+        return abs(math.log(own.width_m / request.width_m)), abs(math.log(own.speed_mps / request.speed_mps))
 
     def estimate(self, order: WorkOrder) -> PlanResult:
         """The plan of an order for one number of tractors on this ground, the better of its orders of the headland."""
@@ -150,7 +147,7 @@ class GroundEstimates:
         ]
         if not found:
             return self.estimate(order)
-        least, ratio = min(distance for distance, _ in found), self.width_m / request.width_m
+        least, ratio = min(distance for distance, _ in found), self._context.request.width_m / request.width_m
         near = [
             _scale_tours(self._time_between(context, sketch), count, ratio)
             for distance, sketch in found
@@ -346,9 +343,9 @@ class OrderEstimate:
         best: by the rule of `headland plan`; None where nothing is possible.
         bearing_deg: of the tracks of the largest cell, clockwise from north.
         headland_passes: around the field.
-        is_layout_borrowed: whether these are those of another width; a plan would choose anew.
+        is_layout_borrowed: whether these are those of another width or speed; a plan would choose anew.
         lines: the work lines as the best plan works them; empty without one.
-        outlines: of the field and its holes, metres.
+        outlines: of the field and its holes, metres; empty without lines.
         is_scaled: whether tours are those of another width or number of tractors.
     """
 
@@ -393,8 +390,8 @@ class KeptGrounds:
     def estimate(self, order: WorkOrder, files: str = "", *, at_once: bool = False) -> OrderEstimate:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
 
-        A width that is new takes bearing and headland passes of the last answer for the same field, where it may. With
-        `at_once` nothing is laid out or sought but what no ground of the field is near to.
+        A width or speed that is new takes bearing and headland passes of the last answer for the same field, where it
+        may. With `at_once` nothing is laid out or sought but what no ground of the field is near to.
         """
         ground = self._find_near_ground(order, files) if at_once else None
         is_scaled = ground is not None
@@ -406,19 +403,18 @@ class KeptGrounds:
         is_priced = order.cost_terms is not None or request.price_per_hour is not None
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
         lines = () if best is None or is_scaled else ground.estimates.list_lines(order, best)
-        outlines = ground.estimates.list_outlines()
+        outlines = ground.estimates.list_outlines() if lines else ()
         is_borrowed = ground.is_borrowed or is_scaled
         return OrderEstimate(order, plans, best, *ground.estimates.layout, is_borrowed, lines, outlines, is_scaled)
 
     def _find_near_ground(self, order: WorkOrder, files: str) -> _KeptGround | None:
-        """The ground of the nearest width; None where the order's own has all its tours, or the field has none."""
+        """The ground of the nearest width and speed; None where the order's own has all tours, or the field none."""
         own = self._grounds.get(_build_key(order, files, UNLAID))
         if own is not None and own.estimates.knows(order):
             return None
         field_key = _build_key(order, files, SUMMED | {"width_m"})
-        width_m = order.request.width_m
         near = (ground for ground in self._grounds.values() if ground.field_key == field_key)
-        return min(near, key=lambda ground: abs(math.log(ground.estimates.width_m / width_m)), default=None)
+        return min(near, key=lambda ground: ground.estimates.compare(order.request), default=None)
 
     def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
         key = _build_key(order, files, UNLAID)

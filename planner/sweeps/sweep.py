@@ -24,9 +24,10 @@ from planner.pipeline.many_fields import hash_question
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
+from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import Axis, list_points
-from planner.sweeps.estimates import STRATEGY, SUMMED, UNLAID, WISHES, GroundEstimates
+from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 

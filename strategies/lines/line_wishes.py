@@ -49,15 +49,21 @@ def format_piece_letter(piece: int) -> str:
     return (format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
 
 
+def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
+    """Names of swaths given by (line, piece) from 0: 14, or 14a and 14b where a line has several pieces."""
+    swath_keys = tuple(swath_keys)
+    split_lines = {line for line, piece in swath_keys if piece}
+    return tuple(f"{line + 1}{format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys)
+
+
 def name_lines(tasks: Sequence[LegTask]) -> list[str]:
-    """The names of lines by their tasks: sides of headland passes, and tracks, whose pieces have letters if several."""
-    divided = {task.number for task in tasks if task.kind == SWATH and task.piece}
+    """The names of lines by their tasks: tracks with their pieces, and sides of headland passes."""
+    places = [(task.number or 0, task.piece) for task in tasks]
+    tracks = [place for place, task in zip(places, tasks, strict=True) if task.kind == SWATH]
+    names = dict(zip(tracks, name_swaths(tracks), strict=True))
     return [
-        str(LineName(task.kind, task.number + 1, task.piece if task.number in divided else None))
-        if task.kind == SWATH
-        else str(LineName(task.kind, task.number, task.piece))
-        for task in tasks
-        if task.number is not None
+        names[place] if task.kind == SWATH else str(LineName(task.kind, *place))
+        for place, task in zip(places, tasks, strict=True)
     ]
 
 
@@ -128,13 +134,8 @@ class LineWishes:
     first: tuple[LineName, ...] = ()
     given: tuple[tuple[int, tuple[LineName, ...]], ...] = ()
 
-    @property
-    def orders(self) -> bool:
-        """Whether it says who works a line, or when."""
-        return bool(self.first or self.given)
-
     def __bool__(self) -> bool:
-        return bool(self.left_out or self.orders)
+        return bool(self.left_out or self.first or self.given)
 
     def check(self, lines: Sequence[WorkLine], tractors: int) -> None:
         """Raise HeadlandError for a line that is not there, and StrategyError for a tractor that is not."""

@@ -56,15 +56,23 @@ class StandingCheck:
 
     def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
-        blocked = np.zeros(len(places), bool)
+        standing, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
         for other in driving:
-            blocked[self.find_blocked_parts(places, other)[:, 0]] = True
+            blocked[self.find_blocked_parts(standing, other)[:, 0]] = True
         return blocked
 
-    def find_blocked_parts(self, places: Floats, driving: PosePath) -> npt.NDArray[np.int64]:
-        """Rows (k, 3): one of the poses (n, 3), and the first and last pose of a path that one standing there bars."""
-        standing = PosePath(build_poses(places))
+    def find_blocked_parts(self, standing: PosePath, driving: PosePath) -> npt.NDArray[np.int64]:
+        """Rows (k, 3): one of the poses to stand at, and the first and last pose of a path that one there bars."""
         return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
+
+
+def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:
+    """Poses (n, 3) of a centre of mass `back_m` behind the guided point on a path (k, 2) that is driven in a gear."""
+    along = measure_along(points)
+    places = locate_at(points, along, np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / POSE_STEP_M))))
+    headings = np.arctan2(*(gear * np.diff(places, axis=0)).T[::-1])
+    headings = np.append(headings, headings[-1])
+    return np.column_stack([places - back_m * np.column_stack([np.cos(headings), np.sin(headings)]), headings])
 
 
 def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:
@@ -136,11 +144,5 @@ class BarredPlaces:
             along = measure_along(path)
             parts_m = list_parts_m(table, node, float(along[-1]))
             points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
-            along = measure_along(points)
-            places = locate_at(points, along, np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / POSE_STEP_M))))
-            headings = np.arctan2(*np.diff(places, axis=0).T[::-1])
-            headings = np.append(headings, headings[-1])
-            back_m = site.body.guide_m - site.axle_m
-            places = places - back_m * np.column_stack([np.cos(headings), np.sin(headings)])
-            self._parts[side, node] = np.column_stack([places, headings])
+            self._parts[side, node] = sample_poses(points, site.body.guide_m - site.axle_m)
         return self._parts[side, node]

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.waiting_places import POSE_STEP_M, StandingCheck
-from vehicle.arrays import measure_along
-from vehicle.missions.plan import Leg, Mission
+from strategies.programmes.waiting_places import StandingCheck, sample_poses
+from vehicle.missions.plan import Mission
 from vehicle.sim.path_conflicts import PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
@@ -22,31 +21,30 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """What a tractor drives of a mission: `poses` (n, 3) of its centre of mass, `holds` those at which it may stand.
+    """What a tractor drives of a mission, by poses of its centre of mass.
 
-    The first and the last pose are holds; a segment lies between two of them.
+    Attributes:
+        path: all poses.
+        stands: those at which it may stand, the first and the last among them; a segment lies between two.
+        holds: the numbers of these in the path.
     """
 
-    poses: Floats
+    path: PosePath
+    stands: PosePath
     holds: tuple[int, ...]
+
+    @classmethod
+    def from_poses(cls, poses: Floats, holds: tuple[int, ...]) -> Way:
+        """The way over poses (n, 3), with the numbers of those at which it may stand."""
+        return cls(PosePath(build_poses(poses)), PosePath(build_poses(poses[list(holds)])), holds)
 
 
 def build_way(mission: Mission, back_m: float) -> Way:
     """The way of a tractor on its mission, with its centre of mass `back_m` behind the guided point."""
-    parts = [_sample_leg(leg, back_m) for leg in mission.legs]
+    parts = [sample_poses(leg.points, back_m, leg.gear) for leg in mission.legs]
     begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
     holds = [begins[number] for number, leg in enumerate(mission.legs) if not number or leg.may_wait]
-    return Way(np.concatenate(parts), (*holds, begins[-1] - 1))
-
-
-def _sample_leg(leg: Leg, back_m: float) -> Floats:
-    along = measure_along(leg.points)
-    count = max(2, int(np.ceil(along[-1] / POSE_STEP_M)))
-    places = np.column_stack([np.interp(np.linspace(0.0, along[-1], count), along, axis) for axis in leg.points.T])
-    steps = leg.gear * np.diff(places, axis=0)
-    headings = np.arctan2(steps[:, 1], steps[:, 0])
-    headings = np.append(headings, headings[-1])
-    return np.column_stack([places - back_m * np.column_stack([np.cos(headings), np.sin(headings)]), headings])
+    return Way.from_poses(np.concatenate(parts), (*holds, begins[-1] - 1))
 
 
 def find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
@@ -61,7 +59,7 @@ def find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
 
 def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:
     """Whether one can drive a segment while the other stands at a hold, (segments, holds)."""
-    rows = check.find_blocked_parts(standing.poses[list(standing.holds)], PosePath(build_poses(driving.poses)))
+    rows = check.find_blocked_parts(standing.stands, driving.path)
     free = np.ones((len(driving.holds) - 1, len(standing.holds)), bool)
     for hold, first, last in rows.tolist():
         low = np.searchsorted(driving.holds[1:], first)

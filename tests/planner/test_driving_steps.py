@@ -11,7 +11,8 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.site import build_site
-from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps, name_swaths
+from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps
+from strategies.lines.line_wishes import name_swaths
 from strategies.moves.drives import build_path_legs
 from strategies.path_planning.turns import build_omega_turn, build_switch_back, build_u_turn
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan

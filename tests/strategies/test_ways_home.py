@@ -12,12 +12,16 @@ from vehicle.missions.plan import Leg, Mission
 Place = tuple[float, float]
 
 
+def list_places(path: Any) -> np.ndarray:
+    return np.column_stack([path.poses[name] for name in ("x", "y", "angle")])
+
+
 class NearCheck:
     """One that stands nearer than 2 m to a path bars it."""
 
-    def find_blocked_parts(self, places: np.ndarray, driving: Any) -> np.ndarray:
-        poses = np.column_stack([driving.poses["x"], driving.poses["y"]])
-        gaps_m = np.hypot(*(places[:, None, :2] - poses[None]).transpose(2, 0, 1))
+    def find_blocked_parts(self, standing: Any, driving: Any) -> np.ndarray:
+        places, poses = (list_places(path)[:, :2] for path in (standing, driving))
+        gaps_m = np.hypot(*(places[:, None] - poses[None]).transpose(2, 0, 1))
         return np.array([(hold, pose, pose) for hold, pose in np.argwhere(gaps_m < 2.0)], int).reshape(-1, 3)
 
 
@@ -55,5 +59,7 @@ def test_where_two_are_stuck(one: Any, other: Any, side: int | None) -> None:
 def test_a_way_has_its_holds_and_the_centre_of_mass_behind_the_point() -> None:
     legs = (Leg(np.array([(0.0, 0.0), (8.0, 0.0)]), 2.0), Leg(np.array([(8.0, 0.0), (2.0, 0.0)]), 2.0, gear=-1))
     way = build_way(Mission((legs[0], legs[1].copy_with(may_wait=True))), 1.0)
-    assert way.holds == (0, 10, len(way.poses) - 1)
-    assert way.poses[[0, 9, 10, -1]].tolist() == [[-1.0, 0.0, 0.0], [7.0, 0.0, 0.0], [7.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    poses = list_places(way.path)
+    assert way.holds == (0, 10, len(poses) - 1)
+    assert np.array_equal(list_places(way.stands), poses[list(way.holds)])
+    assert poses[[0, 9, 10, -1]].tolist() == [[-1.0, 0.0, 0.0], [7.0, 0.0, 0.0], [7.0, 0.0, 0.0], [1.0, 0.0, 0.0]]

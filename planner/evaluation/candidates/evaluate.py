@@ -193,8 +193,9 @@ def _run_unless_pruned(
         if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
             with suppress(StrategyError):
                 sketches.append(sketch.sketch_apart(one.programme.left_m2))
-        if best is None or weigh_order_s(one.order, seconds) < best_s:
-            best, best_s = driven, weigh_order_s(one.order, seconds)
+        weighed_s = weigh_order_s(one.order, seconds)
+        if best is None or weighed_s < best_s:
+            best, best_s = driven, weighed_s
     if losers and (best is None or best.reason is not None):
         return min(losers)
     if best is None:

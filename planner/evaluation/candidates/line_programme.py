@@ -382,30 +382,26 @@ class ProgrammeDriver:
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[Remark, ...]:
     """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
-    lines = programme.table.lines
-    wanted_out = context.request.line_wishes.find_left_out(lines)
-    wanted = [lines[number] for number in wanted_out]
-    left = [lines[number] for number in programme.left if number not in wanted_out]
-    left_out = _list_left_out_remarks(wanted)
-    left_m2 = math.fsum(line.own_m2 for line in left)
+    lines, remarks = programme.table.lines, list[Remark]()
+    wanted = set(context.request.line_wishes.find_left_out(lines))
+    if wanted:
+        count, left_m2 = _count_lines([lines[number] for number in wanted])
+        remarks.append(Remark(Stake.NOTHING, f"{count} left out as asked ({left_m2:.0f} m2)"))
+    left = [lines[number] for number in programme.left if number not in wanted]
+    count, left_m2 = _count_lines(left)
     if left_m2 < MENTIONED_M2:
-        return left_out
-    largest = max(left, key=lambda line: line.own_m2)
-    x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
-    where, count = describe_position(x_m, y_m, context), "1 line of work is"
-    if len(left) > 1:
-        where, count = f"in all, the largest {where}", f"{len(left)} lines of work are"
+        return tuple(remarks)
+    x_m, y_m = np.mean(max(left, key=lambda line: line.own_m2).paths[0], axis=0).tolist()
+    where = f"{'in all, the largest ' if len(left) > 1 else ''}{describe_position(x_m, y_m, context)}"
+    text = f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine"
     return (
-        *left_out,
-        Remark(Stake.WORK, f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine"),
+        *remarks,
+        Remark(Stake.WORK, text),
         Remark(Stake.WORK, "a smaller turning radius or a narrower implement may help"),
     )
 
 
-def _list_left_out_remarks(lines: Sequence[WorkLine]) -> tuple[Remark, ...]:
-    """A remark on the lines that were to be left out; empty without any."""
-    if not lines:
-        return ()
-    area_m2 = math.fsum(line.own_m2 for line in lines)
+def _count_lines(lines: Sequence[WorkLine]) -> tuple[str, float]:
+    """How many lines there are, as the beginning of a sentence, and their ground (m2)."""
     count = "1 line of work is" if len(lines) == 1 else f"{len(lines)} lines of work are"
-    return (Remark(Stake.NOTHING, f"{count} left out as asked ({area_m2:.0f} m2)"),)
+    return count, math.fsum(line.own_m2 for line in lines)

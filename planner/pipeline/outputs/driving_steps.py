@@ -6,7 +6,7 @@ The legs of one swath, headland side, turn or route are one step, drive-in inclu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -110,13 +110,6 @@ def _measure_finished_crossing(
     )
     total_m = math.fsum(metres.values())
     return (tuple(crossed), total_m) if total_m >= MIN_CROSSED_M else ((), 0.0)
-
-
-def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
-    """Names of swaths given by (line, piece) from 0: 14, or 14a and 14b where a line has several pieces."""
-    swath_keys = tuple(swath_keys)
-    split_lines = {line for line, piece in swath_keys if piece}
-    return tuple(f"{line + 1}{format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys)
 
 
 def _iter_steps(

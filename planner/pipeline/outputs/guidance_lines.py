@@ -25,9 +25,9 @@ from fields.formats.guidance import (
 )
 from fields.geometry.geodesy import LocalPlane, project
 from planner.errors import RequestError, mark_parameter, suggest_name
-from planner.pipeline.outputs.driving_steps import name_swaths
 from reports.common.palette import get_tractor_colour
 from reports.plan.guidance_export import GUIDANCE_FORMATS, find_guidance_format
+from strategies.lines.line_wishes import name_swaths
 from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, REFILL, Leg, LegTask, Plan
 from vehicle.missions.plan import SWATH as SWATH_TASK

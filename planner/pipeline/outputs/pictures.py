@@ -29,11 +29,12 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
-from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
+from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
 from reports.common.shortfalls import UnworkedPiece
+from strategies.lines.line_wishes import name_swaths
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves

@@ -13,7 +13,7 @@ import shapely
 from planner.errors import RequestError
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage
-from planner.pipeline.outputs.driving_steps import name_swaths
+from strategies.lines.line_wishes import name_swaths
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, REFILL, SWATH, LegTask, Plan
 from vehicle.missions.run import SimulationRun
 

@@ -14,7 +14,7 @@ from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
-from planner.request.parameter_names import LABELS, STRATEGY_LABELS
+from planner.request.parameter_names import LABELS, STRATEGY_LABELS, UNLAID
 from planner.service.access.permissions import Caller, ReadAccess
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter
@@ -74,10 +74,14 @@ class FormInfo(ApiModel):
 
 
 class PlanOptionInfo(ApiModel):
-    """What an option of a plan takes; the first of its `choices` is the default."""
+    """What an option of a plan takes; the first of its `choices` is the default.
+
+    With another value of one that `numbers_tracks` the same numbers may mean other tracks.
+    """
 
     kind: Literal["check", "choice", "list", "number", "text"]
     choices: list[str] = Field(default_factory=list)
+    numbers_tracks: bool
 
 
 class PlanFormInfo(ApiModel):
@@ -98,11 +102,12 @@ def build_plan_form() -> PlanFormInfo:
     """The form of a plan, made from its request."""
     options = {}
     for name, option in PLAN_OPTIONS.items():
+        numbers_tracks = option.parameter not in UNLAID
         if option.rules.choices and option.type is str:
-            choices = dict.fromkeys([option.default or "", *option.rules.choices])
-            options[name] = PlanOptionInfo(kind="choice", choices=list(choices))
+            choices = list(dict.fromkeys([option.default or "", *option.rules.choices]))
+            options[name] = PlanOptionInfo(kind="choice", choices=choices, numbers_tracks=numbers_tracks)
         else:
-            options[name] = PlanOptionInfo(kind=KIND_BY_TYPE[option.type])
+            options[name] = PlanOptionInfo(kind=KIND_BY_TYPE[option.type], numbers_tracks=numbers_tracks)
     return PlanFormInfo(labels=LABELS, strategies=STRATEGY_LABELS, options=options)
 
 

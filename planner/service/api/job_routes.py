@@ -217,9 +217,9 @@ class LineInfo(ApiModel):
 class EstimateInfo(ApiModel):
     """Plans by their number of tractors, the one to take, and the layout: bearing in degrees, headland passes.
 
-    Where `is_layout_borrowed`, the layout is that of another width, and a plan may choose a better one. Where
+    Where `is_layout_borrowed`, the layout is that of another width or speed, and a plan may choose a better one. Where
     `is_scaled`, so are the tours, or they are those of another number of tractors. `lines` are those of the plan to
-    take, `outlines` the field and its holes, in metres east and north of a point of it; a scaled answer has none.
+    take, `outlines` the field and its holes, in metres east and north of a point of it; a scaled answer has neither.
     """
 
     recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")

@@ -5,8 +5,8 @@ import { MapView } from "./map.js";
 import { colours } from "./palette.js";
 import { edge, line, soil } from "./layers.js";
 
-const NEAR_PX = 12, WIDTH_PX = 3, CHOSEN_PX = 7, DASH = [5, 5], DROP_DASH = [3, 4], MOST_NAMED = 1000;
-const RANGE = /^(R?)(\d+)-R?(\d+)$/;
+const NEAR_PX = 12, WIDTH_PX = 3, CHOSEN_PX = 7, DASH = [5, 5], DROP_DASH = [3, 4];
+const RANGE = /^(R?)(\d+)(?:-R?(\d+))?$/;
 
 /** The map; `changed()` when something else is wanted of a track. `show(answer)` takes an estimate with its lines. */
 export function trackMap(changed) {
@@ -105,6 +105,7 @@ export function trackMap(changed) {
       if (!answer.lines?.length) return;
       const before = { names: names(), count: count() };
       [lines, outlines] = [answer.lines, answer.outlines];
+      wishes = new Map([...wishes].flatMap(([text, what]) => namesOf(text, lines).map((name) => [name, what])));
       offer(before);
       pinned = answer.is_layout_borrowed ? { bearing: answer.bearing, headland_passes: answer.headland_passes } : {};
       const box = JSON.stringify(outlines);
@@ -114,9 +115,9 @@ export function trackMap(changed) {
     },
     /** A request with what is wanted. Another layout numbers its tracks anew: then nothing is wanted any more.
 
-    `without` names the options that change no layout. */
-    complete(request, without) {
-      const key = JSON.stringify(Object.entries(request).filter(([name]) => !without.includes(name)).sort());
+    `options` says which number tracks, as the form of a plan does. */
+    complete(request, options) {
+      const key = JSON.stringify(Object.entries(request).filter(([name]) => options[name]?.numbers_tracks ?? true).sort());
       if (lines.length && key !== layout && wishes.size) {
         wishes.clear();
         dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
@@ -138,13 +139,13 @@ export function trackMap(changed) {
 }
 
 const describe = (name) => (name.startsWith("R") ? t`Headland pass ${name}` : t`Track ${name}`);
-const split = (text) => [text ?? ""].flat().join().split(",").map((one) => one.trim()).filter(Boolean).flatMap(spread);
+const split = (text) => [text ?? ""].flat().join().split(",").map((one) => one.trim()).filter(Boolean);
 
-// "7-9" as 7, 8 and 9.
-function spread(text) {
-  const [, ring, low, high] = RANGE.exec(text) ?? [];
-  if (low === undefined) return [text];
-  return Array.from({ length: Math.min(MOST_NAMED, Math.max(0, high - low + 1)) }, (_, k) => `${ring}${Number(low) + k}`);
+// The lines that a text names: 7-9, all pieces of 5, all sides of R1; the text where there are none.
+function namesOf(text, lines) {
+  const [, ring, low, high = low] = RANGE.exec(text) ?? [], numbered = lines.map(({ name }) => [name, ...(/^(R?)(\d+)/.exec(name) ?? []).slice(1)]);
+  const names = numbered.filter(([name, itsRing, number]) => (low === undefined ? name === text : itsRing === ring && Number(low) <= Number(number) && Number(number) <= Number(high)));
+  return names.length ? names.map(([name]) => name) : [text];
 }
 
 // From a place to a piece of line, metres.

@@ -14,7 +14,6 @@ import { MACHINES, MORE, TIME, WORK, controlName, planOptions } from "../planopt
 import { number } from "../words.js";
 
 const USUAL = ["split-field", "interleaved"];
-const NO_LAYOUT = ["tractors", "price_per_hour", "price_per_tractor", "start", "deadline", "strategies", "samples", "budget"];
 const ADDRESS_MS = 250; // browsers allow an address to change only so often
 
 export async function open(main, shell, _parts, query) {
@@ -115,7 +114,7 @@ export async function open(main, shell, _parts, query) {
   if (draft.request) { options.write(form, draft.request); tracks.write(draft.request); }
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
-  const asked = () => tracks.complete(requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }), NO_LAYOUT);
+  const asked = () => tracks.complete(requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }), described.options);
   let writing = 0, isMeant = Boolean(draft.request); // the values of a link, or what was changed here
   changed = () => {
     const values = asked();
