@@ -110,7 +110,7 @@ class PlanRequest:
     there is a deadline, rain, an objective or a budget, else for none; `rain` says when it begins (planner.risk.rain).
     `refill` is "headland", "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None:
     at the place of the field file, else on the headland. `leave_out`, `work_first` and `give` name tracks and headland
-    passes of the layout (strategies.lines.line_wishes).
+    passes of the layout (planner.request.line_texts).
 
     Raises RequestError for values and combinations that cannot be planned.
     """
@@ -431,7 +431,7 @@ class PlanRequest:
             self.find_draft_rule()
         option_checks.check_gnss(self.gnss, self.gnss_table)
         if self.leave_out is not None or self.work_first is not None or self.give:
-            from strategies.lines.line_wishes import check_first_lines
+            from planner.request.line_texts import check_first_lines
 
             check_first_lines(self.line_wishes, HEADLAND_ORDERS_BY_OPERATION[self.operation])
 
@@ -485,7 +485,7 @@ class PlanRequest:
     @property
     def line_wishes(self) -> LineWishes:
         """What is wanted of single tracks and headland passes; raises HeadlandError for what names none."""
-        from strategies.lines.line_wishes import read_line_wishes
+        from planner.request.line_texts import read_line_wishes
 
         return read_line_wishes(self.leave_out, self.work_first, self.give)
 

@@ -20,9 +20,10 @@ from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.many_fields import share_obstacles
 from planner.pipeline.planning import plan_order
+from planner.request.line_texts import parse_line_names
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
-from strategies.lines.line_wishes import LineName, LineWishes, parse_line_names
+from strategies.lines.line_wishes import LineName, LineWishes
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
 FIELD = Field("rectangle", shapely.box(0.0, 0.0, 150.0, 100.0))
