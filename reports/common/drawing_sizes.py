@@ -1,13 +1,52 @@
-"""Sizes of drawings: charts of pages in units of their picture, pictures in inches, marks in shares of a map."""
+"""Sizes of drawings and axes of charts: of pages in units of the picture, of pictures in inches, marks in shares."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
+"""Between times on an axis, from the smallest on."""
+
+
+@dataclass(frozen=True)
+class ChartAxis:
+    """A direction of a picture: values from `low` to `high` lie from `first` to `last`, in its units."""
+
+    low: float
+    high: float
+    first: float
+    last: float
+
+    def place(self, value: float) -> float:
+        """Where a value lies."""
+        return round(self.first + (self.last - self.first) * (value - self.low) / (self.high - self.low), 1)
+
+    def list_ticks(
+        self, steps: Sequence[float] = (), write: Callable[[float], str] | None = None, most: int = 6
+    ) -> list[tuple[float, str]]:
+        """Places and texts of round values, at most so many apart; by default texts have the decimals of their step."""
+        step = choose_step(self.high - self.low, most, steps)
+        decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+        first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
+        values = [number * step for number in range(first, last + 1)]
+        return [(self.place(value), f"{value:.{decimals}f}" if write is None else write(value)) for value in values]
+
+
+def choose_step(span: float, most: int, steps: Sequence[float] = ()) -> float:
+    """The smallest of `steps` that a span holds at most so often; else 1, 2 or 5 times a power of ten of the last."""
+    known = next((step for step in steps if span / step <= most), None)
+    if known is not None:
+        return known
+    unit = steps[-1] if steps else 1.0
+    power = unit * 10.0 ** math.floor(math.log10(span / unit / most))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if span / (factor * power) <= most * (1.0 + 1e-9))
 
 
 @dataclass(frozen=True)
 class ChartFrame:
-    """Size of a chart and the room around its curves, for values of `scale_x` and `scale_y`; y is down."""
+    """Size of a chart and the room around its curves; y is down."""
 
     width: float
     height: float
@@ -26,13 +65,9 @@ class ChartFrame:
         """The lower end of the curves."""
         return self.height - self.bottom_room
 
-    def scale_x(self, value: float, low: float, high: float) -> float:
-        """The place of a value on an axis from `low` at the left to `high` at the right."""
-        return self.left + (value - low) / (high - low) * (self.width - self.left - self.right_room)
-
-    def scale_y(self, value: float, low: float, high: float) -> float:
-        """The place of a value on an axis from `low` at the bottom to `high` at the top."""
-        return self.top + (high - value) / (high - low) * (self.height - self.top - self.bottom_room)
+    def build_axes(self, x_range: tuple[float, float], y_range: tuple[float, float]) -> tuple[ChartAxis, ChartAxis]:
+        """The axes to the right and upwards, for values from the first to the second of their range."""
+        return ChartAxis(*x_range, self.left, self.right), ChartAxis(*y_range, self.bottom, self.top)
 
 
 CURVE_FRAME = ChartFrame(width=720.0, height=300.0, left=64.0, right_room=20.0, top=12.0, bottom_room=44.0)
@@ -40,6 +75,7 @@ BAR_FRAME = ChartFrame(width=360.0, height=200.0, left=40.0, right_room=8.0, top
 # Numbers of tractors below, times or prices at the left, both with the name of their axis.
 TIME_FRAME = ChartFrame(width=720.0, height=340.0, left=86.0, right_room=16.0, top=18.0, bottom_room=56.0)
 RISK_FRAME = ChartFrame(width=720.0, height=420.0, left=86.0, right_room=16.0, top=18.0, bottom_room=56.0)
+SWEEP_FRAME = ChartFrame(width=560.0, height=400.0, left=64.0, right_room=16.0, top=28.0, bottom_room=48.0)
 
 PAGE_INCHES, COLUMN_INCHES = 10.0, 7.5  # width of a picture on its own, and of one in a notebook or beside text
 LINE_INCHES = 0.24  # of a legend or a title

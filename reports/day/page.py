@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fields.units import HOUR_S
 from reports.common import palette
-from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES
+from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S, ChartAxis
 from reports.common.notebook import ResultView, ShownTable, build_view, create_figure, encode_figure, render_fragment
 from reports.common.rendering import EXPORT_DECIMALS, make_json_safe, render_template
 from reports.common.wording import format_number, format_percent, format_price
@@ -37,8 +36,8 @@ if TYPE_CHECKING:
 
 ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
-STEPS_H = (0.25, 0.5, 1, 2, 3, 6, 12, 24)
 WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
+QUARTER_HOURS_S = TIME_STEPS_S[TIME_STEPS_S.index(900) :]
 LONGEST_NAME_CHARS = 22  # letters of a name beside a row
 GANTT_LEGEND = (
     "Grey: road, folding and unfolding. Thin line: end in 95 % of the samples. "
@@ -127,10 +126,8 @@ def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult,
     shown = [name if len(name) <= most else f"{name[: most - 1]}…" for name in names]
     labels = [escape_figure_formula(name) for name in shown]
     axes.set_yticks(range(len(names)), labels, fontsize=9, color=palette.INK_COLOUR)
-    step = next((step for step in STEPS_H if (span[1] - span[0]) / HOUR_S / step <= 12), 24)
-    first = math.ceil(span[0] / HOUR_S / step)
-    ticks = [number * step * HOUR_S for number in range(first, math.floor(span[1] / HOUR_S / step) + 1)]
-    axes.set_xticks(ticks, [format_time_of_day(tick) for tick in ticks], fontsize=8, color=palette.INK_COLOUR)
+    ticks = ChartAxis(*span, *span).list_ticks(QUARTER_HOURS_S, format_time_of_day, most=12)
+    axes.set_xticks(*zip(*ticks, strict=True), fontsize=8, color=palette.INK_COLOUR)
     axes.tick_params(length=0, labelbottom=True)
     axes.grid(axis="x", color="#DCDCCF", linewidth=0.6)
     axes.set_axisbelow(True)

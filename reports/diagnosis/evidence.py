@@ -3,9 +3,7 @@ against what it depends on; correlations."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -130,22 +128,19 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
     """Two bars per bin, before and after, in drawing coordinates."""
     before, after = (getattr(bins, f"{kind}_{when}_cm") for when in ("before", "after"))
     lows, highs = unit * bins.lows, unit * bins.highs
-    low, high = float(lows.min()), float(highs.max())
     top = 1.05 * max(float(np.nanmax([before, after])), 1e-6)
-    scale_x = partial(BAR_FRAME.scale_x, low=low, high=high)
-    scale_y = partial(BAR_FRAME.scale_y, low=0.0, high=top)
-
+    x_axis, y_axis = BAR_FRAME.build_axes((float(lows.min()), float(highs.max())), (0.0, top))
     bars = []
     for number in range(len(lows)):
-        left, right = scale_x(float(lows[number])), scale_x(float(highs[number]))
+        left, right = x_axis.place(float(lows[number])), x_axis.place(float(highs[number]))
         width = (right - left) * (1.0 - 2.0 * BAR_GAP_SHARE) / 2.0
         for place, (name, values) in enumerate((("before", before), ("after", after))):
-            y = scale_y(float(values[number]))
+            y = y_axis.place(float(values[number]))
             bars.append(
                 {
                     "name": name,
                     "x": f"{left + (right - left) * BAR_GAP_SHARE + place * width:.1f}",
-                    "y": f"{y:.1f}",
+                    "y": y,
                     "width": f"{width:.1f}",
                     "height": f"{BAR_FRAME.bottom - y:.1f}",
                     "value": f"{float(values[number]):.3f}",
@@ -161,8 +156,8 @@ def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float)
         "axis": axis,
         "frame": BAR_FRAME,
         "bars": bars,
-        "xticks": [(f"{scale_x(value):.1f}", text) for value, text in choose_ticks(low, high)],
-        "yticks": [(f"{scale_y(value):.1f}", text) for value, text in choose_ticks(0.0, top)],
+        "xticks": x_axis.list_ticks(),
+        "yticks": y_axis.list_ticks(),
     }
 
 
@@ -259,8 +254,7 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
     lowest_at, highest_at = min(lowest_at, *limits, highest_at), max(highest_at, *limits, lowest_at)
     if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
         lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
-    scale_x = partial(CURVE_FRAME.scale_x, low=lowest_at, high=highest_at)
-    scale_y = partial(CURVE_FRAME.scale_y, low=low, high=high)
+    x_axis, y_axis = CURVE_FRAME.build_axes((lowest_at, highest_at), (low, high))
     series = []
     for name, values, errors in (
         ("before", curve.before, curve.before_error),
@@ -268,33 +262,21 @@ def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
     ):
         points = [
             {
-                "x": scale_x(float(at)),
-                "y": scale_y(float(v)),
-                "top": scale_y(float(v + 2 * e)),
-                "low": scale_y(float(v - 2 * e)),
+                "x": x_axis.place(float(at)),
+                "y": y_axis.place(float(v)),
+                "top": y_axis.place(float(v + 2 * e)),
+                "low": y_axis.place(float(v - 2 * e)),
             }
             for at, v, e in zip(curve.regressor_values, values, errors, strict=True)
         ]
-        series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
+        series.append({"name": name, "points": points, "line": " ".join(f"{p['x']},{p['y']}" for p in points)})
     return {
         "frame": CURVE_FRAME,
-        "zero": scale_y(0.0),
+        "zero": y_axis.place(0.0),
         "series": series,
         "regressor": curve.regressor,
         "quantity": curve.quantity,
-        "limits": [(scale_x(value), format_number(abs(value), 2)) for value in limits],
-        "xticks": [(scale_x(value), text) for value, text in choose_ticks(lowest_at, highest_at)],
-        "yticks": [(scale_y(value), text) for value, text in choose_ticks(low, high)],
+        "limits": [(x_axis.place(value), format_number(abs(value), 2)) for value in limits],
+        "xticks": x_axis.list_ticks(),
+        "yticks": y_axis.list_ticks(),
     }
-
-
-def choose_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Choose about five round values of a range (`low` below `high`), with texts that differ."""
-    span = high - low
-    step = 10.0 ** math.floor(math.log10(span / 4.0))
-    step *= min((1.0, 2.0, 2.5, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    if abs(step * 10**decimals - round(step * 10**decimals)) > 0.1:
-        decimals += 1  # a step of two and a half
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [(n * step, format_number(n * step, decimals)) for n in range(first, last + 1)]

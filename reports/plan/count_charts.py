@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME
+from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME, TIME_STEPS_S, ChartAxis
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_end_s
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
 
-_TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
-_VALUE_STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
-_SHARE_TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
-
-
-@dataclass(frozen=True)
-class _ChartBand:
-    """A band of the picture from y `south` (its upper edge, as y is down) to `north`, for values from 0 to `top`."""
-
-    south: float
-    north: float
-    top: float
-
-    @property
-    def box(self) -> MapExtent:
-        return MapExtent(TIME_FRAME.left, self.south, TIME_FRAME.right, self.north)
-
-    def scale_y(self, value: float) -> float:
-        return round(self.north - (self.north - self.south) * value / self.top, 1)
 
 
 def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
@@ -52,29 +31,28 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         return None
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
     top = max([get_ranked_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
-    band, places = _ChartBand(TIME_FRAME.top, TIME_FRAME.bottom, top), _place_counts(plans)
+    axis, places = ChartAxis(0.0, top, TIME_FRAME.bottom, TIME_FRAME.top), _place_counts(plans)
     names = list(dict.fromkeys(plan.strategy for plan in plans))
     front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
     deadline = None
     if limit is not None:
-        deadline = {"y": band.scale_y(limit), "text": f"deadline {format_deadline(ranking)}"}
-    step_s = next((step for step in _TIME_STEPS_S if top / step <= 6), 86400 * math.ceil(top / 86400 / 6))
+        deadline = {"y": axis.place(limit), "text": f"deadline {format_deadline(ranking)}"}
     return {
-        "box": band.box,
+        "box": _build_box(axis),
         "width": TIME_FRAME.width,
         "height": TIME_FRAME.height,
-        "points": _place_points(
-            plans, names, [(places[plan.tractors], band.scale_y(get_ranked_s(plan))) for plan in plans]
-        ),
-        "line": " ".join(f"{places[count]},{band.scale_y(time)}" for count, time in front),
+        "points": _place_points(plans, names, [(places[one.tractors], axis.place(get_ranked_s(one))) for one in plans]),
+        "line": " ".join(f"{places[count]},{axis.place(time)}" for count, time in front),
         "deadline": deadline,
         "counts": [{"x": x, "text": str(count)} for count, x in places.items()],
-        "times": [
-            {"y": band.scale_y(time_s), "text": format_duration(time_s).removesuffix(":00")}
-            for time_s in range(0, math.floor(top) + 1, step_s)
-        ],
+        "times": axis.list_ticks(TIME_STEPS_S, lambda time_s: format_duration(time_s).removesuffix(":00")),
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
+
+
+def _build_box(axis: ChartAxis) -> MapExtent:
+    """The band of the picture that an upward axis is of; its south is the upper edge, as y is down."""
+    return MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first)
 
 
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -102,30 +80,27 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     if not plans:
         return None
     top = max(plan.expected_cost or 0.0 for plan in plans) * 1.06 or 1.0
-    power = 10.0 ** math.floor(math.log10(top))
-    step = next(step * power for step in _VALUE_STEPS if top / (step * power) <= 5.0)  # five ticks or fewer
-    ticks = [number * step for number in range(math.floor(top / step + 1e-9) + 1)]
-    tick_texts = [(value, f"{value:g}" if value < 1e6 else f"{value:.3g}") for value in ticks]
-    curves = [(f"Cost, {ranking.currency}", top, tick_texts, [(plan, plan.expected_cost or 0.0) for plan in plans])]
+    costs, ticks = [(plan, plan.expected_cost or 0.0) for plan in plans], dict[str, Any](most=5)
+    curves = [(f"Cost, {ranking.currency}", top, ticks, costs)]
     judged = [(plan, plan.finish_probability) for plan in plans if plan.finish_probability is not None]
     if judged:
-        curves.insert(0, ("In time, %", 1.0, [(share, format_percent(share)) for share in _SHARE_TICKS], judged))
+        curves.insert(0, ("In time, %", 1.0, {"steps": (0.25,), "write": format_percent}, judged))
     places, between = _place_counts(plans), _BETWEEN * (len(curves) - 1)
     height = (RISK_FRAME.bottom - RISK_FRAME.top - between) / len(curves)
     bands = []
-    for number, (name, most, curve_ticks, points) in enumerate(curves):
-        south = RISK_FRAME.top + number * (height + _BETWEEN)
-        band = _ChartBand(south, south + height, most)
+    for number, (name, most, ticks, points) in enumerate(curves):
+        upper = RISK_FRAME.top + number * (height + _BETWEEN)
+        axis = ChartAxis(0.0, most, upper + height, upper)
         bands.append(
             {
                 "name": name,
-                "ticks": [{"y": band.scale_y(value), "text": text} for value, text in curve_ticks],
+                "ticks": axis.list_ticks(**ticks),
                 "points": [
-                    {"x": places[plan.tractors], "y": band.scale_y(value), "best": plan is ranking.best,
+                    {"x": places[plan.tractors], "y": axis.place(value), "best": plan is ranking.best,
                      "text": _describe_risk(plan)}
                     for plan, value in points
                 ],
-                "box": band.box,
+                "box": _build_box(axis),
             }
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from reports.common import palette
+from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
 from reports.common.notebook import FIGURE_INCHES, create_figure
 from reports.common.plan_results import get_ranked_cost, get_ranked_s
 from reports.common.rendering import ReportError, render_template
-from reports.common.wording import capitalize_first, format_tractor_count
+from reports.common.wording import capitalize_first, format_duration, format_tractor_count
 from reports.plan.map_figure import render_png
 from reports.sweep.results import SweepResult, SweptPlan
 from reports.sweep.tables import build_front_table
@@ -31,32 +29,8 @@ from reports.sweep.wording import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, HEIGHT = 560, 400
-LEFT, RIGHT, TOP, BOTTOM = 64, 544, 28, 352
-MOST_TICKS = 6
-STEPS_S = (1, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
+WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
 ROOM = 0.04  # of the range of values, beside the first and the last
-
-
-@dataclass(frozen=True)
-class ChartAxis:
-    """A direction of the picture: values from `low` to `high` lie from `first` to `last`."""
-
-    low: float
-    high: float
-    first: float
-    last: float
-
-    def place(self, value: float) -> float:
-        """Where a value lies."""
-        return round(self.first + (self.last - self.first) * (value - self.low) / (self.high - self.low), 1)
-
-    def list_ticks(self, steps: Sequence[float]) -> list[float]:
-        """Values at the first step that makes few enough."""
-        span = self.high - self.low
-        step = next((one for one in steps if span / one <= MOST_TICKS), span / MOST_TICKS)
-        first = int(np.ceil(self.low / step - 1e-9))
-        return [number * step for number in range(first, int(np.floor(self.high / step + 1e-9)) + 1)]
 
 
 def render_sweep_page(result: SweepResult) -> str:
@@ -88,19 +62,17 @@ def render_sweep_page(result: SweepResult) -> str:
 
 def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[tuple[int, ...], int]) -> dict[str, Any]:
     """All points, those of the front, ticks, and what the script of the page shows of a point."""
-    x_axis = _build_axis([get_ranked_s(one.plan) for one in plans], LEFT, RIGHT)
-    y_axis = _build_axis([get_ranked_cost(one.plan) for one in plans], BOTTOM, TOP)
+    x_axis, y_axis = SWEEP_FRAME.build_axes(
+        _widen_range([get_ranked_s(one.plan) for one in plans]),
+        _widen_range([get_ranked_cost(one.plan) for one in plans]),
+    )
     at = [(x_axis.place(get_ranked_s(one.plan)), y_axis.place(get_ranked_cost(one.plan))) for one in plans]
-    steps = [number * 10.0**power for power in range(-2, 9) for number in (1, 2, 5)]
     front = [places[one.numbers] for one in result.front]
     assert result.best is not None
     return {
-        "width": WIDTH, "height": HEIGHT, "left": LEFT, "right": RIGHT, "top": TOP, "bottom": BOTTOM,
-        "x_ticks": [
-            {"at": x_axis.place(value), "text": f"{int(value) // 3600}:{int(value) % 3600 // 60:02d}"}
-            for value in x_axis.list_ticks(STEPS_S[4:])
-        ],
-        "y_ticks": [{"at": y_axis.place(value), "text": f"{value:g}"} for value in y_axis.list_ticks(steps)],
+        "frame": SWEEP_FRAME,
+        "x_ticks": x_axis.list_ticks(WHOLE_MINUTES_S, lambda value: format_duration(value).removesuffix(":00")),
+        "y_ticks": y_axis.list_ticks(),
         "groups": [
             {
                 "colour": _choose_colour(count),
@@ -133,13 +105,14 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
                 for option in result.options
             ],
         },
-    }  # fmt: skip
+    }
 
 
-def _build_axis(values: Sequence[float], first: float, last: float) -> ChartAxis:
+def _widen_range(values: Sequence[float]) -> tuple[float, float]:
+    """The least and the largest of values, and some room beyond."""
     low, high = min(values), max(values)
     room = ROOM * (high - low) or 0.1 * abs(high) or 1.0
-    return ChartAxis(low - room, high + room, first, last)
+    return low - room, high + room
 
 
 def _list_numbers(one: SweptPlan, place: tuple[float, float]) -> list[Any]:

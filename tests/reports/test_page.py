@@ -273,7 +273,7 @@ def test_bars_share_the_longest(drive: PlanDrive) -> None:
 def test_front_is_drawn_to_scale(ranking: PlanRanking) -> None:
     front = build_time_chart(ranking)
     assert front is not None
-    box, zero = front["box"], front["times"][0]["y"]
+    box, zero = front["box"], front["times"][0][0]
     assert zero == box.north
     scale = (zero - front["deadline"]["y"]) / 3600.0
     times = sorted(plan.time_s for plan in ranking.plans if plan.feasible and plan.time_s)

@@ -15,8 +15,9 @@ from rich.console import Console
 import reports.sweep.notebook  # noqa: F401
 from planner.cli.sweep import pick_plan
 from planner.errors import RequestError
+from reports.common.drawing_sizes import ChartAxis
 from reports.common.rendering import ReportError
-from reports.sweep.page import ChartAxis, render_sweep_page, render_sweep_png
+from reports.sweep.page import render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influence
 from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
 from reports.sweep.wording import build_command
@@ -122,8 +123,8 @@ def test_a_notebook_shows_it() -> None:
 @given(st.floats(-1e6, 1e6), st.floats(0.1, 1e6))
 def test_ticks_lie_within_the_axis(low: float, span: float) -> None:
     axis = ChartAxis(low, low + span, 10.0, 500.0)
-    ticks = axis.list_ticks([number * 10.0**power for power in range(-2, 9) for number in (1, 2, 5)])
-    assert len(ticks) <= 8 and all(9.9 <= axis.place(tick) <= 500.1 for tick in ticks)
+    ticks = axis.list_ticks()
+    assert len(ticks) <= 8 and all(9.9 <= place <= 500.1 for place, _ in ticks)
 
 
 def test_parquet_needs_pyarrow() -> None:
