@@ -33,7 +33,7 @@ from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
-from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key, get_ranked_s, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
 from reports.common.shortfalls import PullFigures, Shortfall, UnworkedPiece
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
@@ -61,7 +61,7 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
     home_s = (
         plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
     )
-    done_s = round_up_to_minute(get_stated_end_s(plan))
+    done_s = round_up_to_minute(plan.stated_end_s)
     ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, done_s, round_up_to_minute(home_s)))
     end = "home" if day.road_m else "folded"
     summary = (
@@ -365,8 +365,8 @@ def _export_estimate(context: PlanningContext) -> dict[str, Any]:
 def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
     """Feasible plans that no other plan beats in time and number of tractors; of equal counts the quickest."""
     front: list[PlanResult] = []
-    for result in sorted(feasible, key=lambda r: (r.tractors, get_ranked_s(r))):
-        if not front or get_ranked_s(result) < get_ranked_s(front[-1]) - TIME_TOLERANCE_S:
+    for result in sorted(feasible, key=lambda r: (r.tractors, r.ranked_s)):
+        if not front or result.ranked_s < front[-1].ranked_s - TIME_TOLERANCE_S:
             if front and front[-1].tractors == result.tractors:
                 continue
             front.append(result)

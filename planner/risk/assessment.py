@@ -29,9 +29,6 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     build_quality_key,
-    get_finishing_cost,
-    get_finishing_s,
-    get_stated_end_s,
 )
 from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_duration, format_price
@@ -311,8 +308,8 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
     if rain is None:
         return plans, None
     if len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
-        before_rain = [plan for plan in plans if get_stated_end_s(plan) <= rain.onsets_s[0]]
-        late_s = min(get_stated_end_s(plan) for plan in plans) - rain.onsets_s[0]
+        before_rain = [plan for plan in plans if plan.stated_end_s <= rain.onsets_s[0]]
+        late_s = min(plan.stated_end_s for plan in plans) - rain.onsets_s[0]
         return (
             before_rain,
             None
@@ -340,8 +337,8 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             plan.finish_probability_interval,
             _compute_finished_energy(plan),
             plan.energy_kwh is not None,
-            get_finishing_s(plan),
-            get_finishing_cost(plan),
+            plan.finishing_s,
+            plan.finishing_cost,
             plan.worked_pct,
             build_quality_key(plan),
         )
@@ -352,7 +349,7 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
 def _compute_finished_energy(plan: PlanResult) -> float | None:
     """Litres or kilowatt-hours with the unworked ground finished at the plan's own rate; None where not known."""
     energy = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
-    return energy if energy is None or not plan.time_s else energy * (1.0 + get_finishing_s(plan) / plan.time_s)
+    return energy if energy is None or not plan.time_s else energy * (1.0 + plan.finishing_s / plan.time_s)
 
 
 def check_best_plan(

@@ -39,13 +39,14 @@ Draw = Callable[["Axes"], None]
 class ResultView:
     """How one result is shown; each part is made only when it is asked for.
 
-    `summary` is one sentence or a few, `table` has a row per plan, job or effect, `files` makes the content of a file
-    by its ending (".json"). Without `draw`, `not_drawn` says why there is no picture.
+    `summary` is one sentence or a few, `table` has a row per plan, job or effect, as mappings or as a data frame,
+    `files` makes the content of a file by its ending (".json"). Without `draw`, `not_drawn` says why there is no
+    picture.
     """
 
     summary: Callable[[], str]
     html: Callable[[], str]
-    table: Callable[[], DataFrame]
+    table: Callable[[], Sequence[Mapping[str, Any]] | DataFrame]
     draw: Draw | None = None
     not_drawn: str = f"{NOT_DRAWN}."
     figure_inches: tuple[float, float] = FIGURE_INCHES
@@ -80,7 +81,9 @@ class ShownResult:
 
     def to_pandas(self) -> DataFrame:
         """The rows of the result, with units in the names of the columns."""
-        return self.get_view().table()
+        import pandas as pd
+
+        return pd.DataFrame(self.get_view().table())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the result on `ax`, or on axes of a figure of its own, and return the axes.

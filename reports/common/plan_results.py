@@ -6,9 +6,10 @@ Types are plain frozen data.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 from reports.common.language import mark_text
@@ -153,85 +154,85 @@ class PlanResult(ShownResult):
         """All remarks in one text; None without any."""
         return "; ".join(self.remarks) or None
 
+    @property
+    def finished_field_s(self) -> float:
+        """Seconds until the field is finished; as driven where the unworked ground is not known."""
+        return float((self.time_s or 0.0) if self.finished_s is None else self.finished_s)
 
-def get_finished_field_s(plan: PlanResult) -> float:
-    """Seconds until the field is finished; as driven where the unworked ground is not known."""
-    return float((plan.time_s or 0.0) if plan.finished_s is None else plan.finished_s)
+    @property
+    def finished_field_cost(self) -> float:
+        """Cost of the finished field; as driven where the unworked ground is not known."""
+        return float((self.cost or 0.0) if self.finished_cost is None else self.finished_cost)
 
+    @property
+    def field_work_end_s(self) -> float:
+        """When field work is done, seconds after the start by the clock."""
+        return float((self.time_s or 0.0) if self.done_s is None else self.done_s)
 
-def get_finished_field_cost(plan: PlanResult) -> float:
-    """Cost of the finished field; as driven where the unworked ground is not known."""
-    return float((plan.cost or 0.0) if plan.finished_cost is None else plan.finished_cost)
+    @property
+    def stated_s(self) -> float:
+        """The time that every report states, until all tractors are done: the median of samples, else as simulated."""
+        return float((self.time_s or 0.0) if self.p50_s is None else self.p50_s)
 
+    @property
+    def stated_end_s(self) -> float:
+        """The end of field work that every report states, seconds after the start by the clock.
 
-def get_field_work_end_s(plan: PlanResult) -> float:
-    """When field work is done, seconds after the start by the clock."""
-    return float((plan.time_s or 0.0) if plan.done_s is None else plan.done_s)
+        It is the median of the samples, and where there are none as simulated.
+        """
+        if self.p50_done_s is not None:
+            return self.p50_done_s
+        return self.field_work_end_s + self.stated_s - (self.time_s or 0.0)
 
+    @property
+    def stated_late_end_s(self) -> float | None:
+        """The end of field work by the clock in 95 % of the samples; None without samples."""
+        if self.p95_done_s is not None or self.p95_s is None:
+            return self.p95_done_s
+        return self.field_work_end_s + self.p95_s - (self.time_s or 0.0)
 
-def get_stated_s(plan: PlanResult) -> float:
-    """The time that every report states, until all tractors are done: the median of samples, else as simulated."""
-    return float((plan.time_s or 0.0) if plan.p50_s is None else plan.p50_s)
+    @property
+    def stated_finished_end_s(self) -> float:
+        """When the finished field is done: the stated end, and the time to finish the unworked ground."""
+        finished_s = self.finished_field_s if self.finished_done_s is None else self.finished_done_s
+        return self.stated_end_s + finished_s - self.field_work_end_s
 
+    @property
+    def stated_cost(self) -> float | None:
+        """The cost that every report states: the expected one, and where there are no samples as simulated."""
+        return self.cost if self.expected_cost is None else self.expected_cost
 
-def get_stated_end_s(plan: PlanResult) -> float:
-    """The end of field work that every report states, seconds after the start by the clock.
+    @property
+    def stated_paid_cost(self) -> float | None:
+        """What is paid of the stated cost: all of it without samples."""
+        return self.stated_cost if self.paid_cost is None else self.paid_cost
 
-    It is the median of the samples, and where there are none as simulated.
-    """
-    if plan.p50_done_s is not None:
-        return plan.p50_done_s
-    return get_field_work_end_s(plan) + get_stated_s(plan) - (plan.time_s or 0.0)
+    @property
+    def ranked_s(self) -> float:
+        """Seconds that feasible plans are ranked by: the stated time with the unworked ground finished as well."""
+        delay_s = 0.0 if self.p50_s is None else self.p50_s - (self.time_s or 0.0)
+        return self.finished_field_s + delay_s
 
+    @property
+    def ranked_cost(self) -> float:
+        """The cost that feasible plans are compared by: the stated one with the unworked ground finished as well."""
+        delay_cost = 0.0 if self.expected_cost is None else self.expected_cost - (self.cost or 0.0)
+        return self.finished_field_cost + delay_cost
 
-def get_stated_late_end_s(plan: PlanResult) -> float | None:
-    """The end of field work by the clock in 95 % of the samples; None without samples."""
-    if plan.p95_done_s is not None or plan.p95_s is None:
-        return plan.p95_done_s
-    return get_field_work_end_s(plan) + plan.p95_s - (plan.time_s or 0.0)
+    @property
+    def finishing_s(self) -> float:
+        """Seconds that finishing the unworked ground would take, at the plan's own rate."""
+        return self.finished_field_s - (self.time_s or 0.0)
 
+    @property
+    def due_missed_m2(self) -> float:
+        """The missed ground that was to be worked, which `finishing_s` is for."""
+        return max((self.missed_m2 or 0.0) - self.spared_m2, 0.0)
 
-def get_stated_finished_end_s(plan: PlanResult) -> float:
-    """When the finished field is done: the stated end, and the time to finish the unworked ground."""
-    finished_s = get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
-    return get_stated_end_s(plan) + finished_s - get_field_work_end_s(plan)
-
-
-def get_stated_cost(plan: PlanResult) -> float | None:
-    """The cost that every report states: the expected one, and where there are no samples as simulated."""
-    return plan.cost if plan.expected_cost is None else plan.expected_cost
-
-
-def get_paid_cost(plan: PlanResult) -> float | None:
-    """What is paid of the stated cost: all of it without samples."""
-    return get_stated_cost(plan) if plan.paid_cost is None else plan.paid_cost
-
-
-def get_ranked_s(plan: PlanResult) -> float:
-    """Seconds that feasible plans are ranked by: the stated time with the unworked ground finished as well."""
-    delay_s = 0.0 if plan.p50_s is None else plan.p50_s - (plan.time_s or 0.0)
-    return get_finished_field_s(plan) + delay_s
-
-
-def get_ranked_cost(plan: PlanResult) -> float:
-    """The cost that feasible plans are compared by: the stated one with the unworked ground finished as well."""
-    delay_cost = 0.0 if plan.expected_cost is None else plan.expected_cost - (plan.cost or 0.0)
-    return get_finished_field_cost(plan) + delay_cost
-
-
-def get_finishing_s(plan: PlanResult) -> float:
-    """Seconds that finishing the unworked ground would take, at the plan's own rate."""
-    return get_finished_field_s(plan) - (plan.time_s or 0.0)
-
-
-def get_due_missed_m2(plan: PlanResult) -> float:
-    """The missed ground that was to be worked, which `get_finishing_s` is for."""
-    return max((plan.missed_m2 or 0.0) - plan.spared_m2, 0.0)
-
-
-def get_finishing_cost(plan: PlanResult) -> float:
-    """What finishing the unworked ground would cost, at the plan's own rate."""
-    return get_finished_field_cost(plan) - (plan.cost or 0.0)
+    @property
+    def finishing_cost(self) -> float:
+        """What finishing the unworked ground would cost, at the plan's own rate."""
+        return self.finished_field_cost - (self.cost or 0.0)
 
 
 def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
@@ -239,7 +240,7 @@ def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
 
     Unworked ground counts with the time it would take at the plan's own rate.
     """
-    return round(get_ranked_s(plan), 3), plan.tractors, plan.strategy
+    return round(plan.ranked_s, 3), plan.tractors, plan.strategy
 
 
 def build_quality_key(plan: PlanResult) -> tuple[float, float, int, float]:
@@ -254,8 +255,8 @@ def build_quality_key(plan: PlanResult) -> tuple[float, float, int, float]:
 
 def is_dearer(plan: PlanResult, reference: PlanResult) -> bool:
     """Whether a plan costs more than another by more than the error of the model."""
-    cost = get_ranked_cost(reference)
-    return get_ranked_cost(plan) > cost + MODEL_ERROR_SHARE * abs(cost)
+    cost = reference.ranked_cost
+    return plan.ranked_cost > cost + MODEL_ERROR_SHARE * abs(cost)
 
 
 def is_share_different(worked_pct: float | None, reference_pct: float | None) -> bool:
@@ -265,20 +266,22 @@ def is_share_different(worked_pct: float | None, reference_pct: float | None) ->
     return round(abs(round(worked_pct, 1) - round(reference_pct, 1)), 1) >= LEAST_SHARE_DIFFERENCE_PCT
 
 
-def choose_by_count(
-    plans: Sequence[PlanResult], get_value: Callable[[PlanResult], float] = get_ranked_s
-) -> dict[int, PlanResult]:
+def choose_by_count(plans: Sequence[PlanResult], *, by_cost: bool = False) -> dict[int, PlanResult]:
     """The plan to take with every number of tractors, fewest first: that of the least value, which is time or cost.
 
     Plans that keep the clearance come first. Of those that are as good and take as long, within the error of the model,
     it is the first by `build_quality_key`.
     """
+    get_ranked_s = attrgetter("ranked_s")
+    get_value = attrgetter("ranked_cost") if by_cost else get_ranked_s
     chosen = {}
     for count in sorted({plan.tractors for plan in plans}):
         of_count = [plan for plan in plans if plan.tractors == count]
         alike = [plan for plan in of_count if plan.keeps_clearance] or of_count
         least = min(alike, key=lambda plan: (get_value(plan), build_time_sort_key(plan)))
-        limits = [(get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, get_ranked_s)]
+        limits = [
+            (get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, attrgetter("ranked_s"))
+        ]
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
         chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
     return chosen
@@ -289,7 +292,7 @@ def find_deciding_reason(plan: PlanResult, quicker: PlanResult) -> str | None:
 
     None where it would not.
     """
-    lacks = [(not one.works_enough, not one.keeps_clearance, get_ranked_s(one)) for one in (plan, quicker)]
+    lacks = [(not one.works_enough, not one.keeps_clearance, one.ranked_s) for one in (plan, quicker)]
     qualities = [build_quality_key(one) for one in (plan, quicker)]
     reasons = zip(DECIDING_REASONS, (*zip(*lacks, strict=True), *zip(*qualities, strict=True)), strict=True)
     return next((reason for reason, (own, other) in reasons if own < other), None)
@@ -312,7 +315,7 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
 def _rate_lack(plan: PlanResult, allowed_s: float | None) -> tuple[bool, int]:
     """What a plan lacks of what was asked for, less first: it works too little; it is late, or so with all ground."""
     is_late = plan.meets_deadline is False
-    late_with_all = allowed_s is not None and get_stated_finished_end_s(plan) > allowed_s
+    late_with_all = allowed_s is not None and plan.stated_finished_end_s > allowed_s
     return not plan.works_enough, 2 if is_late else int(late_with_all)
 
 
@@ -325,15 +328,15 @@ def find_knee(by_count: Mapping[int, PlanResult], is_priced: bool) -> PlanResult
     if is_priced:
         return _find_cheapest(by_count)
     for (count, plan), (more, next_plan) in pairwise(by_count.items()):
-        even_split_s = get_ranked_s(plan) * (more - count) / more
-        if get_ranked_s(plan) - get_ranked_s(next_plan) < WORTHWHILE_SHARE * even_split_s:
+        even_split_s = plan.ranked_s * (more - count) / more
+        if plan.ranked_s - next_plan.ranked_s < WORTHWHILE_SHARE * even_split_s:
             return plan
     return list(by_count.values())[-1]
 
 
 def _find_cheapest(by_count: Mapping[int, PlanResult]) -> PlanResult:
     """The cheapest plan, of those that cost as much within the error of the model that with the fewest tractors."""
-    least = min(by_count.values(), key=get_ranked_cost)
+    least = min(by_count.values(), key=attrgetter("ranked_cost"))
     return next(plan for plan in by_count.values() if not is_dearer(plan, least))
 
 
@@ -418,7 +421,7 @@ class PlanRanking(ShownResult):
         if best is None:
             return {}
         plans = [plan for plan in self.plans if plan.feasible and (plan.works_enough or not best.works_enough)]
-        chosen = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
+        chosen = choose_by_count(plans, by_cost=best.expected_cost is not None)
         return chosen | {best.tractors: best}
 
     @property
@@ -467,7 +470,7 @@ class PlanRanking(ShownResult):
         best = self.best
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
-        return get_stated_end_s(best) - self.allowed_s
+        return best.stated_end_s - self.allowed_s
 
 
 @dataclass(frozen=True)

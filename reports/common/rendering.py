@@ -7,6 +7,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -24,12 +25,16 @@ class ReportError(HeadlandError):
 
 
 def make_json_safe(value: Any, decimals: int | None = None) -> Any:
-    """Plain Python values: numpy values unpacked, tuples as lists, keys as text, floats that are not finite as None.
+    """Plain Python values: dataclasses by their fields, numpy values unpacked, tuples as lists, keys as text, floats
+    that are not finite as None.
 
     With `decimals` floats are rounded, and -0.0 becomes 0.0.
     """
+    if is_dataclass(value):
+        value = pick_values(value, [field.name for field in fields(value)])
     if isinstance(value, Mapping):
-        return {str(key): make_json_safe(item, decimals) for key, item in value.items()}
+        items = ((f"{key:g}" if isinstance(key, float) else str(key), item) for key, item in value.items())
+        return {key: make_json_safe(item, decimals) for key, item in items}
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, list | tuple):
@@ -39,6 +44,11 @@ def make_json_safe(value: Any, decimals: int | None = None) -> Any:
             return None
         return value if decimals is None else round(value, decimals) + 0.0
     return value
+
+
+def pick_values(one: Any, keys: Iterable[str]) -> dict[str, Any]:
+    """Attributes of a result by their names, as files have them."""
+    return {key: getattr(one, key) for key in keys}
 
 
 def format_json(data: Any, decimals: int | None = None, *, is_ascii: bool = True) -> str:
@@ -51,6 +61,13 @@ def format_csv(rows: Iterable[Sequence[Any]]) -> str:
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue()
+
+
+def format_entries_csv(columns: Sequence[str], entries: Iterable[Any]) -> str:
+    """A header and a row per entry (a mapping or a result), made safe by `make_json_safe`; empty cells where it lacks
+    a column."""
+    rows = make_json_safe(list(entries), EXPORT_DECIMALS)
+    return format_csv([columns, *([format_csv_cell(row.get(name)) for name in columns] for row in rows)])
 
 
 def format_csv_cell(value: Any) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -20,6 +21,7 @@ MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many m
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
 LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
 MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14
+Item = TypeVar("Item")
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
 BREAK_MARKS = " +-"
@@ -168,6 +170,18 @@ class FittedTable:
             ]
             table.add_row(*map(Text, cells), style=self.styles[index] if self.styles else "")
         return table
+
+
+def build_table(
+    items: Iterable[Item],
+    figures: Sequence[tuple[TableColumn, Callable[[Item], str]]],
+    is_marked: Callable[[Item], bool] = lambda item: False,
+    **look: Any,
+) -> FittedTable:
+    """A row per item, marked ones in bold; figures are columns with what writes their cells. `look` as FittedTable."""
+    rows = [(tuple(write(item) for _, write in figures), "bold" if is_marked(item) else "") for item in items]
+    cells, styles = (tuple(row[place] for row in rows) for place in (0, 1))
+    return FittedTable(tuple(column for column, _ in figures), cells, styles, **look)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from reports.common.notebook import ResultView, ShownTable, build_view, create_f
 from reports.common.rendering import EXPORT_DECIMALS, make_json_safe, render_template
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
-from reports.day.schedule_results import DayResult, MapPlace, get_stated_leaves_s, get_stated_start_s
+from reports.day.schedule_results import DayResult, MapPlace
 from reports.day.tables import (
-    build_job_entry,
     build_job_table,
     describe_day_columns,
     describe_optimality_gap,
@@ -32,7 +31,6 @@ from reports.plan.ranking_export import flatten_entry
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
@@ -146,8 +144,8 @@ def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
     for row, fleet in enumerate(result.fleets):
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
-            colour, leaves_s = palette.get_tractor_colour(row), get_stated_leaves_s(job)
-            start_s, end_s = get_stated_start_s(job), job.p50_end_s
+            colour, leaves_s = palette.get_tractor_colour(row), job.stated_leaves_s
+            start_s, end_s = job.stated_start_s, job.p50_end_s
             axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
             axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
             _write_bar_name(axes, row, (start_s, end_s), job.field, span)
@@ -163,7 +161,7 @@ def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
             axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
-        start_s, end_s = get_stated_start_s(job), job.p50_end_s
+        start_s, end_s = job.stated_start_s, job.p50_end_s
         axes.plot([end_s, max(job.p95_end_s, end_s)], [row, row], color=colour, linewidth=1.2, zorder=2)
         axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
         probability = f"{format_percent(job.finish_probability)} %"
@@ -272,7 +270,7 @@ def build_day_view(day: DayResult) -> ResultView:
     return ResultView(
         summary=lambda: " ".join(list_day_sentences(day)),
         html=lambda: render_day_fragment(day),
-        table=lambda: build_jobs_frame(day),
+        table=lambda: [flatten_entry(make_json_safe(job, EXPORT_DECIMALS)) for job in day.jobs],
         draw=lambda axes: draw_machine_day(axes, day),
         figure_inches=DAY_INCHES,
         files={
@@ -295,11 +293,3 @@ def render_day_fragment(day: DayResult) -> str:
     first, *others = list_day_sentences(day)
     sentences = [*others, describe_optimality_gap(day), *day.remarks]
     return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
-
-
-def build_jobs_frame(day: DayResult) -> DataFrame:
-    """A row per job with the values of the JSON; an interval has a column for each end."""
-    import pandas as pd
-
-    entries = [flatten_entry(make_json_safe(build_job_entry(job), EXPORT_DECIMALS)) for job in day.jobs]
-    return pd.DataFrame(entries)

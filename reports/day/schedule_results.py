@@ -44,15 +44,15 @@ class DayJob:
     p50_start_s: float | None = None
     p50_leaves_s: float | None = None
 
+    @property
+    def stated_start_s(self) -> float:
+        """The begin of the work that every report states: the median of the samples, seconds of the day."""
+        return self.start_s if self.p50_start_s is None else self.p50_start_s
 
-def get_stated_start_s(job: DayJob) -> float:
-    """The begin of the work that every report states: the median of the samples, seconds of the day."""
-    return job.start_s if job.p50_start_s is None else job.p50_start_s
-
-
-def get_stated_leaves_s(job: DayJob) -> float:
-    """When the fleet leaves the place before, the median of the samples."""
-    return job.leaves_s if job.p50_leaves_s is None else job.p50_leaves_s
+    @property
+    def stated_leaves_s(self) -> float:
+        """When the fleet leaves the place before, the median of the samples."""
+        return self.leaves_s if self.p50_leaves_s is None else self.p50_leaves_s
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,20 @@ JSON and CSV have fixed keys in a fixed order and six decimals; missing values a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
+from reports.common.text_tables import (
+    AnswerLines,
+    FittedTable,
+    TableColumn,
+    build_table,
+    format_sentence,
+    format_title,
+)
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.answer import (
     describe_day_certainty,
@@ -25,20 +31,13 @@ from reports.day.answer import (
     list_day_sentences,
     sort_by_machine,
 )
-from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
+from reports.day.schedule_results import DayJob, DayResult
 
-JOB_KEYS = (
-    "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
-    "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "lost_cost",
-    "area_ha", "worked_pct", "refills", "p50_start_s",
-)  # fmt: skip
 DAY_KEYS = (
     "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "paid_cost", "risked_cost", "finish_probability",
     "currency", "samples", "seed", "start_s", "end_s", "remarks", "questions", "shortfalls", "certainty_pct",
     "p50_done_s", "p95_done_s", "summary",
 )  # fmt: skip
-NOT_DONE_KEYS = ("field", "area_ha", "cost", "reason")
-FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "road_cost", "p50_home_s")
 DAY_CSV_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability", "p50_end_s", "p95_end_s",
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
@@ -49,8 +48,8 @@ MOST_ROWS = 8  # of the first screen
 def format_day_json(result: DayResult) -> str:
     """The day as JSON text with a trailing newline.
 
-    Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
-    ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
+    Keys: ``jobs`` (each as DayJob has it, fleet after fleet in the order they work), ``not_done`` (UnworkedField),
+    ``gap_pct``, ``advice``, ``machines`` (FleetDay), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
     ``road_cost`` of the machines and ``cost`` of what is not done), ``paid_cost`` and ``risked_cost`` (what of it is
     paid, and what may be lost), ``finish_probability`` (of all jobs), ``currency``, ``samples``, ``seed``,
     ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check), ``shortfalls`` (on plans that are no
@@ -59,9 +58,8 @@ def format_day_json(result: DayResult) -> str:
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
     made = {
-        "jobs": [build_job_entry(job) for job in result.jobs],
-        "not_done": [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields],
-        "machines": [{key: getattr(one, key) for key in FLEET_KEYS} for one in result.fleets],
+        "not_done": result.unworked_fields,
+        "machines": result.fleets,
         "p50_done_s": result.stated_end_s if result.jobs else None,
         "p95_done_s": result.stated_late_end_s if result.jobs else None,
         "summary": list_day_sentences(result),
@@ -72,14 +70,7 @@ def format_day_json(result: DayResult) -> str:
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
-    unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    entries = make_json_safe([*map(build_job_entry, result.jobs), *unworked_fields], EXPORT_DECIMALS)
-    return format_csv([DAY_CSV_KEYS, *([format_csv_cell(row.get(key)) for key in DAY_CSV_KEYS] for row in entries)])
-
-
-def build_job_entry(job: DayJob) -> dict[str, Any]:
-    """One job with `JOB_KEYS`."""
-    return {key: getattr(job, key) for key in JOB_KEYS}
+    return format_entries_csv(DAY_CSV_KEYS, [*result.jobs, *result.unworked_fields])
 
 
 def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
@@ -116,7 +107,7 @@ def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTabl
         TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3),
     )
     rows = tuple(
-        (job.machine, job.field, format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s),
+        (job.machine, job.field, format_time_of_day(job.stated_start_s), format_end_of_day(job.p50_end_s),
          format_end_of_day(job.p95_end_s), format_percent(job.finish_probability), format_price(job.cost))
         for job in jobs
     )  # fmt: skip
@@ -181,7 +172,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
             rows.append((name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
         for job in jobs:
             what = f"{job.field}: {job.strategy}"
-            start, end = format_time_of_day(get_stated_start_s(job)), format_end_of_day(job.p50_end_s)
+            start, end = format_time_of_day(job.stated_start_s), format_end_of_day(job.p50_end_s)
             km, share = format_number(job.km, 1), format_percent(job.finish_probability)
             rows.append((name if job is jobs[0] else "", what, start, end, km, share))
         if jobs and fleet.home_s is not None:
@@ -205,7 +196,7 @@ _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
     (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
     (TableColumn("Machine", is_text=True), lambda job: job.machine),
     (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
-    (TableColumn("Begins"), lambda job: format_time_of_day(get_stated_start_s(job))),
+    (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
     (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
     (TableColumn("P95", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
     (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
@@ -217,8 +208,7 @@ _JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
 
 def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:
     """A row for every field that is done."""
-    rows = tuple(tuple(text(job) for _, text in _JOB_FIGURES) for job in jobs)
-    return FittedTable(tuple(column for column, _ in _JOB_FIGURES), rows)
+    return build_table(jobs, _JOB_FIGURES)
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 
 from reports.common.effect_names import replace_effect_ids
 from reports.common.wording import NO_VALUE, capitalize_first, format_number
@@ -54,6 +56,16 @@ _TIMING_WORDS = (
 def format_errors(errors: ErrorsByHorizon, horizon_s: float) -> list[str]:
     """The errors over a horizon in the order of `ERROR_KINDS`."""
     return [kind.format(getattr(errors[horizon_s], kind.key)) for kind in ERROR_KINDS]
+
+
+def list_error_rows(*errors: ErrorsByHorizon, by_kind: bool = False) -> list[tuple[str, ...]]:
+    """A row per length of the pieces: the length, then `errors` one after another, or `by_kind` side by side."""
+    rows = []
+    for horizon in errors[0]:
+        groups: list[Iterable[str]] = [format_errors(each, horizon) for each in errors]
+        groups = list(zip(*groups, strict=True)) if by_kind else groups
+        rows.append((f"{horizon:g} s", *chain.from_iterable(groups)))
+    return rows
 
 
 def end_sentence(text: str) -> str:

@@ -15,7 +15,7 @@ from reports.common.notebook import (
     encode_picture,
     render_fragment,
 )
-from reports.common.rendering import make_json_safe, render_template
+from reports.common.rendering import render_template
 from reports.common.wording import format_number, join_list
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
 from reports.diagnosis.log_checks import (
@@ -30,8 +30,8 @@ from reports.diagnosis.log_checks import (
     describe_unsaved_finds,
     end_sentence,
     find_shown_horizon_s,
-    format_errors,
     list_column_rows,
+    list_error_rows,
     list_holdout_rows,
     sort_runs,
 )
@@ -59,14 +59,12 @@ from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     NOT_VISIBLE,
     Diagnosis,
-    ErrorsByHorizon,
     Finding,
 )
 from vehicle.model.effects import get_effect
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from pandas import DataFrame
 
 ERROR_COLOURS = {
     "before": palette.TRACTOR_COLOURS[1], "after": palette.STATE_COLOURS["working"], "noise": "#CFCFC6"
@@ -98,7 +96,7 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "hidden": hidden,
         "facts": _list_diagnosis_facts(diagnosis),
         "held_out": name_held_out_data(diagnosis),
-        "errors": _list_error_rows(diagnosis.before, diagnosis.after, diagnosis.noise_floor),
+        "errors": list_error_rows(diagnosis.before, diagnosis.after, diagnosis.noise_floor, by_kind=True),
         "bars": [_build_bars_by_horizon(diagnosis, kind) for kind in _list_known_kinds(diagnosis)],
         "guilty": diagnosis.guilty_block,
         "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
@@ -151,7 +149,7 @@ def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
     horizon = find_shown_horizon_s(holdout)
     return {
         "sentences": describe_holdout(diagnosis),
-        "rows": _list_error_rows(holdout.before, holdout.after),
+        "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
         "runs": list_holdout_rows(diagnosis),
         "horizon": None if horizon is None else f"{horizon:g}",
         "unsaved": describe_unsaved_finds(diagnosis),
@@ -188,15 +186,6 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         )
         facts.append((f"On runs held out, cm, pieces of {horizon:g} s", f"{old} → {new}"))
     return facts
-
-
-def _list_error_rows(*errors: ErrorsByHorizon) -> list[tuple[str, list[str]]]:
-    """A row per length of the pieces: for every kind its error in each of `errors`."""
-    return [
-        (f"{horizon:g} s", [cell for cells in zip(*(format_errors(each, horizon) for each in errors), strict=True)
-                            for cell in cells])
-        for horizon in errors[0]
-    ]  # fmt: skip
 
 
 def _build_bars_by_horizon(diagnosis: Diagnosis, kind: ErrorKind) -> dict[str, Any]:
@@ -263,7 +252,7 @@ def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
     return ResultView(
         summary=lambda: _summarize(diagnosis),
         html=lambda: render_diagnosis_fragment(diagnosis),
-        table=lambda: build_effects_frame(diagnosis),
+        table=lambda: [_flatten_effect(entry) for entry in build_diagnosis_dict(diagnosis)["effects"]],
         draw=(lambda axes: draw_errors(axes, diagnosis)) if diagnosis.before else None,
         not_drawn=f"{NOT_DRAWN}: the logs are too short for errors.",
         files={
@@ -304,19 +293,11 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     )
 
 
-def build_effects_frame(diagnosis: Diagnosis) -> DataFrame:
-    """A row per effect, as in the JSON.
+def _flatten_effect(entry: dict[str, Any]) -> dict[str, Any]:
+    """An effect of the JSON with a key for each end of its intervals.
 
     `value`, `value_low` and `value_high` are of the first of its values, in `unit`; `values` holds all of them.
     """
-    import pandas as pd
-
-    entries = make_json_safe(build_diagnosis_dict(diagnosis)["effects"])
-    return pd.DataFrame([_flatten_effect(entry) for entry in entries])
-
-
-def _flatten_effect(entry: dict[str, Any]) -> dict[str, Any]:
-    """An effect of the JSON with a key for each end of its intervals."""
     values, intervals = entry["value"] or {}, entry["interval"] or {}
     first = next(iter(values), None)
     low, high = intervals.get(first) or (None, None)

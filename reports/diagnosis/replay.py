@@ -13,8 +13,8 @@ from reports.common.notebook import ResultView, ShownTable, create_figure, draw_
 from reports.common.rendering import format_json, make_json_safe, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, join_list
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors
-from reports.plan.map_figure import encode_svg_base64, render_png
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors, list_error_rows
+from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 
 if TYPE_CHECKING:
@@ -29,12 +29,11 @@ _MEASURED_COLOUR, _SIMULATED_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTO
 
 def format_replay_json(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
     """Errors by horizon and remarks on the log as JSON."""
-    errors = {f"{horizon:g}": dict(error.__dict__) for horizon, error in replayed.errors.items()}
     content = {
         "run": replayed.name,
         "tractor": replayed.tractor,
         "effects": list(replayed.effects),
-        "error": errors,
+        "error": replayed.errors,
         "rows_gated": replayed.rows_gated,
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
     }
@@ -63,18 +62,13 @@ def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> G
         format_sentence(
             f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {_list_effect_names(replayed)}."
         ),
-        FittedTable(columns, tuple(list_error_rows_by_horizon(replayed))),
+        FittedTable(columns, tuple(list_error_rows(replayed.errors))),
         *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
     )
 
 
 def _list_effect_names(replayed: ReplayResult) -> str:
     return join_list(map(format_effect_with_id, replayed.effects))
-
-
-def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, ...]]:
-    """Length of the pieces and the errors across, along and of the heading, as texts."""
-    return [(f"{horizon:g} s", *format_errors(replayed.errors, horizon)) for horizon in replayed.errors]
 
 
 def draw_replay(replayed: ReplayResult) -> Figure:
@@ -106,7 +100,7 @@ def draw_replay(replayed: ReplayResult) -> Figure:
             handlelength=1.6, columnspacing=1.2,
         )  # fmt: skip
     figure.align_ylabels([wheel, speed, error])
-    title = f"{replayed.name} against {replayed.tractor}".replace("$", r"\$")
+    title = escape_figure_formula(f"{replayed.name} against {replayed.tractor}")
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=palette.INK_COLOUR)
     return figure
 
@@ -172,7 +166,7 @@ def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
         "effects": _list_effect_names(replayed),
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
         "picture": encode_svg_base64(draw_replay(replayed)),
-        "rows": list_error_rows_by_horizon(replayed),
+        "rows": list_error_rows(replayed.errors),
     }
     return render_template("replay.html.j2", content)
 
@@ -193,7 +187,7 @@ def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultV
 
 
 def _render_replay_fragment(replayed: ReplayResult, remarks: Sequence[str]) -> str:
-    table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows_by_horizon(replayed))
+    table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows(replayed.errors))
     title = f"{replayed.name} against {replayed.tractor}"
     picture = encode_figure(draw_replay(replayed))
     return render_fragment(

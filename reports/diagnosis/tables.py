@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
+from fields.text_files import count_noun
 from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.rendering import format_json
-from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, WrappedSentence, format_sentence
+from reports.common.rendering import format_json, make_json_safe, pick_values
+from reports.common.text_tables import (
+    MOST_NAMED,
+    FittedTable,
+    TableColumn,
+    WrappedSentence,
+    build_table,
+    format_sentence,
+)
 from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
@@ -24,8 +32,8 @@ from reports.diagnosis.log_checks import (
     describe_unsaved,
     describe_unsaved_finds,
     end_sentence,
-    format_errors,
     list_column_rows,
+    list_error_rows,
     list_holdout_rows,
     sort_runs,
 )
@@ -40,7 +48,6 @@ from reports.diagnosis.sentences import (
     describe_trusted_range,
     describe_two_level_effects,
     explain_likely_verdict,
-    format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
@@ -55,9 +62,7 @@ from vehicle.identification.diagnosis.results import (
     NOT_VISIBLE,
     REFUTED,
     Diagnosis,
-    ErrorsByHorizon,
     Finding,
-    HoldoutResult,
     RunCheck,
 )
 
@@ -78,70 +83,35 @@ def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = No
 
 
 def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> dict[str, Any]:
-    """Return the diagnosis as plain values."""
-    drive, plan = diagnosis.next_drive, diagnosis.plan
-    return {
-        "runs": [each.__dict__ for each in diagnosis.runs or (RunCheck(name, None, None) for name in diagnosis.names)],
-        "rows_used": diagnosis.rows_used,
-        "rows_gated": diagnosis.rows_gated,
-        "rows_gated_by_reason": diagnosis.rows_gated_by_reason,
+    """Return the diagnosis as plain values, most of them as Diagnosis has them."""
+    drive = diagnosis.next_drive
+    content = {
+        "runs": diagnosis.runs or [RunCheck(name, None, None) for name in diagnosis.names],
+        **pick_values(diagnosis, ("rows_used", "rows_gated", "rows_gated_by_reason")),
         "verdict": diagnosis.headline,
-        "faults": [each.__dict__ for each in diagnosis.faults],
-        "columns": [each.__dict__ for each in diagnosis.columns],
-        "grounds": [{"id": one.id, "value": one.value, "runs": list(one.runs)} for one in diagnosis.grounds],
-        "error_before": _convert_errors_to_dict(diagnosis.before),
-        "error_after": _convert_errors_to_dict(diagnosis.after),
-        "noise_floor": _convert_errors_to_dict(diagnosis.noise_floor),
-        "guilty_block": diagnosis.guilty_block,
+        **pick_values(diagnosis, ("faults", "columns")),
+        "grounds": [pick_values(one, ("id", "value", "runs")) for one in diagnosis.grounds],
+        "error_before": diagnosis.before,
+        "error_after": diagnosis.after,
+        **pick_values(diagnosis, ("noise_floor", "guilty_block")),
         "effects": [_convert_effect_to_dict(one) for one in diagnosis.findings],
         "interval_note": diagnosis.interval_note or None,
-        "named": list(diagnosis.named),
-        "unexplained_share": diagnosis.unexplained_share,
+        **pick_values(diagnosis, ("named", "unexplained_share")),
         "residual_error": _convert_remaining_error_to_dict(diagnosis),
-        "unexplained_depends_on": list(diagnosis.depends_on),
-        "hints": [each.__dict__ for each in diagnosis.hints],
-        "holdout": _convert_holdout_to_dict(diagnosis.holdout),
+        "unexplained_depends_on": diagnosis.depends_on,
+        **pick_values(diagnosis, ("hints", "holdout")),
         "unsaved_reason": describe_unsaved(diagnosis) or None,
-        "next_drive": None
-        if drive is None
-        else {
-            "id": drive.id,
-            "words": drive.description,
-            "seconds": drive.seconds,
-            "separates": list(drive.separates),
-            "score": drive.score,
-            "decides": drive.decides,
-        },
-        "calibration": diagnosis.calibration,
-        "plan": None if plan is None else plan.__dict__,
+        "next_drive": drive
+        and {"words": drive.description, **pick_values(drive, ("id", "seconds", "separates", "score", "decides"))},
+        **pick_values(diagnosis, ("calibration", "plan")),
         "residuals": None if diagnosis.evidence is None else build_residuals_dict(diagnosis.evidence),
         "correlations": list_correlations(diagnosis.correlations),
-        "notes": list(diagnosis.notes),
+        "notes": diagnosis.notes,
         "tractor": diagnosis.tractor.model_dump(mode="python"),
-        "hidden": None if hidden is None else {"id": hidden.id, "value": hidden.values, "words": hidden.description},
+        "hidden": hidden and {"id": hidden.id, "value": hidden.values, "words": hidden.description},
     }
-
-
-def _convert_errors_to_dict(errors: ErrorsByHorizon) -> dict[str, dict[str, float]]:
-    return {f"{horizon:g}": dict(error.__dict__) for horizon, error in errors.items()}
-
-
-def _convert_holdout_to_dict(holdout: HoldoutResult | None) -> dict[str, Any] | None:
-    """Export the errors on runs held out, of all of them and of each."""
-    if holdout is None:
-        return None
-    return {
-        "runs": list(holdout.runs),
-        "before": _convert_errors_to_dict(holdout.before),
-        "after": _convert_errors_to_dict(holdout.after),
-        "helps": holdout.helps,
-        "is_requested": holdout.is_requested,
-        "by_run": [
-            {name: _convert_errors_to_dict(value) if name != "name" else value for name, value in vars(run).items()}
-            for run in holdout.by_run
-        ],
-        "words": holdout.words,
-    }
+    plain: dict[str, Any] = make_json_safe(content)
+    return plain
 
 
 def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -150,7 +120,7 @@ def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     `late_s` is null where the error along the path is not judged.
     """
     remaining = diagnosis.residual_error
-    values = {} if remaining is None else dict(remaining.__dict__)
+    values = {} if remaining is None else make_json_safe(remaining)
     if values and not diagnosis.along_judged:
         values["late_s"] = None
     above = list(diagnosis.above_noise_s)
@@ -158,15 +128,14 @@ def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 _EFFECT_KEYS = (
-    "id", "status", "calibrated", "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block",
-    "equivalent_to", "exchange", "law",
+    "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block", "equivalent_to", "exchange",
+    "law",
 )  # fmt: skip
 
 
 def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
-    law = None if finding.law is None else vars(finding.law)
-    made = {"calibrated": is_calibration_effect(finding), "law": law}
-    return {key: made[key] if key in made else getattr(finding, key) for key in _EFFECT_KEYS}
+    first = {"id": finding.id, "status": finding.status, "calibrated": is_calibration_effect(finding)}
+    return first | pick_values(finding, _EFFECT_KEYS)
 
 
 _ERROR_COLUMNS = (
@@ -261,7 +230,7 @@ def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
     if holdout is None:
         return []
     parts: list[object] = [Text(""), *(format_sentence(line) for line in describe_holdout(diagnosis))]
-    parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(_list_error_cells((holdout.before, holdout.after)))))
+    parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(list_error_rows(holdout.before, holdout.after))))
     if by_run and len(holdout.by_run) > 1:
         parts.append(FittedTable(_HELD_OUT_RUN_COLUMNS, tuple(list_holdout_rows(diagnosis))))
     return parts
@@ -287,21 +256,13 @@ def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
 def build_error_table(diagnosis: Diagnosis) -> FittedTable:
     """Build the errors before, after and of noise by length of the pieces."""
     errors = (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
-    return FittedTable(_ERROR_COLUMNS, tuple(_list_error_cells(errors)))
-
-
-def _list_error_cells(errors: Sequence[ErrorsByHorizon]) -> Iterator[tuple[str, ...]]:
-    """The cells of a row per length of the pieces."""
-    for horizon in errors[0]:
-        yield f"{horizon:g} s", *(cell for each in errors for cell in format_errors(each, horizon))
+    return FittedTable(_ERROR_COLUMNS, tuple(list_error_rows(*errors)))
 
 
 def build_effect_table(findings: Sequence[Finding], without: Sequence[str] = ()) -> FittedTable:
     """A row per effect, those of the verdict in bold; `without` names headings that are left out."""
     figures = [(column, write) for column, write in _EFFECT_FIGURES if column.heading not in without]
-    rows = tuple(tuple(write(one) for _, write in figures) for one in findings)
-    styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in findings)
-    return FittedTable(tuple(column for column, _ in figures), rows, styles)
+    return build_table(findings, figures, lambda one: one.status in (NAMED, EQUIVALENT))
 
 
 def list_found(findings: Sequence[Finding]) -> list[Finding]:
@@ -352,7 +313,7 @@ def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
         lines.append(diagnosis.holdout.words)
     lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
     if diagnosis.notes:
-        lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
+        lines.append(f"{count_noun(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
     return [line for line in lines if line]
 
 

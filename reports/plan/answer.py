@@ -12,14 +12,6 @@ from reports.common.plan_results import (
     MODEL_ERROR_SHARE,
     PlanRanking,
     PlanResult,
-    get_due_missed_m2,
-    get_finishing_cost,
-    get_finishing_s,
-    get_ranked_s,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_finished_end_s,
-    get_stated_late_end_s,
     is_share_different,
 )
 from reports.common.wording import (
@@ -119,7 +111,7 @@ def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
 
 def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     """The stated cost of a plan with the currency, and that its prices are assumed where nobody gave them."""
-    money = format_money(get_stated_cost(plan), ranking.currency)
+    money = format_money(plan.stated_cost, ranking.currency)
     return translate("{money} (assumed prices)", money=money) if ranking.prices_assumed else money
 
 
@@ -130,10 +122,10 @@ def name_plan(plan: PlanResult) -> str:
 
 def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
     """``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line."""
-    done = format_stated_end(ranking, get_stated_end_s(plan))
+    done = format_stated_end(ranking, plan.stated_end_s)
     has_start = parse_start_time(ranking.start) is not None
     parts = [translate("done {time}", time=done) if has_start else translate("done in {time}", time=done)]
-    if get_stated_cost(plan) is not None:
+    if plan.stated_cost is not None:
         parts.append(format_stated_cost(ranking, plan))
     if energy := format_energy(plan):
         parts.append(energy)
@@ -148,13 +140,13 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     parts = []
     if plan.worked_pct is not None:
         rest = ""
-        if format_unworked(plan) is not None and get_finishing_s(plan) >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
-            time, money = format_time_span(get_finishing_s(plan)), get_finishing_cost(plan)
+        if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
+            time, money = format_time_span(plan.finishing_s), plan.finishing_cost
             rest = translate(" (the rest: {time}, {money})", time=time, money=format_money(money, ranking.currency))
         parts.append(_describe_share(plan) + rest)
     if plan.headland_order is not None:
         parts.append(_describe_headland(ranking, plan.headland_order))
-    if (late_s := get_stated_late_end_s(plan)) is not None:
+    if (late_s := plan.stated_late_end_s) is not None:
         late = format_stated_end(ranking, late_s)
         has_start = parse_start_time(ranking.start) is not None
         parts.append(
@@ -219,7 +211,7 @@ def _describe_next(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> 
     count = plan.tractors
     is_named = count == best.tractors + 1 and count < len(NEXT_TRACTORS) + 2
     more = translate(NEXT_TRACTORS[count - 2]) if is_named else translate("a fleet of {count}", count=count)
-    saved_s, change = get_ranked_s(best) - get_ranked_s(plan), _compute_cost_change(plan, best)
+    saved_s, change = best.ranked_s - plan.ranked_s, _compute_cost_change(plan, best)
     values = {"tractors": format_tractor_count(best.tractors), "more": more, "worked": ""}
     if is_share_different(plan.worked_pct, best.worked_pct):
         values["worked"] = f", {_describe_share(plan)}"
@@ -235,7 +227,7 @@ def _describe_next(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> 
 
 
 def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
-    figures = [format_stated_end(ranking, get_stated_end_s(plan))]
+    figures = [format_stated_end(ranking, plan.stated_end_s)]
     if plan.finish_probability is not None and (
         min(plan.finish_probability, best.finish_probability or 0.0) < SURE_SHARE
     ):
@@ -258,8 +250,8 @@ def _describe_counting(ranking: PlanRanking) -> str:
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
     """The difference as printed, with its sign; None where it is none or not known."""
-    more_ground = get_finishing_cost(plan) - get_finishing_cost(best)
-    return format_price_change(get_stated_cost(plan), get_stated_cost(best), more_ground)
+    more_ground = plan.finishing_cost - best.finishing_cost
+    return format_price_change(plan.stated_cost, best.stated_cost, more_ground)
 
 
 def _describe_cost_change(ranking: PlanRanking, change: str) -> str:
@@ -283,9 +275,9 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         )
     elif cut_off_m2:
         faults.append(translate("Obstacles cut off {area}, which no plan works.", area=format_area(cut_off_m2)))
-    is_late = ranking.allowed_s is not None and get_stated_finished_end_s(best) > ranking.allowed_s
+    is_late = ranking.allowed_s is not None and best.stated_finished_end_s > ranking.allowed_s
     if best.meets_deadline and is_late and best.finished_done_s is not None:
-        area = format_area(get_due_missed_m2(best))
+        area = format_area(best.due_missed_m2)
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Generic, TypeVar
 
-from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_cost
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
 from reports.plan.small_map import SmallMap
 
@@ -75,7 +75,7 @@ class ComparisonRow(Generic[Label]):
     @property
     def charged_cost(self) -> float:
         """The stated cost with missed ground finished at the plan's own rate; 0 without a plan."""
-        return 0.0 if self.best is None else get_ranked_cost(self.best)
+        return 0.0 if self.best is None else self.best.ranked_cost
 
     @property
     def overlap_m2(self) -> float:

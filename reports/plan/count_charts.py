@@ -7,7 +7,7 @@ from typing import Any
 
 from reports.common.drawing_sizes import RISK_FRAME, TIME_FRAME, TIME_STEPS_S, ChartAxis
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import format_in_time_probability, format_unworked, list_feasible
@@ -30,10 +30,10 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     if not plans:
         return None
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
-    top = max([get_ranked_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
+    top = max([plan.ranked_s for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
     axis, places = ChartAxis(0.0, top, TIME_FRAME.bottom, TIME_FRAME.top), _place_counts(plans)
     names = list(dict.fromkeys(plan.strategy for plan in plans))
-    front = sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
+    front = sorted((plan.tractors, plan.ranked_s) for plan in plans if plan.on_pareto_front)
     deadline = None
     if limit is not None:
         deadline = {"y": axis.place(limit), "text": f"deadline {format_deadline(ranking)}"}
@@ -41,7 +41,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         "box": _build_box(axis),
         "width": TIME_FRAME.width,
         "height": TIME_FRAME.height,
-        "points": _place_points(plans, names, [(places[one.tractors], axis.place(get_ranked_s(one))) for one in plans]),
+        "points": _place_points(plans, names, [(places[one.tractors], axis.place(one.ranked_s)) for one in plans]),
         "line": " ".join(f"{places[count]},{axis.place(time)}" for count, time in front),
         "deadline": deadline,
         "counts": [{"x": x, "text": str(count)} for count, x in places.items()],
@@ -64,8 +64,8 @@ def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[
     for plan, (x, y) in zip(plans, places, strict=True):
         while any(abs(other["x"] - x) < 0.99 * step and abs(other["y"] - y) < _POINT_DISTANCE for other in points):
             x = round(x + step, 3)
-        finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
-        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(get_stated_end_s(plan))}{finish}"
+        finish = "" if format_unworked(plan) is None else f", to finish {format_duration(plan.ranked_s)}"
+        text = f"{plan.tractors} x {plan.strategy}, {plan.turn}: {format_duration(plan.stated_end_s)}{finish}"
         colour = names.index(plan.strategy) % len(TRACTOR_COLOURS)
         points.append({"x": x, "y": y, "colour": colour, "front": plan.on_pareto_front, "text": text})
     return points[::-1]

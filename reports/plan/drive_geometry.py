@@ -165,11 +165,10 @@ def find_stops(
     xy: Points, status: npt.NDArray[np.int64], step_s: float, stop_status: int = WAITING
 ) -> list[tuple[float, float, float]]:
     """Stops of a tractor with a status, waiting by default: x, y in metres and seconds of each."""
-    waiting = np.concatenate(([False], status == stop_status, [False]))
-    edges = np.flatnonzero(np.diff(waiting.astype(np.int8)))
     return [
         (float(xy[start, 0]), float(xy[start, 1]), float(end - start) * step_s)
-        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        for run_status, start, end in list_status_runs(status)
+        if run_status == stop_status
     ]
 
 

@@ -15,12 +15,9 @@ from reports.common.language import translate
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_late_end_s,
 )
 from reports.common.shortfalls import SlopePlace
-from reports.common.text_tables import FittedTable, TableColumn
+from reports.common.text_tables import FittedTable, TableColumn, build_table
 from reports.common.wording import (
     NO_VALUE,
     VOLUME,
@@ -168,12 +165,11 @@ _CATALOGUE = (
            "litres of all tractors in the field, by the load of the simulated drive", is_optional=True),
     Figure("stated_end_s", "Time", "", format_duration,
            "time to the end of field work, the median of the samples; without samples as simulated",
-           read=lambda plan: get_stated_end_s(plan) if plan.feasible else None),
+           read=lambda plan: plan.stated_end_s if plan.feasible else None),
     Figure("stated_late_end_s", "95 %", "", format_duration, "it is done sooner in 95 % of the samples",
-           read=get_stated_late_end_s, is_optional=True),
+           is_optional=True),
     Figure("stated_cost", "Cost", "", format_price,
-           "expected cost: what is paid, and the loss on late ground; without samples as simulated",
-           read=get_stated_cost),
+           "expected cost: what is paid, and the loss on late ground; without samples as simulated"),
     Figure("headland_order"),
     Figure("fuel_l_per_ha", "Fuel l/ha", "", _TENTHS, "litres by hectare of the field", is_optional=True),
     Figure("energy_kwh", "Energy kWh", "", _TENTHS, "from the batteries of all tractors", is_optional=True),
@@ -193,7 +189,7 @@ _CATALOGUE = (
     Figure("spared_m2"),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
-    Figure("stated_span_s", "Time", "", format_duration, read=get_stated_end_s, is_exported=False),
+    Figure("stated_span_s", "Time", "", format_duration, read=lambda plan: plan.stated_end_s, is_exported=False),
     Figure("charged_traffic_m2", "Driven over", "Driven\nover", format_area_or_dash,
            note="finished ground under wheels that drive over it, counted like unworked ground", unit="m2",
            read=get_charged_traffic_m2, is_optional=True, is_exported=False),
@@ -287,7 +283,7 @@ def build_figure_table(
     more_hint: str,
 ) -> FittedTable:
     """A line per plan, the best in bold, whose first cell is that of `mark`; `drops` are by key of the figures."""
-    columns = tuple(figure.build_column(drops[figure.key]) for figure in figures)
-    rows = tuple((mark(plan), *(figure.format(plan) for figure in figures[1:])) for plan in plans)
-    styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
-    return FittedTable(columns, rows, styles, more_hint=more_hint)
+    writers = [mark, *(figure.format for figure in figures[1:])]
+    columns = [figure.build_column(drops[figure.key]) for figure in figures]
+    cells = list(zip(columns, writers, strict=True))
+    return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint)

@@ -13,10 +13,6 @@ from functools import cached_property
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     PlanResult,
-    get_paid_cost,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_s,
 )
 from reports.common.wording import format_area, format_width
 from reports.plan.comparison import Comparison, ComparisonRow
@@ -73,17 +69,17 @@ class HeadlandTotals:
 
         On a farm, where a plan has a `ready_s`, its end by the clock would have them too.
         """
-        return sum(get_stated_end_s(plan) if plan.ready_s is None else get_stated_s(plan) for plan in self.driven)
+        return sum(plan.stated_end_s if plan.ready_s is None else plan.stated_s for plan in self.driven)
 
     @property
     def cost(self) -> float:
         """The stated costs."""
-        return sum(get_stated_cost(plan) or 0.0 for plan in self.driven)
+        return sum(plan.stated_cost or 0.0 for plan in self.driven)
 
     @property
     def paid_cost(self) -> float:
         """The costs that are paid, without losses on late ground."""
-        return sum(get_paid_cost(plan) or 0.0 for plan in self.driven)
+        return sum(plan.stated_paid_cost or 0.0 for plan in self.driven)
 
     @property
     def charged_cost(self) -> float:

@@ -11,10 +11,9 @@ from rich.text import Text
 from reports.common.language import translate, translate_count
 from reports.common.rendering import (
     EXPORT_DECIMALS,
-    format_csv,
-    format_csv_cell,
+    format_entries_csv,
     format_json,
-    make_json_safe,
+    pick_values,
     render_template,
 )
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
@@ -421,12 +420,11 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
             **totals.year,
         }
         if each.best is not None:
-            values |= {key: getattr(each.best, key) for key in HEADLAND_CSV_KEYS}
+            values |= pick_values(each.best, HEADLAND_CSV_KEYS)
             values |= {key: getattr(each.best, key) or values[key] for key in ("headland_order", "headland_passes")}
-            values |= {key: getattr(totals, key) for key in ("overlap_m2", "cost_per_ha", "cut_off_m2")}
-        values = make_json_safe(values, EXPORT_DECIMALS)
-        rows.append([format_csv_cell(values.get(key)) for key in head])
-    return format_csv([head, *rows])
+            values |= pick_values(totals, ("overlap_m2", "cost_per_ha", "cut_off_m2"))
+        rows.append(values)
+    return format_entries_csv(head, rows)
 
 
 def render_headland_page(comparison: HeadlandComparison) -> str:

@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import PlanRanking, PlanResult, get_paid_cost, get_stated_cost, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, render_template
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
@@ -118,7 +118,7 @@ def sum_over_fields(records: Sequence[FieldRow]) -> list[FieldsTotal]:
         plans = [record.best for record in some if record.best is not None]
         areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
         figures = [
-            (get_stated_end_s(plan), get_stated_cost(plan), plan.missed_m2, plan.over_finished_m2, get_paid_cost(plan))
+            (plan.stated_end_s, plan.stated_cost, plan.missed_m2, plan.over_finished_m2, plan.stated_paid_cost)
             for plan in plans
         ]
         sums = (math.fsum(value or 0.0 for value in values) for values in zip(*figures, strict=True))
@@ -360,7 +360,7 @@ def _build_section(
     record: FieldRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
-    cost = format_money(get_stated_cost(best), ranking.currency)
+    cost = format_money(best.stated_cost, ranking.currency)
     rows = []
     for plan in list_feasible(ranking)[:MAX_PLANS]:
         headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
@@ -15,10 +15,6 @@ from reports.common.plan_results import (
     FleetStudy,
     PlanRanking,
     PlanResult,
-    get_ranked_s,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
 from reports.common.wording import format_duration, format_minutes, format_number, format_price, format_tractor_count
@@ -28,7 +24,6 @@ from reports.plan.map_figure import build_legend_entries, draw_map_layers, escap
 from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_export import (
     build_plan_entry,
-    build_study_row,
     flatten_entry,
     format_ranking_csv,
     format_ranking_json,
@@ -96,7 +91,7 @@ def build_plan_view(plan: PlanResult) -> ResultView:
     return ResultView(
         summary=lambda: summarise_plan(plan),
         html=render,
-        table=lambda: _build_frame([flatten_entry(build_plan_entry(plan))]),
+        table=lambda: [flatten_entry(build_plan_entry(plan))],
         not_drawn=f"{NOT_DRAWN}: this is one row of a ranking; draw the answer of plan(), which has the drive.",
     )
 
@@ -108,13 +103,11 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
     return ResultView(
         summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {len(drive.swaths)} tracks",
         html=lambda: render_fragment(drive.title, [], [], _encode_map(drive), "Map of the field and the drive"),
-        table=lambda: _build_frame(
-            [
-                {"tractor": number + 1, "finish_s": finish_s}
-                | {f"{state}_s": values[number] for state, values in drive.seconds.items()}
-                for number, finish_s in enumerate(drive.finish_s)
-            ]
-        ),
+        table=lambda: [
+            {"tractor": number + 1, "finish_s": finish_s}
+            | {f"{state}_s": values[number] for state, values in drive.seconds.items()}
+            for number, finish_s in enumerate(drive.finish_s)
+        ],
         draw=lambda axes: draw_drive(axes, drive, drive.title),
         figure_inches=(COLUMN_INCHES, COLUMN_INCHES),
     )
@@ -128,13 +121,7 @@ def build_study_view(study: FleetStudy) -> ResultView:
     return ResultView(
         summary=lambda: summary,
         html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
-        table=lambda: _build_frame(
-            [
-                {"table": name, **make_json_safe(build_study_row(row))}
-                for name, rows in study.tables.items()
-                for row in rows
-            ]
-        ),
+        table=lambda: [{"table": name, **make_json_safe(row)} for name, rows in study.tables.items() for row in rows],
         draw=lambda axes: _draw_study(axes, study),
         files={".json": lambda: format_study_json(study)},
     )
@@ -153,9 +140,9 @@ def summarise_plan(plan: PlanResult) -> str:
     name = f"{name_plan(plan)}, turns {plan.turn}"
     if not plan.feasible:
         return f"{name}: not feasible, {plan.reason or 'no reason was given'}"
-    late_s, cost = get_stated_late_end_s(plan), get_stated_cost(plan)
+    late_s, cost = plan.stated_late_end_s, plan.stated_cost
     late = "" if late_s is None else f" (95 % in {format_duration(late_s)})"
-    parts = [f"{name}: done in {format_duration(get_stated_end_s(plan))}{late}"]
+    parts = [f"{name}: done in {format_duration(plan.stated_end_s)}{late}"]
     parts += [] if cost is None else [f"cost {format_price(cost)}"]
     parts += [] if plan.worked_pct is None else [f"{format_number(plan.worked_pct, 1)} % worked"]
     return ", ".join(parts)
@@ -168,12 +155,6 @@ def build_ranking_frame(ranking: PlanRanking) -> DataFrame:
     types = dict.fromkeys(TEXT_COLUMNS, "str")
     text = io.StringIO(format_ranking_csv(ranking))
     return pd.read_csv(text, dtype=types, keep_default_na=False, na_values=[""])
-
-
-def _build_frame(rows: list[dict[str, Any]]) -> DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame(rows)
 
 
 def render_ranking_fragment(ranking: PlanRanking, drive: PlanDrive | None) -> str:
@@ -222,13 +203,13 @@ def draw_times(axes: Axes, ranking: PlanRanking) -> None:
     """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
     plans = list_feasible(ranking)
     for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
-        points = sorted((plan.tractors, get_ranked_s(plan) / 60.0) for plan in plans if plan.strategy == name)
+        points = sorted((plan.tractors, plan.ranked_s / 60.0) for plan in plans if plan.strategy == name)
         counts, minutes = zip(*points, strict=True)
         axes.plot(counts, minutes, marker="o", linestyle="none", color=palette.get_tractor_colour(place), label=name)
     best = ranking.best
     if best is not None:
         axes.plot(
-            best.tractors, get_ranked_s(best) / 60.0, marker="o", markersize=13, markerfacecolor="none",
+            best.tractors, best.ranked_s / 60.0, marker="o", markersize=13, markerfacecolor="none",
             markeredgecolor="black", linestyle="none", label="best plan",
         )  # fmt: skip
     axes.set_xticks(sorted({plan.tractors for plan in plans}))

@@ -12,14 +12,6 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
     PlanResult,
-    get_due_missed_m2,
-    get_finishing_s,
-    get_ranked_cost,
-    get_ranked_s,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_finished_end_s,
-    get_stated_s,
     is_dearer,
 )
 from reports.common.shortfalls import SlopePlace, UnworkedPiece
@@ -186,8 +178,8 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     if best is None:
         return [explain_no_plan(ranking)]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
-    cheapest = min(priced, key=get_ranked_cost, default=None)
-    best_is_cheapest = len(priced) > 1 and cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
+    cheapest = min(priced, key=lambda plan: plan.ranked_cost, default=None)
+    best_is_cheapest = len(priced) > 1 and cheapest is not None and cheapest.ranked_cost == best.ranked_cost
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.shortfalls:
@@ -225,9 +217,10 @@ def _describe_other_plans(
 ) -> list[str]:
     """The fastest and the cheapest plan where they are not the best, or that the best is the cheapest too."""
     plans = list_feasible(ranking)
-    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_ranked_s, default=best)
+    driven = [plan for plan in plans if plan.time_s is not None]
+    fastest = min(driven, key=lambda plan: plan.ranked_s, default=best)
     plans_by_name = {}
-    if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
+    if fastest is not best and fastest.ranked_s != best.ranked_s:
         plans_by_name[translate("Fastest")] = fastest
     if cheapest is not None and cheapest is not best and not best_is_cheapest:
         plans_by_name[translate("Cheapest")] = cheapest
@@ -264,8 +257,8 @@ def _list_advice(ranking: PlanRanking) -> list[str]:
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
-    unworked, end_s = format_unworked(plan), get_stated_end_s(plan)
-    driven_s = get_stated_s(plan) if format_end_clock(ranking, end_s) else end_s
+    unworked, end_s = format_unworked(plan), plan.stated_end_s
+    driven_s = plan.stated_s if format_end_clock(ranking, end_s) else end_s
     when = _describe_time(ranking, driven_s, end_s)
     is_done = abs(driven_s - end_s) < SAME_TIME_S
     done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
@@ -293,7 +286,7 @@ def get_charged_traffic_m2(plan: PlanResult) -> float | None:
 
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    due_m2, driven_over = get_due_missed_m2(plan), get_charged_traffic_m2(plan)
+    due_m2, driven_over = plan.due_missed_m2, get_charged_traffic_m2(plan)
     is_missed = due_m2 >= LEAST_UNWORKED_M2
     grounds = []
     if is_missed and plan.spared_m2 >= LEAST_UNWORKED_M2:
@@ -304,12 +297,12 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
         grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
     sentences = []
     if grounds and plan.finished_s is not None:
-        added = format_time_span(get_finishing_s(plan))
-        clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
+        added = format_time_span(plan.finishing_s)
+        clock = format_end_clock(ranking, plan.stated_finished_end_s)
         done = translate(" (field work done at {clock})", clock=clock) if clock else ""
         added_cost = 0.0 if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
         cost = [format_money(added_cost, ranking.currency)] if added_cost >= LEAST_COST else []
-        is_late = ranking.allowed_s is not None and get_stated_finished_end_s(plan) > ranking.allowed_s
+        is_late = ranking.allowed_s is not None and plan.stated_finished_end_s > ranking.allowed_s
         late = translate(", too late for the deadline") if plan.meets_deadline and is_late else ""
         extra = join_list([f"{added}{done}", *cost])
         values = {"ground": join_list(grounds), "extra": extra + late}
@@ -365,7 +358,7 @@ def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: floa
 
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    cost = get_stated_cost(plan)
+    cost = plan.stated_cost
     return "" if cost is None else translate("cost {cost}", cost=format_money(cost, ranking.currency))
 
 
@@ -385,7 +378,7 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
         text = "{name} can be met with {tractors}{missed}."
     elif ranking.chosen is not None:
         text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
-    elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=get_ranked_cost)):
+    elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=lambda plan: plan.ranked_cost)):
         text = (
             "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field by "
             "then."

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
-from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_csv_cell, format_json, make_json_safe
+from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    format_csv,
+    format_csv_cell,
+    format_json,
+    make_json_safe,
+    pick_values,
+)
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, FIRST_CSV_KEYS, PIECE_KEYS, PLAN_KEYS
 from reports.plan.shortfall_wording import describe_shortfall, question_pull
@@ -50,19 +57,14 @@ def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
         "seed": ranking.seed,
         "plans": [build_entry(plan) for plan in ranking.plans],
         "best": None if best is None else build_entry(best),
-        "tractor_effects": ranking.tractor_effects,
-        "scenario": ranking.scenario,
-        "advice": ranking.advice,
-        "currency": ranking.currency,
-        "samples": ranking.samples,
-        "prices_assumed": ranking.prices_assumed,
+        **pick_values(ranking, ("tractor_effects", "scenario", "advice", "currency", "samples", "prices_assumed")),
         "unmet": unmet or None,
         "shortfalls": shortfalls,
         "parts": [build_part_entry(part) for part in ranking.parts],
         "pull": None
         if pull is None
         else {
-            **make_json_safe(asdict(pull), 2),
+            **make_json_safe(pull, 2),
             "questioned": pull.is_questioned,
             "feasible": not pull.is_infeasible,
             "question": question_pull(pull) or None,
@@ -77,16 +79,12 @@ def build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
     """A part of the field that is cut off, with its own plan."""
     return {
         "number": part.number,
-        "ground": _build_place_entry(part.ground, PIECE_KEYS),
-        "neck": _build_place_entry(part.neck, PIECE_KEYS),
+        "ground": make_json_safe(pick_values(part.ground, PIECE_KEYS), EXPORT_DECIMALS),
+        "neck": make_json_safe(pick_values(part.neck, PIECE_KEYS), EXPORT_DECIMALS),
         "neck_width_m": round(part.neck_width_m, 2),
         "plan": None if part.plan is None else build_plan_entry(part.plan),
         "reason": part.reason,
     }
-
-
-def _build_place_entry(place: object, keys: Sequence[str]) -> dict[str, Any]:
-    return {key: make_json_safe(getattr(place, key), EXPORT_DECIMALS) for key in keys}
 
 
 def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
@@ -101,9 +99,9 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     """
     entry = {}
     for key in PLAN_KEYS:
-        value, parts = FIGURES[key].get_value(plan), FIGURES[key].parts
-        is_place = is_dataclass(value)
-        entry[key] = _build_place_entry(value, parts) if is_place else make_json_safe(value, EXPORT_DECIMALS)
+        value = FIGURES[key].get_value(plan)
+        value = pick_values(value, FIGURES[key].parts) if is_dataclass(value) else value
+        entry[key] = make_json_safe(value, EXPORT_DECIMALS)
     return entry
 
 
@@ -157,15 +155,4 @@ def format_facts_json(facts: dict[str, Any]) -> str:
 
 def format_study_json(study: FleetStudy) -> str:
     """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
-    content = {
-        "tables": {name: [build_study_row(row) for row in rows] for name, rows in study.tables.items()},
-        "claims": [asdict(claim) for claim in study.claims],
-        "assumptions": list(study.assumptions),
-    }
-    return format_json(content, EXPORT_DECIMALS, is_ascii=False)
-
-
-def build_study_row(row: ThesisTableRow) -> dict[str, Any]:
-    """One row of a table of the study."""
-    keys = ("tractors", "thesis_s", "time_s", "difference_pct", "label", "note")
-    return {key: getattr(row, key) for key in keys}
+    return format_json(study, EXPORT_DECIMALS, is_ascii=False)

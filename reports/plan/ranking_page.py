@@ -12,9 +12,6 @@ from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_late_end_s,
 )
 from reports.common.rendering import render_template
 from reports.common.shortfalls import SlopePlace
@@ -208,7 +205,7 @@ def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | No
     """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
     labels = {
         _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
-        f"{format_duration(get_stated_end_s(plan))}"
+        f"{format_duration(plan.stated_end_s)}"
         for plan in reversed(plans)
     }
     return [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]
@@ -218,13 +215,13 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     """The figures of the best plan, label and value; unknown ones are left out."""
     if best is None:
         return []
-    has_start, cost = parse_start_time(ranking.start) is not None, get_stated_cost(best)
+    has_start, cost = parse_start_time(ranking.start) is not None, best.stated_cost
     paid = best.paid_cost if has_late_ground_loss(ranking) else None
     energy = insert_non_breaking_spaces(", ".join(filter(None, (format_energy(best), format_rate(best)))))
     gap_pct = best.order_gap_pct
     facts = [
-        ("Done" if has_start else "Time", format_stated_end(ranking, get_stated_end_s(best))),
-        ("95 %", format_stated_end(ranking, get_stated_late_end_s(best))),
+        ("Done" if has_start else "Time", format_stated_end(ranking, best.stated_end_s)),
+        ("95 %", format_stated_end(ranking, best.stated_late_end_s)),
         ("Fleet", format_tractor_count(best.tractors)),
         ("Cost", NO_VALUE if cost is None else format_stated_cost(ranking, best)),
         ("Paid of it", NO_VALUE if paid is None else format_money(paid, ranking.currency)),

@@ -22,7 +22,6 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     find_deciding_reason,
-    get_stated_end_s,
 )
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
@@ -154,8 +153,8 @@ def _add_deciding_reason(mark: str, ranking: PlanRanking, plans: Sequence[PlanRe
     best = ranking.best
     if best is None or ranking.chosen is not None:  # samples decide by cost, or by what was asked for
         return mark
-    limit_s = get_stated_end_s(best) - SAME_TIME_S
-    quicker = [plan for plan in plans if plan.tractors == best.tractors and get_stated_end_s(plan) < limit_s]
+    limit_s = best.stated_end_s - SAME_TIME_S
+    quicker = [plan for plan in plans if plan.tractors == best.tractors and plan.stated_end_s < limit_s]
     reasons = {find_deciding_reason(best, plan) for plan in quicker}
     reason = reasons.pop() if len(reasons) == 1 else None
     if reason is None:

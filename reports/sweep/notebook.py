@@ -7,9 +7,9 @@ from reports.sweep.page import draw_sweep, render_sweep_page, render_sweep_png
 from reports.sweep.results import SweepResult
 from reports.sweep.tables import (
     build_front_table,
-    build_sweep_frame,
     format_sweep_csv,
     format_sweep_json,
+    list_rows,
     render_sweep_parquet,
 )
 from reports.sweep.wording import (
@@ -28,7 +28,7 @@ def build_sweep_view(result: SweepResult) -> ResultView:
     return ResultView(
         summary=lambda: f"{describe_title(result)}. {describe_best(result)}",
         html=lambda: render_sweep_fragment(result),
-        table=lambda: build_sweep_frame(result),
+        table=lambda: list_rows(result),
         draw=None if result.best is None else lambda axes: draw_sweep(axes, result),
         not_drawn=f"{NOT_DRAWN}, as no combination has a plan.",
         files={

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
 from reports.common.notebook import FIGURE_INCHES, create_figure
-from reports.common.plan_results import get_ranked_cost, get_ranked_s
 from reports.common.rendering import ReportError, render_template
 from reports.common.wording import capitalize_first, format_duration, format_tractor_count
-from reports.plan.map_figure import render_png
+from reports.plan.map_figure import escape_figure_formula, render_png
 from reports.sweep.results import SweepResult, SweptPlan
 from reports.sweep.tables import build_front_table
 from reports.sweep.wording import (
@@ -63,10 +62,10 @@ def render_sweep_page(result: SweepResult) -> str:
 def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[tuple[int, ...], int]) -> dict[str, Any]:
     """All points, those of the front, ticks, and what the script of the page shows of a point."""
     x_axis, y_axis = SWEEP_FRAME.build_axes(
-        _widen_range([get_ranked_s(one.plan) for one in plans]),
-        _widen_range([get_ranked_cost(one.plan) for one in plans]),
+        _widen_range([one.plan.ranked_s for one in plans]),
+        _widen_range([one.plan.ranked_cost for one in plans]),
     )
-    at = [(x_axis.place(get_ranked_s(one.plan)), y_axis.place(get_ranked_cost(one.plan))) for one in plans]
+    at = [(x_axis.place(one.plan.ranked_s), y_axis.place(one.plan.ranked_cost)) for one in plans]
     front = [places[one.numbers] for one in result.front]
     assert result.best is not None
     return {
@@ -119,7 +118,7 @@ def _list_numbers(one: SweptPlan, place: tuple[float, float]) -> list[Any]:
     """Place, seconds, cost, share worked and fuel of a point, then the numbers of its values."""
     plan = one.plan
     used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
-    figures = round(get_ranked_s(plan)), round(get_ranked_cost(plan), 2), round(plan.worked_pct or 0.0, 1)
+    figures = round(plan.ranked_s), round(plan.ranked_cost, 2), round(plan.worked_pct or 0.0, 1)
     return [*place, *figures, None if used is None else round(used, 1), *one.numbers]
 
 
@@ -151,13 +150,13 @@ def draw_sweep(axes: Axes, result: SweepResult) -> None:
         look: dict[str, Any] = {"linestyle": "none", "color": palette.get_tractor_colour(count - 1)}
         for chosen, size, alpha in ((plans, 2.5, 0.3), (result.front, 6.0, 1.0)):
             of_count = [one.plan for one in chosen if one.plan.tractors == count]
-            hours = [get_ranked_s(plan) / 3600.0 for plan in of_count]
-            costs = [get_ranked_cost(plan) for plan in of_count]
+            hours = [plan.ranked_s / 3600.0 for plan in of_count]
+            costs = [plan.ranked_cost for plan in of_count]
             label = format_tractor_count(count) if chosen is plans else None
             axes.plot(hours, costs, marker="o", markersize=size, alpha=alpha, label=label, **look)
     currency = f", {result.currency}" if result.currency else ""
     axes.set(xlabel="time, hours; estimated", ylabel=f"cost{currency}")
-    axes.set_title(describe_title(result).replace("$", r"\$"), loc="left", fontsize=10)
+    axes.set_title(escape_figure_formula(describe_title(result)), loc="left", fontsize=10)
     axes.legend(frameon=False, fontsize=8)
 
 

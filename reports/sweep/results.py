@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.notebook import ShownResult
-from reports.common.plan_results import PlanResult, choose_plan, get_ranked_cost, get_ranked_s
+from reports.common.plan_results import PlanResult, choose_plan
 
 MOST_ROWS = 20  # of a table
 Floats = npt.NDArray[np.float64]
@@ -113,15 +113,15 @@ class SweepResult(ShownResult):
             places = np.unique(np.linspace(0, len(front) - 1, MOST_ROWS - 1).round().astype(int))
             front = tuple(front[place] for place in places)
         if best is not None and all(one.numbers != best.numbers for one in front):
-            front = tuple(sorted((*front, best), key=lambda one: get_ranked_s(one.plan)))
+            front = tuple(sorted((*front, best), key=lambda one: one.plan.ranked_s))
         return front
 
     @cached_property
     def influences(self) -> tuple[OptionInfluence, ...]:
         """What every option explains of the differences of time and cost, the one that explains most first."""
         feasible = [one for one in self.plans if one.plan.feasible]
-        times_s = np.array([get_ranked_s(one.plan) for one in feasible])
-        costs = np.array([get_ranked_cost(one.plan) for one in feasible])
+        times_s = np.array([one.plan.ranked_s for one in feasible])
+        costs = np.array([one.plan.ranked_cost for one in feasible])
         numbers = np.array([one.numbers for one in feasible], np.int64).reshape(len(feasible), len(self.options))
         found = [
             OptionInfluence(
@@ -164,4 +164,4 @@ def _list_aims(plan: PlanResult) -> Sequence[float]:
     """What a plan should have little of, as it is printed: seconds, cost, tractors, per mille left, litres or kWh."""
     used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
     left = -round(plan.worked_pct or 0.0, 1)
-    return round(get_ranked_s(plan)), round(get_ranked_cost(plan), 2), plan.tractors, left, round(used or 0.0, 1)
+    return round(plan.ranked_s), round(plan.ranked_cost, 2), plan.tractors, left, round(used or 0.0, 1)

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Group, RenderableType
 
-from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
-from reports.common.rendering import (
-    EXPORT_DECIMALS,
-    ReportError,
-    format_csv,
-    format_csv_cell,
-    format_json,
-    make_json_safe,
-)
+from reports.common.plan_results import PlanResult
+from reports.common.rendering import EXPORT_DECIMALS, ReportError, format_entries_csv, format_json, pick_values
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_duration, format_number
 from reports.sweep.results import SweepResult, SweptPlan
@@ -31,19 +24,9 @@ from reports.sweep.wording import (
     title_option,
 )
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 PLAN_KEYS = (
-    "finished_s",
-    "finished_cost",
-    "worked_pct",
-    "fuel_l",
-    "energy_kwh",
-    "meets_deadline",
-    "feasible",
-    "reason",
-)
+    "finished_s", "finished_cost", "worked_pct", "fuel_l", "energy_kwh", "meets_deadline", "feasible", "reason",
+)  # fmt: skip
 
 
 def list_rows(result: SweepResult) -> list[dict[str, Any]]:
@@ -62,17 +45,10 @@ def list_rows(result: SweepResult) -> list[dict[str, Any]]:
     return [{"field": name, **build_row(one)} for name, plans in result.by_field.items() for one in plans]
 
 
-def build_sweep_frame(result: SweepResult) -> DataFrame:
-    """The rows of `list_rows`."""
-    import pandas as pd
-
-    return pd.DataFrame(list_rows(result))
-
-
 def _list_figures(plan: PlanResult) -> dict[str, Any]:
-    figures = {key: getattr(plan, key) for key in PLAN_KEYS}
+    figures = pick_values(plan, PLAN_KEYS)
     if plan.feasible:
-        figures |= {"finished_s": get_ranked_s(plan), "finished_cost": get_ranked_cost(plan)}
+        figures |= {"finished_s": plan.ranked_s, "finished_cost": plan.ranked_cost}
     return figures
 
 
@@ -106,8 +82,8 @@ def build_front_table(result: SweepResult) -> FittedTable:
         (
             f"> {number}" if one.numbers == best else str(number),
             *(format_value(result.get_values(one)[place]) for place in varied),
-            format_duration(get_ranked_s(one.plan)),
-            format_number(get_ranked_cost(one.plan), 2),
+            format_duration(one.plan.ranked_s),
+            format_number(one.plan.ranked_cost, 2),
             format_number(one.plan.worked_pct, 1),
             format_number(one.plan.energy_kwh if uses_energy else one.plan.fuel_l, 1),
         )
@@ -119,9 +95,8 @@ def build_front_table(result: SweepResult) -> FittedTable:
 
 def format_sweep_csv(result: SweepResult) -> str:
     """All plans as CSV, a row each."""
-    rows = [make_json_safe(row, EXPORT_DECIMALS) for row in list_rows(result)]
-    heads = list(rows[0]) if rows else []
-    return format_csv([heads, *([format_csv_cell(row[head]) for head in heads] for row in rows)])
+    rows = list_rows(result)
+    return format_entries_csv(list(rows[0]) if rows else [], rows)
 
 
 def format_sweep_json(result: SweepResult) -> str:
@@ -159,9 +134,11 @@ def list_values(result: SweepResult, one: SweptPlan) -> dict[str, Any]:
 
 def render_sweep_parquet(result: SweepResult) -> bytes:
     """All plans as a Parquet file; raises ReportError without pyarrow."""
+    import pandas as pd
+
     buffer = io.BytesIO()
     try:
-        build_sweep_frame(result).to_parquet(buffer, engine="pyarrow", index=False)
+        pd.DataFrame(list_rows(result)).to_parquet(buffer, engine="pyarrow", index=False)
     except ImportError:
         raise ReportError(
             "Parquet needs pyarrow, which is not installed; install headland[parquet], or write CSV."

@@ -6,7 +6,7 @@ import shlex
 from typing import Any
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
+from reports.common.plan_results import PlanResult
 from reports.common.wording import (
     SPEED,
     capitalize_first,
@@ -55,7 +55,7 @@ def describe_options(result: SweepResult, one: SweptPlan) -> str:
 
 def describe_figures(result: SweepResult, one: SweptPlan) -> str:
     """``1 h 38 min, 64.90 EUR``."""
-    return f"{format_time_span(get_ranked_s(one.plan))}, {format_money(get_ranked_cost(one.plan), result.currency)}"
+    return f"{format_time_span(one.plan.ranked_s)}, {format_money(one.plan.ranked_cost, result.currency)}"
 
 
 def describe_plan(result: SweepResult, one: SweptPlan) -> str:
@@ -130,8 +130,8 @@ def compare_with_drive(result: SweepResult, one: SweptPlan, driven: PlanResult) 
     def change(estimate: float, value: float) -> str:
         return f"{100.0 * (estimate / value - 1.0):+.1f}" if value else "+0.0"
 
-    estimate_s, driven_s = get_ranked_s(one.plan), get_ranked_s(driven)
-    cost, driven_cost = get_ranked_cost(one.plan), get_ranked_cost(driven)
+    estimate_s, driven_s = one.plan.ranked_s, driven.ranked_s
+    cost, driven_cost = one.plan.ranked_cost, driven.ranked_cost
     worked, driven_worked = one.plan.worked_pct or 0.0, driven.worked_pct or 0.0
     return translate(
         "{plan}: driven in full {time}, {cost}, {worked} % worked; estimated {estimated_time} ({time_change} %), "

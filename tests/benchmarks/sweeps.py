@@ -29,7 +29,7 @@ from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import read_axes
 from planner.sweeps.estimates import GroundEstimates
 from planner.sweeps.sweep import Sweep
-from reports.common.plan_results import PlanResult, get_ranked_cost, get_ranked_s
+from reports.common.plan_results import PlanResult
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 
 SAMPLES = ("denmark", "iwamizawa", "netherlands", "sweden")
@@ -101,8 +101,8 @@ def compare_with_drive(request: PlanRequest) -> Difference | None:
     options = f"{request.width_m:g} m, {request.speed_mps * 3.6:g} km/h, {request.tractors[0]}"
     return Difference(
         f"{request.field}, {options}, headland {request.headland_order}",
-        100.0 * (get_ranked_s(estimate) / get_ranked_s(driven) - 1.0),
-        100.0 * (get_ranked_cost(estimate) / get_ranked_cost(driven) - 1.0),
+        100.0 * (estimate.ranked_s / driven.ranked_s - 1.0),
+        100.0 * (estimate.ranked_cost / driven.ranked_cost - 1.0),
         (estimate.worked_pct or 0.0) - (driven.worked_pct or 0.0),
         driven,
     )

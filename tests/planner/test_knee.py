@@ -14,8 +14,6 @@ from reports.common.plan_results import (
     PlanResult,
     choose_by_count,
     choose_plan,
-    get_ranked_cost,
-    get_ranked_s,
     is_share_different,
 )
 from tests.examples import count_examples
@@ -155,13 +153,13 @@ class TestEqualTimes:
         luck.shuffle(plans)
         assert choose_by_count(plans) == chosen
         for plan in plans:
-            assert get_ranked_s(chosen[plan.tractors]) <= 1.02 * get_ranked_s(plan) + 1e-9
+            assert chosen[plan.tractors].ranked_s <= 1.02 * plan.ranked_s + 1e-9
 
 
 def test_cost_is_that_of_the_finished_field_with_late_ground() -> None:
     plain = build_plan(1, 900.0, cost=10.0, finished_cost=12.0)
-    assert get_ranked_cost(plain) == 12.0
-    assert get_ranked_cost(replace(plain, expected_cost=15.0)) == 17.0
+    assert plain.ranked_cost == 12.0
+    assert replace(plain, expected_cost=15.0).ranked_cost == 17.0
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
 from strategies.names import STRATEGY_NAMES
 from tests.drawn_fields import rectangle
@@ -229,7 +229,7 @@ class TestMoney:
 
     def test_deadline_divides_the_plans_and_the_cheapest_in_time_is_best(self, ranking: PlanRanking) -> None:
         verdicts = {p.tractors: p.meets_deadline for p in ranking.plans}
-        assert verdicts == {p.tractors: get_stated_end_s(p) <= 900.0 for p in ranking.plans}
+        assert verdicts == {p.tractors: p.stated_end_s <= 900.0 for p in ranking.plans}
         assert set(verdicts.values()) == {True, False}
         best = ranking.best
         in_time = [p for p in ranking.plans if p.meets_deadline]

@@ -19,7 +19,6 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.saved_plans import read_stated_figures, write_saved_plan
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
 from reports.day.tables import build_day_screen
 from reports.plan.answer import format_stated_end
@@ -60,7 +59,7 @@ def check_outputs(result: PlanningResult) -> None:
     ranking = result.ranking
     best = ranking.best
     assert best is not None and result.run is not None
-    time, cost = format_stated_end(ranking, get_stated_end_s(best)), format_price(get_stated_cost(best))
+    time, cost = format_stated_end(ranking, best.stated_end_s), format_price(best.stated_cost)
     console = Console(width=80, file=io.StringIO())
     with console.capture() as captured:
         console.print(build_first_screen(ranking))
@@ -69,11 +68,11 @@ def check_outputs(result: PlanningResult) -> None:
     (row,) = [line.split() for line in captured.get().splitlines() if line.lstrip().startswith(">") and ";" not in line]
     assert row[1] == "split-field" and time in row and cost in row
     told = json.loads(format_ranking_json(ranking))["best"]
-    assert (told["stated_end_s"], told["stated_cost"]) == pytest.approx((get_stated_end_s(best), get_stated_cost(best)))
+    assert (told["stated_end_s"], told["stated_cost"]) == pytest.approx((best.stated_end_s, best.stated_cost))
     page = render_plan_page(ranking, None)
     assert f"<dd>{time}</dd>" in page and f"<dd>{cost} EUR (assumed prices)</dd>" in page
     stated = read_stated_figures(parse_saved_plan(write_saved_plan(result.context, result.run.plan, ranking)))
-    assert stated is not None and (stated.end_s, stated.cost) == (get_stated_end_s(best), get_stated_cost(best))
+    assert stated is not None and (stated.end_s, stated.cost) == (best.stated_end_s, best.stated_cost)
 
 
 @pytest.fixture(scope="module")

@@ -213,8 +213,8 @@ def test_study(study: FleetStudy) -> None:
     assert list(data) == ["tables", "claims", "assumptions"]
     assert list(data["tables"]) == ["6.1", "6.2", "6.3"]
     row = data["tables"]["6.1"][0]
-    assert list(row) == ["tractors", "thesis_s", "time_s", "difference_pct", "label", "note"]
-    assert list(row.values()) == [1, 4475.0, 4612.5, 3.0726, "one tractor", ""]
+    assert list(row) == ["label", "tractors", "thesis_s", "time_s", "difference_pct", "note"]
+    assert list(row.values()) == ["one tractor", 1, 4475.0, 4612.5, 3.0726, ""]
     assert data["tables"]["6.2"][0]["time_s"] is None
     assert [claim["holds"] for claim in data["claims"]] == [True, False]
     assert data["assumptions"] == list(study.assumptions)

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
 from reports.common.language import use_language
-from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s
+from reports.common.plan_results import PlanRanking
 from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
@@ -228,14 +228,14 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
 def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRanking) -> None:
     best = ranking.best
     assert best is not None
-    time, cost = format_stated_end(ranking, get_stated_end_s(best)), format_price(get_stated_cost(best))
+    time, cost = format_stated_end(ranking, best.stated_end_s), format_price(best.stated_cost)
     answer = write_answer(ranking)
     assert re.search(rf"done (in )?{re.escape(time)}\b", answer.decision) and f" {cost} EUR" in answer.decision
     first = build_answer_table(ranking, choose_first_plans(ranking)).rows[0]
     assert first[0].startswith(f">{best.tractors}") and (first[1], first[2], first[4]) == (best.strategy, time, cost)
     told = json.loads(format_ranking_json(ranking))
-    assert told["best"]["stated_end_s"] == pytest.approx(get_stated_end_s(best), abs=1e-6)
-    assert told["best"]["stated_cost"] == pytest.approx(get_stated_cost(best), abs=1e-6)
+    assert told["best"]["stated_end_s"] == pytest.approx(best.stated_end_s, abs=1e-6)
+    assert told["best"]["stated_cost"] == pytest.approx(best.stated_cost, abs=1e-6)
     assert told["summary"] == answer.list_sentences()
     page = render_plan_page(ranking, None).replace("\N{NO-BREAK SPACE}", " ")
     row = re.findall(r"<tr class=\"best\">(.*?)</tr>", page)[0]
@@ -280,7 +280,7 @@ def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
     plans = [add_samples(plan, None) for plan in PLANS]
     slow_on_paper = replace(plans[0], p50_s=9e4, p50_done_s=9e4)
     ordered = sorted([slow_on_paper, *plans[1:]], key=build_time_sort_key)
-    assert [get_stated_end_s(plan) for plan in ordered] == sorted(get_stated_end_s(plan) for plan in ordered)
+    assert [plan.stated_end_s for plan in ordered] == sorted(plan.stated_end_s for plan in ordered)
     assert ordered[-1] is slow_on_paper
 
 

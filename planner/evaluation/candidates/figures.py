@@ -25,7 +25,7 @@ from planner.risk.costs import (
     get_price_per_hour,
     measure_driven_times,
 )
-from reports.common.plan_results import PlanResult, get_field_work_end_s
+from reports.common.plan_results import PlanResult
 from reports.common.shortfalls import PlanFault, Remark, Stake, UnworkedPiece, sort_remarks
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
@@ -196,5 +196,5 @@ def add_clock_times(
         )
     return replace(
         timed_figures,
-        meets_deadline=None if time_limit_s is None else get_field_work_end_s(timed_figures) <= time_limit_s,
+        meets_deadline=None if time_limit_s is None else timed_figures.field_work_end_s <= time_limit_s,
     )

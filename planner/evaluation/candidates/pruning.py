@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from planner.evaluation.context import PlanningContext
 from planner.request.plan_request import LEAST_FUEL, SUREST
-from reports.common.plan_results import PlanResult, get_finished_field_s
+from reports.common.plan_results import PlanResult
 
 MIN_SWATH_WORK_S = 900.0  # of work on swaths: on smaller fields every plan is simulated, as that is quick
 MIN_TOTAL_WORK_S = 1800.0  # or of work on swaths and headland passes
@@ -54,8 +54,8 @@ def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
     feasible = [one for one in results if one.feasible]
     if not feasible:
         return None
-    best = min(feasible, key=lambda one: (not one.keeps_clearance, round(get_finished_field_s(one), 3), one.strategy))
-    finish_s = get_finished_field_s(best)
+    best = min(feasible, key=lambda one: (not one.keeps_clearance, round(one.finished_field_s, 3), one.strategy))
+    finish_s = best.finished_field_s
     left_factor = finish_s / best.time_s if best.time_s else 1.0
     tractor_s = (best.tractor_time_s or 0.0) * left_factor
     return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor, best.keeps_clearance)

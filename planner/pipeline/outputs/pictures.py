@@ -32,7 +32,7 @@ from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
-from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
 from strategies.lines.line_wishes import name_swaths
 from strategies.moves.move_finder import MoveFinder
@@ -111,7 +111,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
         worked_pct=result.worked_pct,
-        stated_end_s=get_stated_end_s(result),
+        stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
     )

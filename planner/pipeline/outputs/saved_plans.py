@@ -24,7 +24,7 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_drives import DriverLeg
-from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s, get_stated_late_end_s
+from reports.common.plan_results import PlanRanking
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from vehicle.errors import MissionError, VehicleError
@@ -253,9 +253,9 @@ def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str,
         return {}
     return {
         STATED_KEY: {
-            "end_s": get_stated_end_s(result),
-            "late_end_s": get_stated_late_end_s(result),
-            "cost": get_stated_cost(result),
+            "end_s": result.stated_end_s,
+            "late_end_s": result.stated_late_end_s,
+            "cost": result.stated_cost,
             "currency": ranking.currency,
         }
     }
