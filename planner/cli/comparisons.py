@@ -137,7 +137,7 @@ def compare_headlands(
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
         form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
-    if best is None or not best.is_complete or not all(each.meets_request for each in best.plans):
+    if best is None or not best.is_complete or not all(each.meets_request for each in best.rows):
         raise typer.Exit(NO_PLAN_STATUS)
 
 

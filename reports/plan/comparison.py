@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
@@ -95,10 +96,68 @@ class ComparisonRow(Generic[Label]):
 
 
 @dataclass(frozen=True, eq=False)
+class ComparisonTotals(Generic[Label]):
+    """Sums over the requests of one label: of their best plans, where there are any."""
+
+    label: Label
+    rows: tuple[ComparisonRow[Label], ...]
+
+    @cached_property
+    def driven(self) -> tuple[PlanResult, ...]:
+        """The plans of the fields that have one."""
+        return tuple(row.best for row in self.rows if row.best is not None)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every field has a plan."""
+        return len(self.driven) == len(self.rows)
+
+    @property
+    def area_ha(self) -> float:
+        """Hectares of the fields that have a plan."""
+        return math.fsum(row.area_ha for row in self.rows if row.best is not None)
+
+    @property
+    def cost(self) -> float:
+        """The stated costs."""
+        return math.fsum(plan.stated_cost or 0.0 for plan in self.driven)
+
+    @property
+    def paid_cost(self) -> float:
+        """The costs that are paid, without losses on late ground."""
+        return math.fsum(plan.stated_paid_cost or 0.0 for plan in self.driven)
+
+    @property
+    def missed_m2(self) -> float:
+        """Ground that is not worked."""
+        return math.fsum(plan.missed_m2 or 0.0 for plan in self.driven)
+
+    @property
+    def over_finished_m2(self) -> float:
+        """Finished ground under wheels, headland included."""
+        return math.fsum(plan.over_finished_m2 or 0.0 for plan in self.driven)
+
+
+@dataclass(frozen=True, eq=False)
 class Comparison(Generic[Label]):
     """Requests compared, in the order asked for."""
 
     rows: tuple[ComparisonRow[Label], ...]
+
+    @cached_property
+    def labels(self) -> tuple[Label, ...]:
+        """What was compared, each once."""
+        return tuple(dict.fromkeys(row.label for row in self.rows))
+
+    @cached_property
+    def fields(self) -> tuple[str, ...]:
+        """The fields as requested, each once."""
+        return tuple(dict.fromkeys(row.requested_field for row in self.rows))
+
+    @property
+    def currency(self) -> str:
+        """The currency of the costs; "" where none is known."""
+        return next((row.ranking.currency for row in self.rows if row.ranking and row.ranking.currency), "")
 
     def find_least(self, key: str) -> ComparisonRow[Label] | None:
         """The row whose best plan has the least of a figure; None where no row has it."""

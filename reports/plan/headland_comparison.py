@@ -11,11 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import (
-    PlanResult,
-)
 from reports.common.wording import format_area, format_width
-from reports.plan.comparison import Comparison, ComparisonRow
+from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
 from reports.plan.plan_wording import describe_part, format_ground_place
 
 YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
@@ -35,33 +32,15 @@ HeadlandRow = ComparisonRow[HeadlandChoice]
 
 
 @dataclass(frozen=True, eq=False)
-class HeadlandTotals:
-    """One way to work the headland on all fields of a comparison: sums of its plans, where there are any.
+class HeadlandTotals(ComparisonTotals[HeadlandChoice]):
+    """One way to work the headland on all fields of a comparison.
 
     `names_width` says that other ways have another working width. In a year every field is worked
     `operations_per_year` times.
     """
 
-    choice: HeadlandChoice
-    plans: tuple[HeadlandRow, ...]
-    field_count: int
     names_width: bool = False
     operations_per_year: int = 1
-
-    @cached_property
-    def driven(self) -> tuple[PlanResult, ...]:
-        """The plans of the fields that have one."""
-        return tuple(each.best for each in self.plans if each.best is not None)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether every field has a plan."""
-        return len(self.driven) == self.field_count
-
-    @property
-    def area_ha(self) -> float:
-        """Hectares of the fields that have a plan."""
-        return sum(each.area_ha for each in self.plans if each.best is not None)
 
     @property
     def time_s(self) -> float:
@@ -72,19 +51,9 @@ class HeadlandTotals:
         return sum(plan.stated_end_s if plan.ready_s is None else plan.stated_s for plan in self.driven)
 
     @property
-    def cost(self) -> float:
-        """The stated costs."""
-        return sum(plan.stated_cost or 0.0 for plan in self.driven)
-
-    @property
-    def paid_cost(self) -> float:
-        """The costs that are paid, without losses on late ground."""
-        return sum(plan.stated_paid_cost or 0.0 for plan in self.driven)
-
-    @property
     def charged_cost(self) -> float:
         """The costs with missed ground finished, by which ways are compared."""
-        return sum(each.charged_cost for each in self.plans)
+        return sum(each.charged_cost for each in self.rows)
 
     @property
     def cost_per_ha(self) -> float | None:
@@ -92,24 +61,14 @@ class HeadlandTotals:
         return self.charged_cost / self.area_ha if self.driven else None
 
     @property
-    def missed_m2(self) -> float:
-        """Ground that is not worked."""
-        return sum(plan.missed_m2 or 0.0 for plan in self.driven)
-
-    @property
     def overlap_m2(self) -> float:
         """Ground worked more than once."""
-        return sum(each.overlap_m2 for each in self.plans)
-
-    @property
-    def over_finished_m2(self) -> float:
-        """Finished ground under wheels, headland included."""
-        return sum(plan.over_finished_m2 or 0.0 for plan in self.driven)
+        return sum(each.overlap_m2 for each in self.rows)
 
     @property
     def cut_off_m2(self) -> float:
         """Ground that the plans do not reach."""
-        return sum(each.cut_off_m2 for each in self.plans)
+        return sum(each.cut_off_m2 for each in self.rows)
 
     @property
     def fuel_l(self) -> float | None:
@@ -141,16 +100,6 @@ class HeadlandComparison(Comparison[HeadlandChoice]):
     operations_per_year: int = 1
 
     @cached_property
-    def choices(self) -> tuple[HeadlandChoice, ...]:
-        """The ways compared."""
-        return tuple(dict.fromkeys(each.label for each in self.rows))
-
-    @cached_property
-    def fields(self) -> tuple[str, ...]:
-        """The fields as requested."""
-        return tuple(dict.fromkeys(each.requested_field for each in self.rows))
-
-    @cached_property
     def totals(self) -> tuple[HeadlandTotals, ...]:
         """One entry per way: those that work everywhere by cost, then those that work on most fields."""
         return tuple(self.sum_over_fields(self.rows))
@@ -162,19 +111,14 @@ class HeadlandComparison(Comparison[HeadlandChoice]):
         first = self.totals[0] if self.totals else None
         return first if first is not None and workable and len(first.driven) == len(workable) else None
 
-    @property
-    def currency(self) -> str | None:
-        """The currency of the costs."""
-        return next((each.ranking.currency for each in self.rows if each.ranking and each.ranking.currency), None)
-
     def sum_over_fields(self, plans: Iterable[HeadlandRow]) -> list[HeadlandTotals]:
         """Totals of some plans by way, the best first."""
         by_choice: dict[HeadlandChoice, list[HeadlandRow]] = {}
         for each in plans:
             by_choice.setdefault(each.label, []).append(each)
-        has_widths = len({choice.width_m for choice in self.choices}) > 1
+        has_widths = len({choice.width_m for choice in self.labels}) > 1
         totals = [
-            HeadlandTotals(choice, tuple(some), len(some), has_widths, self.operations_per_year)
+            HeadlandTotals(choice, tuple(some), has_widths, self.operations_per_year)
             for choice, some in by_choice.items()
         ]
         return sorted(totals, key=lambda one: (-len(one.driven), round(one.charged_cost, 6), one.time_s))
@@ -202,13 +146,13 @@ def _sum_known(amounts: Iterable[float | None]) -> float | None:
 
 def name_choice(totals: HeadlandTotals) -> str:
     """``square, first, 3 passes, 6 m``, with what planning chose where the request left it open."""
-    parts = [totals.choice.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
+    parts = [totals.label.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
 def describe_choice(totals: HeadlandTotals) -> str:
     """``square corners, headland first, 3 passes``."""
-    corners = translate("{corners} corners", corners=totals.choice.corners)
+    corners = translate("{corners} corners", corners=totals.label.corners)
     order = _name_order(totals)
     headland = translate("headland {order}", order=order) if order else ""
     parts = [corners, headland, _name_passes(totals), _name_width(totals)]
@@ -217,17 +161,17 @@ def describe_choice(totals: HeadlandTotals) -> str:
 
 def _name_order(totals: HeadlandTotals) -> str:
     orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
-    return totals.choice.order or "/".join(orders)
+    return totals.label.order or "/".join(orders)
 
 
 def _name_width(totals: HeadlandTotals) -> str:
-    width_m = totals.choice.width_m
+    width_m = totals.label.width_m
     return format_width(width_m) if totals.names_width and width_m is not None else ""
 
 
 def _name_passes(totals: HeadlandTotals) -> str:
     planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
-    counts = planned if totals.choice.passes is None else [totals.choice.passes]
+    counts = planned if totals.label.passes is None else [totals.label.passes]
     if not counts:
         return ""
     if counts[0] == counts[-1]:
@@ -241,10 +185,10 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
     for name, totals in comparison.totals_by_field.items():
         for one in totals:
             if not one.driven:
-                reason = (one.plans[0].reason or translate("no plan is feasible")).rstrip(".")
+                reason = (one.rows[0].reason or translate("no plan is feasible")).rstrip(".")
                 ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
     names = comparison.field_names
-    count = len(comparison.choices)
+    count = len(comparison.labels)
     return [
         f"{names[field]}: {translate('every way') if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
         for (field, reason), ways in ways_by_reason.items()
@@ -255,11 +199,11 @@ def list_cut_off(comparison: HeadlandComparison) -> list[str]:
     """A sentence for every part of a field that is cut off, at every width by its best way, and where nothing is."""
     sentences = []
     for name, totals in comparison.totals_by_field.items():
-        best_by_width = {one.choice.width_m or 0.0: one for one in reversed(totals) if one.driven}
+        best_by_width = {one.label.width_m or 0.0: one for one in reversed(totals) if one.driven}
         texts_by_label = {}
         for _, one in sorted(best_by_width.items()):
             label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
-            texts_by_label[label] = _describe_cut_off(one.plans[0])
+            texts_by_label[label] = _describe_cut_off(one.rows[0])
         if any(texts_by_label.values()):
             whole = [translate("nothing is cut off.")]
             sentences += [f"{label}: {text}" for label, texts in texts_by_label.items() for text in texts or whole]

@@ -94,7 +94,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
 def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
     """The first sentence: the best way and what it saves against the next and the dearest."""
     others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
-    names = [comparison.field_names[each.requested_field] for each in best.plans if each.best is not None]
+    names = [comparison.field_names[each.requested_field] for each in best.rows if each.best is not None]
     times = best.operations_per_year
     yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
     ground = ", ".join([FIELD_AREA.format(best.area_ha, 2), *yearly])
@@ -165,7 +165,7 @@ def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -
 
 def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
     """Where the best way is no recommendation."""
-    missing = [comparison.field_names[each.requested_field] for each in best.plans if not each.meets_request]
+    missing = [comparison.field_names[each.requested_field] for each in best.rows if not each.meets_request]
     if missing:
         names = ", ".join(missing) if len(missing) <= MOST_NAMED_FIELDS else _count_fields(len(missing))
         yield translate(
@@ -185,12 +185,12 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
     losses: dict[str, tuple[HeadlandTotals, HeadlandTotals]] = {}
     for field, totals in comparison.totals_by_field.items():
         driven = [one for one in totals if one.driven]
-        same = next((one for one in driven if one.choice == best.choice), None)
+        same = next((one for one in driven if one.label == best.label), None)
         if same is None:
             continue
         name = comparison.field_names[field]
         is_dearer = compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost_per_year
-        if driven[0].choice != best.choice and is_dearer:
+        if driven[0].label != best.label and is_dearer:
             losses[name] = same, driven[0]
         elif len(driven) > 1:
             gains[name] = compute_extra_cost(driven[-1], same)
@@ -358,12 +358,12 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
     content = {
         "answer": describe_comparison(comparison),
         "cut_off": list_cut_off(comparison),
-        "currency": comparison.currency,
+        "currency": comparison.currency or None,
         "operations_per_year": comparison.operations_per_year,
-        "best": None if best is None else _build_choice_entry(best.choice),
+        "best": None if best is None else _build_choice_entry(best.label),
         "totals": [
             {
-                **_build_choice_entry(one.choice),
+                **_build_choice_entry(one.label),
                 "fields": len(one.driven),
                 **{key: getattr(one, key) if one.driven else None for key in TOTAL_KEYS},
                 **one.year,
@@ -477,11 +477,11 @@ def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]
             {
                 "name": name_choice(one),
                 "best": one is best,
-                "map": one.plans[0].map,
+                "map": one.rows[0].map,
                 "text": insert_non_breaking_spaces(", ".join(_list_card_figures(one, comparison))),
             }
             for one in driven
-            if one.plans[0].map is not None
+            if one.rows[0].map is not None
         ],
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
 
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, render_template
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, pick_values, render_template
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     FIELD_AREA,
@@ -30,7 +30,7 @@ from reports.common.wording import (
     is_us,
 )
 from reports.plan.answer import write_answer
-from reports.plan.comparison import ComparisonRow
+from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
 from reports.plan.figures import FIGURES
 from reports.plan.plan_wording import list_feasible
 from reports.plan.ranking_export import build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
@@ -38,6 +38,9 @@ from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
 FieldRow = ComparisonRow[float]  # a field at one working width, m
+TOTAL_KEYS = (
+    "area_ha", "time_s", "cost", "missed_m2", "over_finished_m2", "paid_cost", "cost_per_ha", "risked_cost",
+)  # fmt: skip
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
@@ -72,27 +75,19 @@ def format_many_fields_json(records: Sequence[FieldRow]) -> str:
         for record in records
     ]  # fmt: skip
     totals = [
-        {**asdict(one), "cost_per_ha": one.cost_per_ha, "risked_cost": one.risked_cost}
+        {"width_m": one.label, "fields": len(one.driven), **pick_values(one, TOTAL_KEYS)}
         for one in sum_over_fields(records)
     ]
     return format_json({"fields": shown, "totals": totals}, EXPORT_DECIMALS, is_ascii=False)
 
 
-@dataclass(frozen=True)
-class FieldsTotal:
-    """Sums over the fields that have a plan at one width: hectares, seconds, cost as stated, square metres.
+class FieldsTotal(ComparisonTotals[float]):
+    """All fields at one width, in metres; the rest of the cost beside what is paid is expected loss on late ground."""
 
-    `paid_cost` is what is paid of the cost; the rest is expected loss on late ground.
-    """
-
-    width_m: float
-    fields: int
-    area_ha: float
-    time_s: float
-    cost: float
-    missed_m2: float
-    over_finished_m2: float
-    paid_cost: float
+    @property
+    def time_s(self) -> float:
+        """Seconds until all fields are done, one after the other."""
+        return math.fsum(plan.stated_end_s for plan in self.driven)
 
     @property
     def risked_cost(self) -> float:
@@ -112,27 +107,9 @@ class FieldsTotal:
 
 def sum_over_fields(records: Sequence[FieldRow]) -> list[FieldsTotal]:
     """One total for every width with a plan, in the order of the request."""
-    totals = []
-    for width_m in dict.fromkeys(record.label for record in records):
-        some = [record for record in records if record.label == width_m]
-        plans = [record.best for record in some if record.best is not None]
-        areas_ha = [record.ranking.area_ha for record in some if record.ranking is not None and record.best is not None]
-        figures = [
-            (plan.stated_end_s, plan.stated_cost, plan.missed_m2, plan.over_finished_m2, plan.stated_paid_cost)
-            for plan in plans
-        ]
-        sums = (math.fsum(value or 0.0 for value in values) for values in zip(*figures, strict=True))
-        totals += [FieldsTotal(width_m, len(plans), math.fsum(areas_ha), *sums)] if plans else []
-    return totals
-
-
-@dataclass(frozen=True)
-class RecordsTable:
-    """Columns and rows of the best plans: one for every record, then one of totals for every width (`total_rows`)."""
-
-    columns: tuple[TableColumn, ...]
-    rows: tuple[tuple[str, ...], ...]
-    total_rows: tuple[tuple[str, ...], ...]
+    widths_m = dict.fromkeys(record.label for record in records)
+    totals = [FieldsTotal(width, tuple(one for one in records if one.label == width)) for width in widths_m]
+    return [total for total in totals if total.driven]
 
 
 _PLAN_DROPS = {
@@ -141,8 +118,8 @@ _PLAN_DROPS = {
 """Figures of the best plans, each with the order in which it is dropped."""
 
 
-def tabulate_records(records: Sequence[FieldRow]) -> RecordsTable:
-    """The best plan of every record, with totals where there are several fields."""
+def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:
+    """The best plan of every record, then in bold the totals of every width where there are several fields."""
     figures = [FIGURES[key] for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
     columns = (
         TableColumn("Field", is_text=True), TableColumn("ha"), TableColumn("Width"),
@@ -159,12 +136,12 @@ def tabulate_records(records: Sequence[FieldRow]) -> RecordsTable:
         headland, bearing = format_number(scenario.get("headland_m"), 1), format_number(scenario.get("bearing_deg"), 0)
         rows.append((record.field_name, area, f"{record.label:g}", headland, bearing, *cells))
     total_rows = tuple(
-        (translate("Total"), format_number(one.area_ha, 2), f"{one.width_m:g}", "", "", "", "",
+        (translate("Total"), format_number(one.area_ha, 2), f"{one.label:g}", "", "", "", "",
          format_duration(one.time_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
         for one in sum_over_fields(records)
-        if one.fields > 1
+        if len(one.driven) > 1
     )  # fmt: skip
-    return RecordsTable(columns, (*rows, *total_rows), total_rows)
+    return FittedTable(columns, (*rows, *total_rows), ("",) * len(rows) + ("bold",) * len(total_rows))
 
 
 def has_probability(records: Sequence[FieldRow]) -> bool:
@@ -174,9 +151,7 @@ def has_probability(records: Sequence[FieldRow]) -> bool:
 
 def build_many_fields_table(records: Sequence[FieldRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
-    table = tabulate_records(records)
-    styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
-    parts: list[RenderableType] = [FittedTable(table.columns, table.rows, styles)]
+    parts: list[RenderableType] = [tabulate_records(records)]
     parts += [format_sentence(text, style="dim") for text in describe_records(records)]
     lacking, without = list_shortfalls(records), list_records_without_plan(records)
     if lacking:
@@ -190,7 +165,7 @@ def build_many_fields_table(records: Sequence[FieldRow]) -> RenderableType:
 def describe_records(records: Sequence[FieldRow]) -> list[str]:
     """What the table holds, and what its costs are where there are samples or a currency."""
     sentences = ["The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."]
-    if any(one.fields > 1 for one in sum_over_fields(records)):
+    if any(len(one.driven) > 1 for one in sum_over_fields(records)):
         sentences.append(
             "Total: hectares, times one after the other, worked share and cost of the fields that have a plan."
         )
@@ -258,7 +233,7 @@ def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
     """What the fields that have a plan come to, a sentence for every width, and how many have none."""
     fields = len({record.requested_field for record in records})
     is_assumed = any(record.ranking is not None and record.ranking.prices_assumed for record in records)
-    currency = find_currency(records)
+    currency = Comparison(tuple(records)).currency
     sentences = [_describe_total(total, fields, currency, is_assumed) for total in sum_over_fields(records)]
     lacking = sum(record.ranking is not None and bool(record.ranking.shortfalls) for record in records)
     if lacking:
@@ -277,8 +252,8 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
         cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
     return translate(
         "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
-        width=format_width(total.width_m),
-        count=total.fields,
+        width=format_width(total.label),
+        count=len(total.driven),
         fields=fields,
         area=FIELD_AREA.format(total.area_ha, 2),
         time=format_duration(total.time_s),
@@ -286,11 +261,6 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: 
         rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
         worked=format_number(total.worked_pct, 1),
     )
-
-
-def find_currency(records: Sequence[FieldRow]) -> str:
-    """The currency of the costs; "" where none is known."""
-    return next((one.ranking.currency for one in records if one.ranking is not None and one.ranking.currency), "")
 
 
 def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
@@ -304,7 +274,7 @@ def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
         FIGURES["tractors"].build_column(),
         FIGURES["strategy"].build_column(3),
         FIGURES["stated_end_s"].build_column(),
-        TableColumn(translate("Cost {currency}", currency=find_currency(records)).strip(), drop_order=1),
+        TableColumn(translate("Cost {currency}", currency=Comparison(tuple(records)).currency).strip(), drop_order=1),
         last.build_column(2),
     )
     figures = [*(FIGURES[key] for key in ("tractors", "strategy", "stated_end_s", "stated_cost")), last]
@@ -343,8 +313,8 @@ def render_many_fields_page(records: Sequence[FieldRow]) -> str:
             "lead": insert_non_breaking_spaces(" ".join([*list_shortfalls(records), *list_many_sentences(records)])),
             "columns": [table.columns[place] for place in places],
             "rows": [
-                {"cells": [row[place] for place in places], "is_total": row in table.total_rows, "anchor": anchor}
-                for row, anchor in zip(table.rows, anchors + [""] * len(table.total_rows), strict=True)
+                {"cells": [row[place] for place in places], "is_total": bool(style), "anchor": anchor}
+                for row, style, anchor in zip_longest(table.rows, table.styles, anchors, fillvalue="")
             ],
             "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
             "without": list_records_without_plan(records),

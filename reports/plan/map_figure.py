@@ -218,11 +218,7 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
 def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
     """Everything on the ground, with scale and north arrow, but without title, legend and leg lists."""
     box = compute_extent(drive)
-    size = box.size or 1.0
-    axes.set_aspect("equal")
-    axes.set_xlim(box.west - _SIDE_SHARE * size, box.east + _SIDE_SHARE * size)
-    axes.set_ylim(box.south - _FOOT_SHARE * size, box.north + _SIDE_SHARE * size)
-    axes.set_axis_off()
+    frame_map(axes, box)
     draw_field_ground(axes, drive)
     draw_unworked(axes, drive, box)
     draw_tractors(axes, drive, box.size)
@@ -232,6 +228,23 @@ def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
     for place in drive.fault_places:
         axes.plot(*place, **_FAULT_LOOK)
     draw_scale_and_north(axes, box)
+
+
+def frame_map(axes: Axes, box: MapExtent) -> None:
+    """Axes to scale around a box, with room below for the scale bar and without ticks."""
+    size = box.size or 1.0
+    axes.set_aspect("equal")
+    axes.set_xlim(box.west - _SIDE_SHARE * size, box.east + _SIDE_SHARE * size)
+    axes.set_ylim(box.south - _FOOT_SHARE * size, box.north + _SIDE_SHARE * size)
+    axes.set_axis_off()
+
+
+def measure_map(box: MapExtent, tallest_inches: float = _TALLEST_INCHES) -> tuple[float, float]:
+    """Width and height in inches of a map framed around a box, as large as a page has room."""
+    size = box.size or 1.0
+    across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
+    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, tallest_inches / up_m)
+    return round(float(across_m * scale), 4), round(float(up_m * scale), 4)
 
 
 def render_png(figure: Figure, dpi: int = 150) -> bytes:
@@ -288,11 +301,7 @@ class _FigureLayout:
 
 def _plan_layout(drive: PlanDrive, field_name: str) -> _FigureLayout:
     """The map, as large as there is room, with leg lists beside it or below it, or none where they have no room."""
-    box = compute_extent(drive)
-    size = box.size or 1.0
-    across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
-    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
-    across, up = round(float(across_m * scale), 4), round(float(up_m * scale), 4)
+    across, up = measure_map(compute_extent(drive))
     width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
     lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
     width_with_lists = across + 3 * _EDGE_INCHES + _measure_list_inches(lists_beside) * len(lists_beside)

@@ -17,6 +17,7 @@ from reports.common.wording import (
     format_tractor_count,
     format_width,
 )
+from reports.plan.answer import HEADLAND_ORDERS
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
 LEAST_SHARE = 0.005  # of a variance; less is nothing
@@ -24,8 +25,6 @@ ESTIMATED = mark_text(
     "Estimated: each number of tractors was driven once, and its times by speed are computed from that. --save drives "
     "a combination in full."
 )
-ORDER_NAMES = {"first": mark_text("headland first"), "last": mark_text("headland last")}
-"""How the orders of the headland are named."""
 
 
 def describe_value(option: SweptOption, value: Any) -> str:
@@ -37,7 +36,7 @@ def describe_value(option: SweptOption, value: Any) -> str:
     if option.key == "speed_kmh":
         return SPEED.format(value, 0 if float(value).is_integer() else 1)
     if option.key == "headland_order":
-        return translate(ORDER_NAMES[value])
+        return translate(HEADLAND_ORDERS[value])
     return f"{translate_sentence(option.label)} {format_value(value)}"
 
 

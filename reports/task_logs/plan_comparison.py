@@ -12,13 +12,20 @@ from rich.console import Group, RenderableType
 
 from fields.units import KMH_PER_MPS
 from reports.common import palette
-from reports.common.drawing_sizes import COLUMN_INCHES, PAGE_INCHES
+from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.notebook import create_figure, draw_legend
 from reports.common.rendering import format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import format_area, format_duration, format_number, format_signed_number
 from reports.plan.drive_geometry import bound_points
-from reports.plan.map_figure import build_patch, draw_scale_and_north, encode_svg_base64, escape_figure_formula
+from reports.plan.map_figure import (
+    build_patch,
+    draw_scale_and_north,
+    encode_svg_base64,
+    escape_figure_formula,
+    frame_map,
+    measure_map,
+)
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, UNLOGGED, ComparisonSide, PlanComparison, Points
 
 if TYPE_CHECKING:
@@ -28,8 +35,7 @@ if TYPE_CHECKING:
 
 PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
-# From COLUMN_INCHES on three columns of the legend fit.
-_TALLEST_INCHES, _NARROWEST_INCHES = 8.0, 5.5
+_NARROWEST_INCHES = 5.5  # three columns of the legend fit from COLUMN_INCHES on
 _MARKED_PIECES = 3
 _UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
 ComparisonRow = tuple[str, str, str, str]
@@ -142,15 +148,10 @@ def draw_comparison(comparison: PlanComparison) -> Figure:
     """Planned and driven lines on one map, with ground that was worked twice or missed when driven."""
     lines = (*comparison.planned.work_lines, *comparison.as_driven.work_lines, *comparison.as_driven.idle_lines)
     box = bound_points([*comparison.boundary[:1], *lines])
-    size = box.size or 1.0
-    scale = min(PAGE_INCHES / (1.06 * size), _TALLEST_INCHES / (1.2 * size)) if size else 1.0
-    across, up = (box.width + 0.06 * size) * scale, (box.height + 0.16 * size) * scale
+    across, up = measure_map(box)
     figure = create_figure(max(across, _NARROWEST_INCHES), up + 1.2, layout="constrained")
     axes = figure.add_subplot()
-    axes.set_aspect("equal")
-    axes.set_xlim(box.west - 0.03 * size, box.east + 0.03 * size)
-    axes.set_ylim(box.south - 0.1 * size, box.north + 0.03 * size)
-    axes.set_axis_off()
+    frame_map(axes, box)
     if comparison.boundary:
         look = {"facecolor": palette.FIELD_COLOUR, "edgecolor": palette.EDGE_COLOUR, "linewidth": 1.2, "zorder": 1}
         axes.add_patch(build_patch([ring[:-1] for ring in comparison.boundary], **look))

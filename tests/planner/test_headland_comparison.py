@@ -147,7 +147,7 @@ def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> 
 @pytest.mark.slow
 def test_sums_add_up(comparison: HeadlandComparison) -> None:
     for totals in comparison.totals:
-        plans = [each for each in comparison.rows if each.label == totals.choice]
+        plans = [each for each in comparison.rows if each.label == totals.label]
         results = [each.best for each in plans if each.best is not None]
         assert len(results) == 2 and totals.is_complete and totals.area_ha == pytest.approx(0.252)
         assert totals.missed_m2 == pytest.approx(sum(one.missed_m2 or 0.0 for one in results))

@@ -101,12 +101,12 @@ def print_table(renderable: Any, width: int) -> list[str]:
 def test_missed_ground_is_charged(comparison: HeadlandComparison) -> None:
     """3240 s for nine tenths of a hectare cost 36 a hectare, as 3600 s for all of it do."""
     square, round_ = comparison.totals[1], comparison.totals[0]
-    assert (round_.choice, square.choice) == (ROUND, SQUARE)
+    assert (round_.label, square.label) == (ROUND, SQUARE)
     assert round_.cost == pytest.approx(92.4) and round_.charged_cost == pytest.approx(36.0 + 60.0)
     assert square.cost_per_ha == pytest.approx(108.0 / 3.0) and round_.cost_per_ha == pytest.approx(96.0 / 3.0)
     assert round_.missed_m2 == 1000.0 and round_.overlap_m2 == pytest.approx(300.0) and round_.time_s == 9240.0
     east, west = comparison.totals_by_field.values()
-    assert east[0].charged_cost == pytest.approx(east[1].charged_cost) and west[0].choice == ROUND
+    assert east[0].charged_cost == pytest.approx(east[1].charged_cost) and west[0].label == ROUND
 
 
 def test_the_answer_says_which_how_much_and_where(comparison: HeadlandComparison) -> None:
@@ -223,7 +223,7 @@ def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) 
     """East: square 36 EUR, round 40 EUR; west: 72 and 60."""
     dear = replace_plan(comparison.rows[1], make_plan(4000.0, 0.0, 10_000.0))
     changed = HeadlandComparison((comparison.rows[0], dear, *comparison.rows[2:]))
-    assert changed.best is not None and changed.best.choice == ROUND
+    assert changed.best is not None and changed.best.label == ROUND
     assert "On east square corners, headland first, 3 passes is better by 4.00 EUR (10.0 %)." in describe_comparison(
         changed
     )
@@ -266,7 +266,7 @@ def test_a_way_that_costs_nearly_the_same_is_said_so(comparison: HeadlandCompari
 def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandComparison) -> None:
     failed = HeadlandRow("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
     partial = HeadlandComparison((*comparison.rows[:3], failed))
-    assert [one.choice for one in partial.totals] == [SQUARE, ROUND] and partial.best is partial.totals[0]
+    assert [one.label for one in partial.totals] == [SQUARE, ROUND] and partial.best is partial.totals[0]
     assert list_missing(partial) == ["west: round, last, 2 passes: No path leads from track 1."]
     assert describe_comparison(partial)[0].startswith("Only this way works: square corners")
     data = json.loads(format_headland_json(partial))
@@ -317,7 +317,7 @@ def records(drive: PlanDrive) -> list[FieldRow]:
 def test_totals_of_fields_leave_out_what_has_no_plan(records: list[FieldRow]) -> None:
     """Three hectares in 9000 s for 90 EUR; 600 m2 of 30,000 are missed."""
     (total,) = sum_over_fields(records)
-    assert (total.fields, total.area_ha, total.time_s, total.missed_m2) == (2, 3.0, 9000.0, 600.0)
+    assert (len(total.driven), total.area_ha, total.time_s, total.missed_m2) == (2, 3.0, 9000.0, 600.0)
     assert total.cost == pytest.approx(90.0) and total.cost_per_ha == pytest.approx(30.0)
     assert total.worked_pct == pytest.approx(98.0)
     (row,) = [line.split() for line in print_table(build_many_fields_table(records), 120) if line.startswith("Total ")]
