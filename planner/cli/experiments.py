@@ -89,8 +89,7 @@ def study(json: AsJson = False) -> None:
     Example: headland study --json
     """
     from planner.pipeline.thesis_study import study as simulate
-    from reports.plan.ranking_export import format_study_json
-    from reports.plan.ranking_table import build_study_tables
+    from reports.plan.fleet_study import build_study_tables, format_study_json
 
     warm_up()
     with create_progress_callback("Simulating the study") as progress:

@@ -13,7 +13,8 @@ from planner.evaluation.work_order import RADIUS_FACTOR, WorkOrder
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import FleetStudy, PlanResult, ThesisClaim, ThesisTableRow
+from reports.common.plan_results import PlanResult
+from reports.plan.fleet_study import FleetStudy, ThesisClaim, ThesisTableRow
 
 HEADLAND_M = 10.0
 CLEARANCE_M = 0.05  # the thesis keeps no clearance: its tractors must only not touch

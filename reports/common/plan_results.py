@@ -471,33 +471,3 @@ class PlanRanking(ShownResult):
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
         return best.stated_end_s - self.allowed_s
-
-
-@dataclass(frozen=True)
-class ThesisTableRow:
-    """One row of a table of the thesis beside the simulated time."""
-
-    label: str
-    tractors: int
-    thesis_s: float
-    time_s: float | None
-    difference_pct: float | None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class ThesisClaim:
-    """A claim of the thesis, and whether the simulation confirms it."""
-
-    claim: str
-    holds: bool
-    why: str
-
-
-@dataclass(frozen=True, repr=False)
-class FleetStudy(ShownResult):
-    """Tables 6.1 to 6.3 beside the thesis, its claims, and the one set of assumptions behind every row."""
-
-    tables: dict[str, tuple[ThesisTableRow, ...]]
-    claims: tuple[ThesisClaim, ...]
-    assumptions: tuple[str, ...]

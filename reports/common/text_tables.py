@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -264,6 +265,15 @@ def format_title(text: str, style: str = "bold underline") -> Text:
 def format_sentence(text: str, style: str = "", indent: int = 0) -> WrappedSentence:
     """A sentence for the console."""
     return WrappedSentence(text, style, indent)
+
+
+def format_bullet(text: str) -> RenderableType:
+    """A sentence of a list, behind a dash."""
+    grid = Table.grid(padding=(0, 1, 0, 0))
+    grid.add_column(width=1)
+    grid.add_column(overflow="fold")
+    grid.add_row(Text("-"), Padding(format_sentence(text), 0))
+    return grid
 
 
 def wrap_text(text: str, width: int) -> list[str]:

@@ -16,11 +16,11 @@ from reports.day.answer import format_end_of_day, format_time_of_day, list_day_s
 from reports.day.schedule_results import DayResult, MapPlace
 from reports.day.tables import (
     build_job_table,
+    build_machine_table,
     describe_day_columns,
     describe_optimality_gap,
     format_day_csv,
     format_day_json,
-    list_machine_rows,
     list_money_rows,
     sort_by_field,
 )
@@ -224,7 +224,7 @@ def _draw_roads(axes: Axes, result: DayResult) -> None:
 
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
-    jobs = build_job_table(sort_by_field(result))
+    jobs, machines = build_job_table(sort_by_field(result)), build_machine_table(result)
     road_map = draw_road_map(result, has_title=False)
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
@@ -233,8 +233,8 @@ def render_day_page(result: DayResult) -> str:
         "facts": _list_day_facts(result),
         "gantt": encode_svg_base64(draw_gantt(result)),
         "map": None if road_map is None else encode_svg_base64(road_map),
-        "machine_header": ("Machine", "Field", "From", "To", "Road km", "In time %"),
-        "machines": list_machine_rows(result),
+        "machine_header": [column.heading for column in machines.columns],
+        "machines": machines.rows,
         "field_header": [column.heading for column in jobs.columns],
         "fields": jobs.rows,
         "left": [

@@ -5,7 +5,8 @@ JSON and CSV have fixed keys in a fixed order and six decimals; missing values a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -97,28 +98,20 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
 
 
 def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTable:
-    columns = (
-        TableColumn(translate("Machine"), is_text=True, is_unbroken=True),
-        TableColumn(translate("Field"), is_text=True, is_unbroken=True),
-        TableColumn(translate("Begins")),
-        TableColumn(translate("Done")),
-        TableColumn(translate("95 % by"), drop_order=2),
-        TableColumn(translate("In time %"), translate("In\ntime %"), drop_order=1),
-        TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3),
-    )
-    rows = tuple(
-        (job.machine, job.field, format_time_of_day(job.stated_start_s), format_end_of_day(job.p50_end_s),
-         format_end_of_day(job.p95_end_s), format_percent(job.finish_probability), format_price(job.cost))
-        for job in jobs
-    )  # fmt: skip
-    return FittedTable(columns, rows, more_hint=translate("--explain shows more"))
+    figures = [
+        (replace(column, is_unbroken=column.is_text), write)
+        for column, write in (_JOB_FIGURES[key] for key in _SCREEN_KEYS)
+    ]
+    cost = TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3)
+    figures[-1] = cost, figures[-1][1]
+    return build_table(jobs, figures, more_hint=translate("--explain shows more"))
 
 
 def build_day_table(result: DayResult) -> RenderableType:
     """What a day says beyond its first screen: the jobs of every machine, every field, what is not done, the costs."""
     parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
-        parts += [Text(""), format_title("By machine"), _build_machine_table(result)]
+        parts += [Text(""), format_title("By machine"), build_machine_table(result)]
         parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result))]
         parts.append(format_sentence(describe_day_columns(result), style="dim"))
     if result.unworked_fields:
@@ -140,10 +133,9 @@ def build_day_table(result: DayResult) -> RenderableType:
 def describe_day_columns(result: DayResult) -> str:
     """What the columns of the tables hold."""
     text = (
-        "Times are hh:mm, +1 is the next day, and medians of the samples, late starts included. P95: the end in 95 % "
-        "of the samples. Plan's time: without delays. In time %: done before the rain and within the hours of the "
-        "field. "
-        "Lost: mean loss on ground that is not done by then."
+        "Times are hh:mm, +1 is the next day, and medians of the samples, late starts included. 95 % by: the end in "
+        "95 % of the samples. Plan's time: without delays. In time %: done before the rain and within the hours of the "
+        "field. Lost: mean loss on ground that is not done by then."
     )
     has_service_stops = any(job.refills is not None for job in result.jobs)
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
@@ -182,7 +174,8 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     return rows
 
 
-def _build_machine_table(result: DayResult) -> FittedTable:
+def build_machine_table(result: DayResult) -> FittedTable:
+    """The rows of `list_machine_rows`."""
     columns = (
         TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
         TableColumn("From"), TableColumn("To"),
@@ -191,24 +184,25 @@ def _build_machine_table(result: DayResult) -> FittedTable:
     return FittedTable(columns, tuple(list_machine_rows(result)))
 
 
-_JOB_FIGURES: tuple[tuple[TableColumn, Callable[[DayJob], str]], ...] = (
-    (TableColumn("Field", is_text=True), lambda job: job.field),
-    (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
-    (TableColumn("Machine", is_text=True), lambda job: job.machine),
-    (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
-    (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
-    (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
-    (TableColumn("P95", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
-    (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
-    (TableColumn("In time %", "In\ntime %", drop_order=1), lambda job: format_percent(job.finish_probability)),
-    (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
-    (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
-)
+_JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
+    "field": (TableColumn("Field", is_text=True), lambda job: job.field),
+    "area": (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
+    "machine": (TableColumn("Machine", is_text=True), lambda job: job.machine),
+    "tractors": (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
+    "begin": (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
+    "end": (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
+    "late end": (TableColumn("95 % by", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
+    "time": (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
+    "share": (TableColumn("In time %", "In\ntime %", drop_order=1), lambda job: format_percent(job.finish_probability)),
+    "cost": (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
+    "lost": (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
+}
+_SCREEN_KEYS = ("machine", "field", "begin", "end", "late end", "share", "cost")
 
 
 def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:
     """A row for every field that is done."""
-    return build_table(jobs, _JOB_FIGURES)
+    return build_table(jobs, list(_JOB_FIGURES.values()))
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

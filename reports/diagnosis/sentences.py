@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from fields.text_files import count_noun
 from reports.common.effect_names import format_effect_with_id, get_effect_label, replace_effect_ids
 from reports.common.wording import capitalize_first, format_number, join_list
 from reports.diagnosis.log_checks import (
@@ -70,6 +69,11 @@ def sort_findings(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda one: STATUS_ORDER.index(one.status))
 
 
+def format_count(count: int, noun: str) -> str:
+    """Format a count with its noun: ``1 run``, ``2 runs``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def format_effect_estimate(finding: Finding) -> str:
     """Format the value with its interval; empty without a value."""
     if finding.value is None:
@@ -101,8 +105,8 @@ def format_gain_pct(finding: Finding) -> str:
 def describe_log_size(diagnosis: Diagnosis) -> str:
     """Describe how much was driven and read."""
     return (
-        f"{count_noun(len(diagnosis.names), 'run')}, {diagnosis.minutes:.1f} minutes, "
-        f"{count_noun(diagnosis.rows_used, 'row')} used, {describe_rows_left_out(diagnosis)}"
+        f"{format_count(len(diagnosis.names), 'run')}, {diagnosis.minutes:.1f} minutes, "
+        f"{format_count(diagnosis.rows_used, 'row')} used, {describe_rows_left_out(diagnosis)}"
     )
 
 
@@ -118,7 +122,7 @@ def describe_next_drive(diagnosis: Diagnosis) -> str:
         return ""
     doubt = "" if drive.decides else " No known drive separates them better, but it may not be enough."
     alternatives = join_list(map(get_effect_label, drive.separates))
-    length = count_noun(round(drive.seconds), "second")
+    length = format_count(round(drive.seconds), "second")
     return f"To distinguish {alternatives}: {drive.description} That takes {length}.{doubt}"
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
-from fields.text_files import count_noun
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json, make_json_safe, pick_values
 from reports.common.text_tables import (
@@ -48,6 +47,7 @@ from reports.diagnosis.sentences import (
     describe_trusted_range,
     describe_two_level_effects,
     explain_likely_verdict,
+    format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
@@ -313,7 +313,7 @@ def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
         lines.append(diagnosis.holdout.words)
     lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
     if diagnosis.notes:
-        lines.append(f"{count_noun(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
+        lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
     return [line for line in lines if line]
 
 

@@ -23,8 +23,8 @@ class HeadlandChoice:
     """One way to work the headland: kind of corners, "first" or "last", passes, width; None: not given."""
 
     corners: str
-    order: str | None
-    passes: int | None = None
+    headland_order: str | None
+    headland_passes: int | None = None
     width_m: float | None = None
 
 
@@ -161,7 +161,7 @@ def describe_choice(totals: HeadlandTotals) -> str:
 
 def _name_order(totals: HeadlandTotals) -> str:
     orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
-    return totals.label.order or "/".join(orders)
+    return totals.label.headland_order or "/".join(orders)
 
 
 def _name_width(totals: HeadlandTotals) -> str:
@@ -171,7 +171,8 @@ def _name_width(totals: HeadlandTotals) -> str:
 
 def _name_passes(totals: HeadlandTotals) -> str:
     planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
-    counts = planned if totals.label.passes is None else [totals.label.passes]
+    passes = totals.label.headland_passes
+    counts = planned if passes is None else [passes]
     if not counts:
         return ""
     if counts[0] == counts[-1]:

@@ -13,6 +13,7 @@ from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_entries_csv,
     format_json,
+    make_json_safe,
     pick_values,
     render_template,
 )
@@ -31,7 +32,6 @@ from reports.common.wording import (
 from reports.plan.figures import HEADLAND_CSV_KEYS
 from reports.plan.headland_comparison import (
     YEAR_KEYS,
-    HeadlandChoice,
     HeadlandComparison,
     HeadlandRow,
     HeadlandTotals,
@@ -360,10 +360,10 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
         "cut_off": list_cut_off(comparison),
         "currency": comparison.currency or None,
         "operations_per_year": comparison.operations_per_year,
-        "best": None if best is None else _build_choice_entry(best.label),
+        "best": None if best is None else make_json_safe(best.label),
         "totals": [
             {
-                **_build_choice_entry(one.label),
+                **make_json_safe(one.label),
                 "fields": len(one.driven),
                 **{key: getattr(one, key) if one.driven else None for key in TOTAL_KEYS},
                 **one.year,
@@ -375,21 +375,12 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
-def _build_choice_entry(choice: HeadlandChoice) -> dict[str, Any]:
-    return {
-        "corners": choice.corners,
-        "headland_order": choice.order,
-        "headland_passes": choice.passes,
-        "width_m": choice.width_m,
-    }
-
-
 def _build_field_entry(each: HeadlandRow) -> dict[str, Any]:
     return {
         "requested_field": each.requested_field,
         "field": None if each.ranking is None else each.field_name,
         "area_ha": each.area_ha or None,
-        **_build_choice_entry(each.label),
+        **make_json_safe(each.label),
         "headland_m": None if each.layout is None else each.layout.headland_m,
         "plan": None if each.best is None else build_plan_entry(each.best),
         "meets_request": None if each.best is None else each.meets_request,
@@ -412,7 +403,7 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
             "requested_field": each.requested_field,
             "field": None if each.ranking is None else each.field_name,
             "area_ha": each.area_ha or None,
-            **_build_choice_entry(each.label),
+            **make_json_safe(each.label),
             "headland_m": None if each.layout is None else each.layout.headland_m,
             "currency": comparison.currency,
             "reason": each.reason,

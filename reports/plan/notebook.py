@@ -1,4 +1,4 @@
-"""Rankings, single plans, drives and the fleet study in a notebook: in short, as a fragment, as a table and drawn."""
+"""Rankings, single plans and drives in a notebook: in short, as a fragment, as a table and drawn."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
-    FleetStudy,
     PlanRanking,
     PlanResult,
 )
-from reports.common.rendering import make_json_safe
-from reports.common.wording import format_duration, format_minutes, format_number, format_price, format_tractor_count
+from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
@@ -27,7 +25,6 @@ from reports.plan.ranking_export import (
     flatten_entry,
     format_ranking_csv,
     format_ranking_json,
-    format_study_json,
 )
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, choose_first_plans, count_other_plans, write_legend
@@ -110,20 +107,6 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
         ],
         draw=lambda axes: draw_drive(axes, drive, drive.title),
         figure_inches=(COLUMN_INCHES, COLUMN_INCHES),
-    )
-
-
-@build_view.register
-def build_study_view(study: FleetStudy) -> ResultView:
-    """The fleet study: rows beside the thesis, and its claims."""
-    held = sum(claim.holds for claim in study.claims)
-    summary = f"{held} of {len(study.claims)} claims of the thesis hold in the simulation"
-    return ResultView(
-        summary=lambda: summary,
-        html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
-        table=lambda: [{"table": name, **make_json_safe(row)} for name, rows in study.tables.items() for row in rows],
-        draw=lambda axes: _draw_study(axes, study),
-        files={".json": lambda: format_study_json(study)},
     )
 
 
@@ -216,32 +199,3 @@ def draw_times(axes: Axes, ranking: PlanRanking) -> None:
     axes.set_ylim(bottom=0.0)
     axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
     axes.legend(frameon=False, fontsize=8)
-
-
-def _list_study_tables(study: FleetStudy) -> list[ShownTable]:
-    """The rows of all tables, and the claims."""
-    rows = [
-        (
-            name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-            format_number(row.difference_pct, 1), row.note,
-        )
-        for name, table in study.tables.items()
-        for row in table
-    ]  # fmt: skip
-    headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
-    claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
-    return [
-        ShownTable(headings, rows, frozenset({0, 1, 6})),
-        ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
-    ]
-
-
-def _draw_study(axes: Axes, study: FleetStudy) -> None:
-    """Minutes of the thesis and of the simulation, two bars per row."""
-    rows = [(f"{name} {row.label}", row) for name, table in study.tables.items() for row in table]
-    for place, (_, row) in enumerate(rows):
-        axes.barh(place - 0.2, row.thesis_s / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[4])
-        axes.barh(place + 0.2, (row.time_s or 0.0) / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[0])
-    axes.set_yticks(range(len(rows)), [label for label, _ in rows], fontsize=8)
-    axes.invert_yaxis()
-    axes.set(xlabel="minutes; pale: thesis, dark: simulated")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_csv,
@@ -151,8 +151,3 @@ def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
 def format_facts_json(facts: dict[str, Any]) -> str:
     """Facts of a field as JSON text with a trailing newline, in the order given."""
     return format_json(facts, EXPORT_DECIMALS, is_ascii=False)
-
-
-def format_study_json(study: FleetStudy) -> str:
-    """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
-    return format_json(study, EXPORT_DECIMALS, is_ascii=False)

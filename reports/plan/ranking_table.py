@@ -11,23 +11,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rich.console import Group, RenderableType
-from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import (
-    FleetStudy,
     PlanRanking,
     PlanResult,
     find_deciding_reason,
 )
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
 from reports.common.wording import (
     FIELD_AREA,
-    format_minutes,
-    format_signed_number,
     format_width,
     join_list,
     parse_start_time,
@@ -282,38 +277,6 @@ def _list_refusal_reasons(heading: str, plans: list[PlanResult]) -> list[Rendera
     ]
     for refusal in group_refusals(plans):
         similar_note = " (figures of the first)" if refusal.has_similar_reasons else ""
-        parts.append(_build_bullet(f"{len(refusal.plans)} x  {refusal.reason}{similar_note}"))
+        parts.append(format_bullet(f"{len(refusal.plans)} x  {refusal.reason}{similar_note}"))
         parts.append(format_sentence(name_refused_plans(refusal), style="dim", indent=4))
     return parts
-
-
-def build_study_tables(study: FleetStudy) -> RenderableType:
-    """Tables of the thesis beside the simulation, then each claim with its verdict, then the assumptions."""
-    parts: list[RenderableType] = []
-    for name, rows in study.tables.items():
-        columns = [TableColumn("Plan", is_text=True), *map(TableColumn, ("Tractors", "Thesis", "Here", "Diff. %"))]
-        columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
-        cells = (
-            (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-             format_signed_number(row.difference_pct, 1), row.note)
-            for row in rows
-        )  # fmt: skip
-        table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
-        parts += [format_title(f"Table {name}"), table, Text("")]
-    if study.claims:
-        heads = tuple(TableColumn(name, is_text=True) for name in ("Claim", "Verdict", "Why"))
-        verdicts = tuple((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
-        styles = tuple("" if one.holds else "yellow" for one in study.claims)
-        parts += [format_title("Claims of the thesis"), FittedTable(heads, verdicts, styles), Text("")]
-    if study.assumptions:
-        parts.append(format_title("Assumptions behind every row"))
-        parts += [_build_bullet(text) for text in study.assumptions]
-    return Group(*parts)
-
-
-def _build_bullet(text: str) -> RenderableType:
-    grid = Table.grid(padding=(0, 1, 0, 0))
-    grid.add_column(width=1)
-    grid.add_column(overflow="fold")
-    grid.add_row(Text("-"), Padding(format_sentence(text), 0))
-    return grid

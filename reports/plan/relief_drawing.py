@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import base64
-import struct
-import zlib
+import io
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.patches import PathPatch
 
 SHADE_OPACITY = 0.45
-_PNG_HEAD = b"\x89PNG\r\n\x1a\n"
-_GREY_8_BIT = bytes((8, 0, 0, 0, 0))
 
 
 def draw_relief(axes: Axes, relief: Relief, field_patch: PathPatch) -> None:
@@ -45,19 +42,9 @@ def name_relief(relief: Relief) -> str:
 
 def encode_shade(relief: Relief) -> str:
     """The shading as a grey PNG in a data URL, north up."""
+    from PIL import Image
+
     grey = np.rint(255.0 * np.clip(relief.shade[::-1], 0.0, 1.0)).astype(np.uint8)
-    rows, columns = grey.shape
-    lines = np.concatenate([np.zeros((rows, 1), dtype=np.uint8), grey], axis=1).tobytes()
-    content = b"".join(
-        (
-            _PNG_HEAD,
-            _build_chunk(b"IHDR", struct.pack(">II", columns, rows) + _GREY_8_BIT),
-            _build_chunk(b"IDAT", zlib.compress(lines, 9)),
-            _build_chunk(b"IEND", b""),
-        )
-    )
-    return f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}"
-
-
-def _build_chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    buffer = io.BytesIO()
+    Image.fromarray(grey).save(buffer, format="PNG", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

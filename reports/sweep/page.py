@@ -1,4 +1,4 @@
-"""A sweep as a page and as a picture: cost over time of all combinations, what matters, and what no other beats."""
+"""A sweep as page, picture and in a notebook: cost over time of all combinations, what matters, what nothing beats."""
 
 from __future__ import annotations
 
@@ -8,12 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
-from reports.common.notebook import FIGURE_INCHES, create_figure
+from reports.common.notebook import (
+    FIGURE_INCHES,
+    NOT_DRAWN,
+    ResultView,
+    build_view,
+    create_figure,
+    encode_picture,
+    render_fragment,
+)
 from reports.common.rendering import ReportError, render_template
 from reports.common.wording import capitalize_first, format_duration, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
 from reports.sweep.results import SweepResult, SweptPlan
-from reports.sweep.tables import build_front_table
+from reports.sweep.tables import (
+    build_front_table,
+    format_sweep_csv,
+    format_sweep_json,
+    list_rows,
+    render_sweep_parquet,
+)
 from reports.sweep.wording import (
     ESTIMATED,
     describe_best,
@@ -167,3 +181,33 @@ def render_sweep_png(result: SweepResult) -> bytes:
     figure = create_figure(*FIGURE_INCHES, layout="constrained")
     draw_sweep(figure.add_subplot(), result)
     return render_png(figure)
+
+
+@build_view.register
+def build_sweep_view(result: SweepResult) -> ResultView:
+    """A sweep: what to take, cost over time, and all plans as a table."""
+    return ResultView(
+        summary=lambda: f"{describe_title(result)}. {describe_best(result)}",
+        html=lambda: render_sweep_fragment(result),
+        table=lambda: list_rows(result),
+        draw=None if result.best is None else lambda axes: draw_sweep(axes, result),
+        not_drawn=f"{NOT_DRAWN}, as no combination has a plan.",
+        files={
+            ".csv": lambda: format_sweep_csv(result),
+            ".json": lambda: format_sweep_json(result),
+            ".html": lambda: render_sweep_page(result),
+            ".png": lambda: render_sweep_png(result),
+            ".parquet": lambda: render_sweep_parquet(result),
+        },
+    )
+
+
+def render_sweep_fragment(result: SweepResult) -> str:
+    """What to take and what matters, cost over time, and the table of what no other beats."""
+    sentences = [describe_best(result), describe_influences(result), describe_refused(result), ESTIMATED]
+    rows = result.rows
+    picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
+    best = next((place for place, one in enumerate(rows) if one is result.best), None)
+    tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
+    shown = [text for text in sentences if text]
+    return render_fragment(describe_title(result), shown, tables, picture, "Cost over time of all combinations")

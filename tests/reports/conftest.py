@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from reports.common.plan_drives import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
+from reports.plan.fleet_study import FleetStudy, ThesisClaim, ThesisTableRow
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from reports.common.plan_results import FleetStudy, PlanRanking
+from reports.common.plan_results import PlanRanking
 from reports.common.text_tables import break_text_at_marks
 from reports.plan.field_report import build_field_table
-from reports.plan.ranking_table import build_first_screen, build_ranking_table, build_study_tables
+from reports.plan.fleet_study import FleetStudy, build_study_tables
+from reports.plan.ranking_table import build_first_screen, build_ranking_table
 
 
 def printed(what: RenderableType, width: int = 80) -> str:

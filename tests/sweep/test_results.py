@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rich.console import Console
 
-import reports.sweep.notebook  # noqa: F401
+import reports.sweep.page  # noqa: F401
 from planner.cli.sweep import pick_plan
 from planner.errors import RequestError
 from reports.common.drawing_sizes import ChartAxis
