@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 from zlib import crc32
 
 LOCAL_METRES, WGS84 = "local_metres", "wgs84"
@@ -75,23 +75,36 @@ class FieldDocument:
     axes_swapped: bool = False
 
 
+Content = TypeVar("Content")
+
+
 @dataclass(frozen=True)
-class FieldFormat:
-    """A format of field files.
+class FileFormat(Generic[Content]):
+    """A format of files that come from outside: of fields, of task logs.
 
     Attributes:
         name: its usual name.
         extensions: of its files, lower case.
-        read: reads the file at a path; the second argument is its name in messages. Raises FieldError.
+        read: reads the file, folder or archive at a path; the second argument is its name in messages. Raises
+            FieldError, and LogError for task logs.
         holds: whether a folder or ZIP archive with these file names (lower case, without folders) is in this format.
-        parse: parses the content of one file, as `read` does; None for a format of several files.
-        has_lone_files: whether one file of these extensions is a field without others beside it.
     """
 
     name: str
     extensions: tuple[str, ...]
-    read: Callable[[str, str], FieldDocument]
+    read: Callable[[str, str], Content]
     holds: Callable[[frozenset[str]], bool] = lambda names: False
+
+
+@dataclass(frozen=True)
+class FieldFormat(FileFormat[FieldDocument]):
+    """A format of field files.
+
+    Attributes:
+        parse: parses the content of one file, as `read` does; None for a format of several files.
+        has_lone_files: whether one file of these extensions is a field without others beside it.
+    """
+
     parse: Callable[[bytes, str], FieldDocument] | None = None
     has_lone_files: bool = True
 

@@ -129,4 +129,4 @@ def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Ar
     return None
 
 
-LOG_FORMAT = LogFormat("CSV", (".csv", ".txt"), lambda path, label: read_csv_log(path, None), lambda names: False)
+LOG_FORMAT = LogFormat("CSV", (".csv", ".txt"), lambda path, label: read_csv_log(path, None))

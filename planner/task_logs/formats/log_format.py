@@ -1,12 +1,12 @@
-"""The record of a task log format, and the cleaning of runs: only rows with position and increasing time are kept."""
+"""Formats of task logs, and the cleaning of runs: only rows with position and increasing time are kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from fields.raw_document import FileFormat
 from fields.text_files import count_noun
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
@@ -17,22 +17,7 @@ MIN_ROWS = 10
 EARTH_RADIUS_M = 6_371_008.8
 
 
-@dataclass(frozen=True)
-class LogFormat:
-    """A format of task logs.
-
-    Attributes:
-        name: its usual name.
-        extensions: of its files, lower case.
-        read: reads the runs of the file, folder or archive at a path; the second argument is its name in messages.
-            Raises FieldError, LogError.
-        holds: whether a folder or archive with these file names (lower case, without folders) is in this format.
-    """
-
-    name: str
-    extensions: tuple[str, ...]
-    read: Callable[[str, str], LogContents]
-    holds: Callable[[frozenset[str]], bool]
+LogFormat = FileFormat[LogContents]
 
 
 def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
