@@ -6,7 +6,6 @@ bootstrap: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -83,10 +82,10 @@ def estimate_hourly_rate(events: Mapping[str, tuple[int, float]]) -> IntervalEst
 
 def estimate_share(hits: int, runs: tuple[str, ...]) -> IntervalEstimate:
     """The share `hits` of the runs, with Wilson's interval (J. Am. Stat. Assoc. 22:209, 1927)."""
-    n, z = len(runs), 1.959964
-    middle = (hits + 0.5 * z * z) / (n + z * z)
-    half = z / (n + z * z) * math.sqrt(hits * (n - hits) / n + 0.25 * z * z)
-    return IntervalEstimate(hits / n, max(0.0, middle - half), min(1.0, middle + half), n, runs)
+    from scipy.stats import binomtest
+
+    interval = binomtest(hits, len(runs)).proportion_ci(INTERVAL_COVERAGE, method="wilson")
+    return IntervalEstimate(hits / len(runs), float(interval.low), float(interval.high), len(runs), runs)
 
 
 def compute_variation_coefficient(values: Array) -> float:
