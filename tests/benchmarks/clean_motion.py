@@ -124,12 +124,6 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     return doubts, first
 
 
-def count_doubts(tractors: int, hours: float, seed: int = 0) -> int:
-    """The doubts of an honest fleet."""
-    steps = round(hours * 3600.0 / STEP_S)
-    return sum(drive(1000 * seed + number, steps, -1)[0] for number in range(tractors))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hours", type=float, default=100.0)

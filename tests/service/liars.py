@@ -55,11 +55,6 @@ def turn_heading(frame: Frame, first: Frame) -> None:
     frame["heading_deg"] = (frame["heading_deg"] + 90.0) % 360.0
 
 
-def run_ahead(frame: Frame, first: Frame) -> None:
-    """Its progress runs twice as fast as it drives."""
-    frame["leg_m"] += frame["leg_m"] - first["leg_m"]
-
-
 def leap_in_time(frame: Frame, first: Frame) -> None:
     """Its clock leaps to and fro by more than reports are apart that are compared by their speed."""
     if frame["sequence"] % 2:

@@ -42,7 +42,6 @@ from tests.service.tiles import Answer, answer_png, paint_tile, serve_tiles, wri
 
 TILE = Tile(16, 33601, 21613)
 TEMPLATE = "https://tiles.example/{z}/{x}/{y}.png"
-NEAR_NETHERLANDS = (4.5796, 52.1176)
 
 
 def make_settings(folder: Path, background: str | Path, **more: object) -> ServiceSettings:

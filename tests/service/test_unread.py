@@ -37,7 +37,6 @@ BAD_FRAMES = {
     "endless": json.dumps({"kind": "obstacle", "polygon_m": SQUARE * 2000}),
 }
 AWAY = ((50.0, 50.0), (51.0, 50.0), (51.0, 51.0))
-GOOD = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "stone"})
 
 
 def started() -> tuple[FleetSession, FleetClient, FleetClient, FleetClient]:

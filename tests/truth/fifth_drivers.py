@@ -22,7 +22,6 @@ HOLD, PURSUE, STANLEY, PERSON, WEAVE = 0.0, 1.0, 2.0, 3.0, 4.0
 EAST, NORTH, HEADING, SPEED, ROLL, MAST_M = 0, 1, 2, 5, 9, 2.7
 PROGRAMMES = ("field", "yard", "both", "right_only", "one_speed")
 SLOW, ROAD, FAST = 0.85, 1.4, 2.2
-Part = tuple[float, float, float, float, float, float, float]
 
 
 @numba.njit(cache=True)

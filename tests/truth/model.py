@@ -222,14 +222,3 @@ def make_logs(
     """
     truth = Truth(effects, seed, **conditions)  # type: ignore[arg-type]
     return [truth.log(drive, index) for index, drive in enumerate(programme or default_programme())]
-
-
-def mirror_frame(frame: pd.DataFrame) -> pd.DataFrame:
-    """The log of the mirror image: east and west exchanged, and with them the signs of heading, steering and roll."""
-    flipped = frame.copy()
-    for name in ("easting_m", "steering_command_deg", "steering_deg", "roll_deg"):
-        if name in flipped:
-            flipped[name] = -flipped[name]
-    if "heading_deg" in flipped:
-        flipped["heading_deg"] = np.mod(-flipped["heading_deg"], 360.0)
-    return flipped

@@ -50,8 +50,6 @@ class Squad:
                        for number, line in enumerate(lines, start=1)]  # fmt: skip
         self.loop = asyncio.new_event_loop()
         self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
-        self.alarms: list[dict[str, Any]] = []
-        self.scene: dict[str, Any] = {}
         self.link: ClientConnection | None = None
         self.tasks: list[asyncio.Task[None]] = []
 
@@ -71,12 +69,8 @@ class Squad:
 
     async def _listen(self, link: ClientConnection) -> None:
         with contextlib.suppress(ConnectionClosed):
-            async for message in link:
-                frame = json.loads(message)
-                if frame["kind"] == "alarms":
-                    self.alarms += frame["items"]
-                elif frame["kind"] == "scene":
-                    self.scene = frame
+            async for _ in link:
+                pass
 
     def call(self, what: Coroutine[Any, Any, Any], timeout_s: float = 30.0) -> Any:
         """Do something in the thread of the robots."""

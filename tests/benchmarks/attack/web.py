@@ -82,12 +82,6 @@ def pack_zip(members: Mapping[str, bytes]) -> bytes:
     return packed.getvalue()
 
 
-def square_field(side_m: float = 60.0) -> bytes:
-    """A field of local metres as GeoJSON."""
-    ring = [[0.0, 0.0], [side_m, 0.0], [side_m, side_m], [0.0, side_m], [0.0, 0.0]]
-    return json.dumps({"type": "Polygon", "coordinates": [ring]}).encode()
-
-
 def star_field(points: int) -> bytes:
     """A field with a very long outline as GeoJSON: a small file that takes long to read."""
     import math
