@@ -11,8 +11,6 @@ Speed is measured at the wheels, which slip by up to a tenth; headings are obliq
 be no false alarm of one that drives on by its positions: such an alarm begins with a doubt.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import time

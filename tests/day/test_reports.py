@@ -1,7 +1,5 @@
 """A day for people and programs: keys, tables, pictures."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Headline, table, JSON, page, saved plan and day state the same time and cost, over random scenarios."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

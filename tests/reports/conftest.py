@@ -1,7 +1,5 @@
 """A drive, a ranking and a study of the kind the planner hands over, small and made by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

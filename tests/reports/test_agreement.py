@@ -1,7 +1,5 @@
 """The verdict over numbers of the thesis: every number is counted once, and never flattered."""
 
-from __future__ import annotations
-
 import io
 import re
 

@@ -1,7 +1,5 @@
 """Pages as a browser lays them out: on a small screen, on paper, and when used. Skipped where there is no browser."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """A diagnosis in words, as table, page and JSON: every case is said as it is."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

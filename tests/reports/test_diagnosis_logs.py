@@ -3,8 +3,6 @@
 The first screens are beside stored ones (tests/reports/screens); test_first_screens says how these are renewed.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Fuel, electricity and slopes in tables, sentences, exports, the page and the map."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import io

@@ -1,7 +1,5 @@
 """Figures: what is drawn, where, and that the same input gives the same picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -7,8 +7,6 @@ A stored screen (tests/reports/screens) is what a terminal of so many columns sh
 and look at what git shows as changed before it is committed.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -1,7 +1,5 @@
 """Languages: every text is in every catalogue with the same values; what programs read is the same in all of them."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

@@ -1,7 +1,5 @@
 """Lists of legs: words, tables that fit a terminal, JSON with fixed keys."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

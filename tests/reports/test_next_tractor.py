@@ -1,7 +1,5 @@
 """The sentence on one more tractor, the other plans, and the ground that a plan leaves."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The page: complete, escaped, self-contained, and true to the figures it was given."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

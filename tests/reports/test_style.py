@@ -1,7 +1,5 @@
 """Every page has one style, prints, and hides nothing without a hint."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Tables on consoles of several widths."""
 
-from __future__ import annotations
-
 import io
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Units of the United States beside metric ones: conversions by hand, and what a screen shows."""
 
-from __future__ import annotations
-
 import io
 import math
 

@@ -5,8 +5,6 @@ A lie is a function that changes a frame; `FIELDS` has one for each field of a s
 most that does not stop.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Backgrounds of maps: the grid against PROJ, addresses, files, what is kept, and hostile servers and templates."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import os

@@ -1,7 +1,5 @@
 """A tractor that tells of an obstacle which nobody can read stands, and nobody else does."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -1,7 +1,5 @@
 """A page in a browser, and an app for it to speak with."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The page of a sweep in a browser: a point shows its command, by pointer and keyboard, on every width."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from pathlib import Path

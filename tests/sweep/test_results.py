@@ -1,7 +1,5 @@
 """What a sweep says of its plans: the front against brute force, influences against closed forms, tables and pages."""
 
-from __future__ import annotations
-
 import json
 from io import StringIO
 

@@ -5,8 +5,6 @@ weaving (s), speed (m/s, negative in reverse), implement, shuttle. An arc begins
 begins. Drivers: pure pursuit, Stanley, and a person who looks now and then and turns the wheel by whole degrees.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The measured radii, frozen fields of ground, and places on a body: formulas that references share."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

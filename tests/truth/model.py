@@ -5,8 +5,6 @@ valve, saturating tyres on springs, a controller with a jittering clock, uneven 
 What they share is the nominal tractor: the measured radii of the EG105 on soil and its steering times.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -6,8 +6,6 @@ drift with half a minute of memory, headings from two antennas with an error tha
 an average over the last 0.1 s, a clock that jitters. Two tractors of the thesis are at hand, by their measured radii.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

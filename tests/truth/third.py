@@ -6,8 +6,6 @@ drive. The ground pushes by place (the same when driven again) and by time.
 Imports nothing of the project it tests.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Plans against runs: ground by hand, and a plan driven with a known pace and known stops."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """`python -m tests.benchmarks.attack`: see the package."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex

@@ -1,7 +1,5 @@
 """Item 5: links through a proxy with HTTPS."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from tests.benchmarks.attack.plans import lay_lines, make_fleet

@@ -1,7 +1,5 @@
 """Many requests at a time, from processes of their own so that they do not slow down what is measured."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import selectors

@@ -1,7 +1,5 @@
 """Item 15: how much memory the process that stops tractors takes while large bodies are sent to it."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket

@@ -1,7 +1,5 @@
 """Simple robots of the attacker's own: points on a line that obey what the link says and report ten times a second."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

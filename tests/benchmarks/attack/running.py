@@ -1,7 +1,5 @@
 """All attacks in order: which needs what, and what becomes of one that breaks."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

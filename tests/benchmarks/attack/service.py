@@ -1,7 +1,5 @@
 """The service that is attacked: a process of its own with a folder of its own, and what can be seen of it outside."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

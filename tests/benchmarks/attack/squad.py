@@ -1,7 +1,5 @@
 """Many robots and an operator in a thread of their own, and how long an order to stand needs to the last robot."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Requests over plain sockets: nothing between the attack and the service but http.client."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import io
