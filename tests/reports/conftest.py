@@ -156,6 +156,13 @@ def open_drive(drive: PlanDrive) -> PlanDrive:
 
 
 @pytest.fixture
+def still_drive(drive: PlanDrive) -> PlanDrive:
+    """One moment of the drive, on its field without tracks."""
+    first = {"xy": tuple(xy[:1] for xy in drive.xy), "status": tuple(status[:1] for status in drive.status)}
+    return replace(drive, swaths=np.empty((0, 2, 2)), holes=(), entrance=None, **first)
+
+
+@pytest.fixture
 def listed_drive(drive: PlanDrive) -> PlanDrive:
     """The drive with two rounds, two cells, an obstacle, names of tracks and what each tractor does."""
     ring = np.array([[3.0, 2.0], [267.0, 2.0], [267.0, 66.0], [3.0, 66.0], [3.0, 2.0]])
