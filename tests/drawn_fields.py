@@ -1,7 +1,5 @@
 """Files drawn by hand: fields as GeoJSON, and heights as an ASCII grid; metres, x = east and y = north."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Names: functions begin with a verb, classes have one home, and words that the glossary replaced name nothing."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import defaultdict

@@ -4,8 +4,6 @@ Imports are read from the source, those inside functions and those for type chec
 only hand names on) are left out of the graph of packages.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import statistics

@@ -6,8 +6,6 @@ garbage, of which compilers leave little. If everything is compiled already they
 one collects the tests where none were run before: each worker would rewrite all assertions for itself.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

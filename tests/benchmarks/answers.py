@@ -12,8 +12,6 @@ plan the same job right after, and the report tells its figures (base) as well. 
 all processes together.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import statistics

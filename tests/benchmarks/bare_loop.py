@@ -3,8 +3,6 @@
 Its time is that of the formulas; the remaining time of the full loop is pymunk.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba

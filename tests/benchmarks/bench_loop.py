@@ -8,8 +8,6 @@ the ends of the swaths. The variants take turns, and the best CPU time of each c
 of them or none.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import time

@@ -10,8 +10,6 @@ made again. Operators stop and resume single robots and all, acknowledge alarms,
 `broken` and `late` are right while a link is away and as it comes back. Every other alarm is false, and is printed.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -11,8 +11,6 @@ Speed is measured at the wheels, which slip by up to a tenth; headings are obliq
 be no false alarm of one that drives on by its positions: such an alarm begins with a doubt.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import time
@@ -122,12 +120,6 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
                 kept[0] = sums
         before[:] = report
     return doubts, first
-
-
-def count_doubts(tractors: int, hours: float, seed: int = 0) -> int:
-    """The doubts of an honest fleet."""
-    steps = round(hours * 3600.0 / STEP_S)
-    return sum(drive(1000 * seed + number, steps, -1)[0] for number in range(tractors))
 
 
 def main() -> None:

@@ -9,8 +9,6 @@ Printed are what is asked of a diagnosis beside what it reached, the same by ref
 that went wrong, by the key that --only repeats. The exit status is 1 if anything that is saved is worse on unseen runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -6,8 +6,6 @@ The logs are those of `headland diagnose --demo`. Printed are the best of the fi
 with intervals; drawn are headings before and after in their noise, and predictive differences with standard errors.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ against minutes of log, the names, and the largest memory of the process. Withou
 are run: with a wheel angle at 20 Hz and without one; `--hours 8 --rate 10` is a day, `--one-run` one without a stop.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import time

@@ -1,7 +1,5 @@
 """Jobs drawn by a seed, on parcels and on made shapes: field, obstacles, working width, speed, radius, tractors."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -6,8 +6,6 @@ A row is a plan cut at a moment, in every second one with a machine lost. `uncut
 the rest: to its end, or with a machine lost the seconds that all machines had left, shared by those that go on.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import replace

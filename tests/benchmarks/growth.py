@@ -10,8 +10,6 @@ does. An exponent is the slope of the logarithms over the upper half of the size
 another checkout plan the same right after (base).
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

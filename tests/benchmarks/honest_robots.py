@@ -6,8 +6,6 @@ five times a second, raw or smoothed, progress by raw or by smoothed places, wit
 a clock that is off, drifts and is set.
 """
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -4,8 +4,6 @@ All robots drive rows with half circles and fishtail turns (which reverse) in tu
 that two robots begin beside each other and two end so.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -19,8 +19,6 @@ as one, and a name in a string or a table is not seen. Sources are compared with
 - longest: lines of the longest function, decorators and docstring included.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import gc

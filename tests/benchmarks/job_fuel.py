@@ -7,8 +7,6 @@ per tonne. The power of the engine follows from fuel against load in the same jo
 shaft at full load. A job is judged with its own tonnes, and with those per hectare of the other half.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -6,8 +6,6 @@ A process of its own serves; jobs are put into its store, and kill -9 takes now 
 Needs /proc, which tells the processes of a campaign by a mark in their environment.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -4,8 +4,6 @@ python -m tests.benchmarks.lies            # the table of the threat model
 python -m tests.benchmarks.lies --pairs    # all pairs of fields: minutes
 """
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ the share of a core and the memory that the server takes, how long a stop-all ne
 that drop and come back lose what was acknowledged, and whether malformed frames pass or end a stream.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import json

@@ -5,8 +5,6 @@ other, some by their sliders and some by their texts. Told are the times from th
 shows an answer to it.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -1,7 +1,5 @@
 """Cases of the benchmark of machines: a machine on a field, planned for one tractor and for a formation of two."""
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections.abc import Mapping

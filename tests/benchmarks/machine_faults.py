@@ -1,7 +1,5 @@
 """Where in a run a plan failed: the leg, the place, speed and bend at the worst excursion, contact or crossing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The same parcel, count, edge and seed give the same field, whatever else runs. All lengths are metres of the field.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator, Mapping

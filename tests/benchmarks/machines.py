@@ -14,8 +14,6 @@ formation, and why there is no plan. `--shapes` plans odd shapes instead. `--jso
 JSON lines; `--compare` names an earlier one.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Fields of odd shapes in local metres: what hand-drawn and real parcels have in the extreme."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

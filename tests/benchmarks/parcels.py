@@ -1,7 +1,5 @@
 """The parcels of a folder of field files, as benchmarks plan them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -5,8 +5,6 @@ gates and the record at 10 Hz, and watches contacts. It knows forward gears only
 and leaves out the clearance between outlines. That makes it faster than the full model, never slower.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ process of its own. Told are the times from the sending of a state to the viewer
 much a sleep of 50 ms ends late in that process, which no service on this machine could be quicker than.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import contextlib

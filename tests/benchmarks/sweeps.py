@@ -7,8 +7,6 @@ combinations drawn over the four samples, each estimated and then planned by `he
 difference of time, cost and share worked.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -8,8 +8,6 @@ and `log`. Passes are straight drives of a minute or more, or with --chunk-s pie
 one is for the calibration. Heights are averaged over 25 m either way, as receivers err by more than a slope of a metre.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from itertools import pairwise

@@ -8,8 +8,6 @@ are plans of a small field. Then workers are killed one after the other and the 
 second each are done. Needs the programs of PostgreSQL and the `sched_setaffinity` of Linux.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -1,7 +1,5 @@
 """Commands of the README and the guide, and running one as it is written."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

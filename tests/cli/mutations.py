@@ -1,7 +1,5 @@
 """Saved plans, and other JSON, with one value replaced by what nobody would write there."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Iterator

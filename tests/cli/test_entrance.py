@@ -1,7 +1,5 @@
 """`--entrance`, entrances of files, and the farm's day, on the command line."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`headland guide` and the pages of the guide: topics, search, links, and what the service shows."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Odd values wherever one may stand, in saved plans, names and words: no fault, no file lost, one line each."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """Language and units on the command line: what programs read, and the exit status, are the same for every reader."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

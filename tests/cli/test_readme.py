@@ -1,7 +1,5 @@
 """Every command of the README and the guide runs as written; experiments where they are driven anyhow."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Days as numbers, made by hand and at random, and the best of them by trying all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import permutations, product
 

@@ -1,7 +1,5 @@
 """Sunrise and sunset beside almanacs and what must hold everywhere."""
 
-from __future__ import annotations
-
 from datetime import date
 
 import pytest

@@ -1,7 +1,5 @@
 """Draws chained along the day of a fleet: closed forms, and what shifts what."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where fields are and how far apart."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

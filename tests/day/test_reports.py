@@ -1,7 +1,5 @@
 """A day for people and programs: keys, tables, pictures."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -9,7 +7,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import reports.day.page  # noqa: F401
 from reports.day.answer import format_time_of_day
@@ -17,6 +14,7 @@ from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
 from reports.day.tables import DAY_CSV_KEYS, build_day_table, format_day_csv, format_day_json
 from reports.plan.map_figure import render_png, render_svg
+from tests.printing import print_text
 from tests.reports.test_notebook import EVIL, check_shown
 
 HOUR = 3600.0
@@ -124,10 +122,7 @@ def test_csv_has_a_row_per_field(result: DayResult) -> None:
 
 @pytest.mark.parametrize("width", [60, 80, 160])
 def test_tables_hold_every_field(result: DayResult, width: int) -> None:
-    console = Console(width=width, file=io.StringIO())
-    with console.capture() as captured:
-        console.print(build_day_table(result))
-    text = captured.get()
+    text = print_text(build_day_table(result), width)
     for words in ("2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
         assert words in text
     assert max(map(len, text.splitlines())) <= width

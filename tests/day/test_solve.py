@@ -1,7 +1,5 @@
 """The best order of fields: days worked out by hand, all orders tried, search beside proof."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

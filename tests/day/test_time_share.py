@@ -1,7 +1,5 @@
 """A field that takes longer than its share of computing: it is said, and the others are planned."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Field times: refills count in them, and they are planned with as surely as is asked for."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The day in words, and why fields are left."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from planner.day.optimization.problem import make_empty_routes

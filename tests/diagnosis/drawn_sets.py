@@ -8,8 +8,6 @@ only; and logs at two rates with uneven steps and gaps. Sizes are drawn up to a 
 clear size, signs and places wherever there are any.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations, combinations_with_replacement, product
 from zlib import crc32

@@ -1,7 +1,5 @@
 """Hiding effects in logs of the independent truth model, and what a diagnosis makes of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any

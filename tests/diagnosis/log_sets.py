@@ -5,8 +5,6 @@ which flatter it; `real` are logs of vehicles, of which nothing is known; `varie
 logs are also written down in other ways; `mixups` are right logs with one column spoiled (tests.diagnosis.mixups).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ clock; `remarked` where the logs are refused or the column is named, and nothing
 offered, or a cause that is named, is not so; `silent` where nothing is said.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

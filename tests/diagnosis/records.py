@@ -5,8 +5,6 @@ tractor of the file, and by the one that the diagnosis would save), seconds of C
 memory of the process.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import resource

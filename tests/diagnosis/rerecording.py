@@ -4,8 +4,6 @@ A flip is another verdict: a named effect is replaced or refuted, a name comes i
 leaves both intervals. A loss is a name that is told less surely, or not at all, with nothing put in its place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

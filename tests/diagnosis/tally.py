@@ -3,8 +3,6 @@
 A count is kept over all sets, by reference, by kind of case and, where it is about one effect, by effect.
 """
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

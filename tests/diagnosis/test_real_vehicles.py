@@ -8,8 +8,6 @@ to the left of its middle (in another run of this car, not used here, 3.7 cm), i
 adds up to, its headings are 0.9 degrees to the left, and it turns 0.08 s after its commands.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small files of farms, drawn by hand: what is in them is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 LATITUDE, LONGITUDE = 48.0, 15.0

@@ -1,7 +1,5 @@
 """Small GeoJSON documents, and what is said of those that are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Files of strangers: what each driver of GDAL would take for its own, holding or naming a secret."""
 
-from __future__ import annotations
-
 import json
 import socket
 import sqlite3

@@ -1,7 +1,5 @@
 """AgOpenGPS folders: metres about a StartFix, whatever sign the computer writes for a decimal point."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Features without a role: obstacles by default, unless words, number or place say otherwise; added and left out."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Cells of a layout."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

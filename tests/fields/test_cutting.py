@@ -1,7 +1,5 @@
 """Regions cut into cells: costs by hand, shapes whose best cut is plain, what holds on any."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The field value: areas, ground, positions on the earth, refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Hundreds of damaged files for every reader: each is read or refused in one sentence, never anything else."""
 
-from __future__ import annotations
-
 import os
 import random
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Headlands that stand in field files: their inner edges and widths, whatever the form."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """ISOXML task data, versions 3 and 4: fields, lines and obstacles as drawn, and what is wrong with a file said."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tracks: closed forms on plain shapes, and properties on random ones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A folder or archive with one field file in it, and with several."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """XML of strangers: no document types, no entities, nothing fetched, whatever stands before them."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rough outlines: cleaned on the safe side, with what changed told; ordinary ones stay as they are."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Overlays of areas that GEOS gets wrong without a grid."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from shapely import affinity

@@ -1,7 +1,5 @@
 """Reading and writing of field files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Field files of very many points, with more than fields in them, with names and numbers of any kind."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Rounds of the headland: closed forms on plain shapes, what holds on any, and tracks that leave nothing."""
 
-from __future__ import annotations
-
 import math
 import re
 

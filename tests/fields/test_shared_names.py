@@ -1,7 +1,5 @@
 """Files whose fields share ids or names: every field has a key of its own, and no name means two by chance."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whatever is offered under whatever name: refused in a sentence, or read as what its ending says and nothing else."""
 
-from __future__ import annotations
-
 import sqlite3
 import warnings
 import zipfile

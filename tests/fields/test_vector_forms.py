@@ -1,7 +1,5 @@
 """Shapefile, KML, GeoPackage and GPX, written by GDAL and read back: the same ground, lines and gate."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Longitude and latitude that are exchanged, as far as the place alone tells."""
 
-from __future__ import annotations
-
 import json
 import re
 from importlib import resources

@@ -1,7 +1,5 @@
 """Courses drawn by hand, and traffic on a grid of cells in which only one tractor may be."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 python -m tests.planner.kernel_list        # minutes: everything is compiled again, to time it
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

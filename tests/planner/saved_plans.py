@@ -1,7 +1,5 @@
 """Saved plans made by hand, with known lines, anywhere on the earth."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Ten awkward fields of one to two hectares, drawn in local metres, for maps that are compared with stored ones."""
 
-from __future__ import annotations
-
 import math
 
 import shapely

@@ -1,7 +1,5 @@
 """The advice of a refusal is followed, by reading it: then there is a plan, or another refusal, and never the same."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

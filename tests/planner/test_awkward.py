@@ -1,7 +1,5 @@
 """Awkward fields on which fleets of every strategy must find a plan."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """How two trajectories interact, counted pose by pose, and what is computed once for several plans."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Plans on swaths along contours: they are driven on their curves; erosion shares; what cannot be asked for."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The compiled search for ways home, against looking at every state there is."""
 
-from __future__ import annotations
-
 import math
 from itertools import permutations
 from typing import Any

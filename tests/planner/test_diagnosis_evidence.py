@@ -1,7 +1,5 @@
 """Errors in bins: nothing is lost, edges are round, and squares of a map hold what was driven in them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

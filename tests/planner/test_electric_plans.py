@@ -1,7 +1,5 @@
 """Electric tractors in whole plans: energy, charging as service stops, prices and carbon dioxide, what is refused."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Plans of fields with an entrance: ways in and out, one tractor after another at the gate, the same without one."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise

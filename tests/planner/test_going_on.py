@@ -1,7 +1,5 @@
 """Plans gone on with: what a saved plan, a file of ground or logs say is done is neither charged nor driven again."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -8,8 +8,6 @@ alone, T on a track alone, B on both, a dot where ground is missed, a space outs
 and look at what git shows as changed before it is committed. What must hold whatever the maps show is tested apart.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from functools import cache

@@ -1,7 +1,5 @@
 """The guidance of a saved plan: lines made by hand, found again in longitude and latitude."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

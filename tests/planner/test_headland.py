@@ -1,7 +1,5 @@
 """Worked headlands: rounds as legs of every plan, by the rules of the planner, with little ground left."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Which runs of a diagnosis are held out, as a user names them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The implement and depth of a request: options and farm files, what is refused, and what the plan makes of them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The recommended number of tractors, and which of two plans that take as long: from tables written by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

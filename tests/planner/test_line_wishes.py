@@ -1,7 +1,5 @@
 """Single tracks left out, worked first or given to a tractor: names, rules, and plans that keep to them."""
 
-from __future__ import annotations
-
 from time import process_time
 from types import SimpleNamespace
 from typing import Any

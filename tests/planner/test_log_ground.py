@@ -1,7 +1,5 @@
 """The ground under logs, from a file of heights and from heights of their own: what it explains, and when it cannot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

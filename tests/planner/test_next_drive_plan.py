@@ -1,7 +1,5 @@
 """The plan of the drive to do next: what the programme says, joined by turns, in the metres of the logs."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planned answers in Python: short in text, escaped as HTML, and the same lengths, areas and files as the plan's."""
 
-from __future__ import annotations
-
 import json
 import math
 import pydoc

@@ -1,7 +1,5 @@
 """Headland first or last: which of two sketched plans is driven, and which of two driven ones is taken."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

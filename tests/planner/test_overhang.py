@@ -1,7 +1,5 @@
 """Corners by what is quicker, and how far machines reach over open edges: as planned, and as measured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fuel of plans: by the load of the simulated drive, the same in money and samples; the plan of least fuel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Plans on heights: driven on them, told with their steepest places, refused where a tractor is stuck, and saved."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

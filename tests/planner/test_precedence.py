@@ -3,8 +3,6 @@
 Courses are drawn by hand: poses at given places, driven at 1 m/s, so that times and metres can be told by counting.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

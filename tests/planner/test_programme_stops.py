@@ -1,7 +1,5 @@
 """Stops on programmes: where loads end, what is left, who is served when, and that a drive agrees."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Whether a tractor can pull its implement: ASAE D497 by hand, and when the farmer is asked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Rain of the last days in a request: lists and files, the soil it makes, and what is refused."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One model of a plan request: names, types, defaults, limits and helps of the command line and the API are its own."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import fields
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """What the implement of a plan carries is saved with it, and goes on with it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sections of an implement switch themselves off over worked ground and outside the field: areas by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

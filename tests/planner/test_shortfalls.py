@@ -1,7 +1,5 @@
 """What keeps the best plan from being a recommendation: the share of the ground asked for, and the true reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What slopes mean for the choice of a layout: steady speeds at limited power, and fuel up and down."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

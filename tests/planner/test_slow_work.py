@@ -1,7 +1,5 @@
 """A plan that takes too long for lack of power says at which speed it works."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What logs taught of a soil becomes a line of a table, and a plan drives with it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Why a plan comes to nothing, in words that can be true: one tractor waits for nobody."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

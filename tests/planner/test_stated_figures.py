@@ -1,8 +1,5 @@
 """Headline, table, JSON, page, saved plan and day state the same time and cost, over random scenarios."""
 
-from __future__ import annotations
-
-import io
 import json
 import re
 from pathlib import Path
@@ -11,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from rich.console import Console
 
 from fields.geometry.field import Field
 from planner.day.planning import plan_day
@@ -27,6 +23,7 @@ from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_first_screen
 from tests.drawn_fields import rectangle
 from tests.examples import draw_seed
+from tests.printing import print_text
 from vehicle.missions.plan_file import parse_saved_plan
 
 EIGHT_S = 8 * 3600
@@ -60,12 +57,10 @@ def check_outputs(result: PlanningResult) -> None:
     best = ranking.best
     assert best is not None and result.run is not None
     time, cost = format_stated_end(ranking, best.stated_end_s), format_price(best.stated_cost)
-    console = Console(width=80, file=io.StringIO())
-    with console.capture() as captured:
-        console.print(build_first_screen(ranking))
-    text = " ".join(captured.get().split())
+    screen = print_text(build_first_screen(ranking))
+    text = " ".join(screen.split())
     assert re.search(rf"done (in )?{time}[, ]", text) and f", {cost} EUR (assumed prices)" in text
-    (row,) = [line.split() for line in captured.get().splitlines() if line.lstrip().startswith(">") and ";" not in line]
+    (row,) = [line.split() for line in screen.splitlines() if line.lstrip().startswith(">") and ";" not in line]
     assert row[1] == "split-field" and time in row and cost in row
     told = json.loads(format_ranking_json(ranking))["best"]
     assert (told["stated_end_s"], told["stated_cost"]) == pytest.approx((best.stated_end_s, best.stated_cost))
@@ -154,9 +149,7 @@ def test_a_day_is_done_when_its_last_field_is(rain: str, tmp_path: Path) -> None
     assert day.stated_late_end_s == pytest.approx(max(job.p95_end_s for job in day.jobs))
     first, second = sorted(day.jobs, key=lambda job: job.p50_end_s)
     assert second.p50_start_s is not None and second.p50_start_s >= first.p50_end_s
-    console = Console(width=80, file=io.StringIO())
-    with console.capture() as captured:
-        console.print(build_day_screen(day))
-    ends = re.findall(r"\d\d:\d\d", captured.get().splitlines()[0])
-    rows = [line.split() for line in captured.get().splitlines() if line.startswith("robots ")]
+    lines = print_text(build_day_screen(day)).splitlines()
+    ends = re.findall(r"\d\d:\d\d", lines[0])
+    rows = [line.split() for line in lines if line.startswith("robots ")]
     assert rows[-1][1] == second.field and rows[-1][3] == ends[0]

@@ -1,7 +1,5 @@
 """What holds for plans that work the whole field, rounds of the headland included: moves, ground, replays, fleets."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The clock round field work: breaks, shifts, the road; by hand and by properties."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

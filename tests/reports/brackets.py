@@ -1,7 +1,5 @@
 """A catalogue that puts every known text into ⟦brackets⟧, in the place of the German one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Collects the texts that people read, in English, and adds those that a catalogue lacks to its PO file."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

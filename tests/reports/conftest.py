@@ -1,7 +1,5 @@
 """A drive, a ranking and a study of the kind the planner hands over, small and made by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -156,6 +154,13 @@ def open_drive(drive: PlanDrive) -> PlanDrive:
     island = np.array([[5.0, 30.0], [5.0, 35.0], [7.0, 35.0], [7.0, 30.0]])
     other = np.array([[250.0, 40.0], [255.0, 40.0], [255.0, 60.0], [250.0, 60.0]])
     return replace(drive, unworked=(strip, island, other), largest_missed=UnworkedPiece(590.0, 8.0, 20.0))
+
+
+@pytest.fixture
+def still_drive(drive: PlanDrive) -> PlanDrive:
+    """One moment of the drive, on its field without tracks."""
+    first = {"xy": tuple(xy[:1] for xy in drive.xy), "status": tuple(status[:1] for status in drive.status)}
+    return replace(drive, swaths=np.empty((0, 2, 2)), holes=(), entrance=None, **first)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Rankings, records of many fields and a day made by hand, for tests of the first screen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 They are in English where they are made, and translated where they are shown (`translate_sentence`).
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,16 +1,13 @@
 """The verdict over numbers of the thesis: every number is counted once, and never flattered."""
 
-from __future__ import annotations
-
-import io
 import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from reports.trials.report import build_trials_table, measure_thesis_agreement, render_trials_page
+from tests.printing import print_text
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
 NUMBERS = (
@@ -79,9 +76,7 @@ def test_tables_cut_no_figure(width: int) -> None:
         ("25 degrees", *(f"{1234.567 + k:.3f} m" for k in range(6))),
     ))  # fmt: skip
     sheet = ExperimentSheet("a", "Circles", ("Words.",), NUMBERS, (), (table,))
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(build_trials_table([sheet]))
-    text = console.file.getvalue()  # type: ignore[attr-defined]
+    text = print_text(build_trials_table([sheet]), width)
     assert max(map(len, text.splitlines())) <= width
     for figure in (*(f"{1234.567 + k:.3f} m" for k in range(6)), "10.5 m", "8.4 m", "+5.1 %", "-15.0 %", "-16.0 %"):
         assert re.search(rf"(?<![\d.+-]){re.escape(figure)}( |$)", text, flags=re.M), figure

@@ -1,9 +1,6 @@
 """Pages as a browser lays them out: on a small screen, on paper, and when used. Skipped where there is no browser."""
 
-from __future__ import annotations
-
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from html import escape, unescape
@@ -12,16 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanRanking
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page
+from tests.browsers import BROWSER, open_browser
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
 pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
 Ask = Callable[[str, int, str], Any]
 
@@ -29,10 +25,8 @@ Ask = Callable[[str, int, str], Any]
 @pytest.fixture(scope="module")
 def tab() -> Iterator[Page]:
     """A page of a browser without a window."""
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+    with open_browser() as browser:
         yield browser.new_page()
-        browser.close()
 
 
 @pytest.fixture

@@ -1,8 +1,5 @@
 """A diagnosis in words, as table, page and JSON: every case is said as it is."""
 
-from __future__ import annotations
-
-import io
 import json
 import math
 import re
@@ -15,12 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from reports.common.drawing_sizes import ChartAxis
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.sentences import LIKELY_MEANS, explain_likely_verdict
 from reports.diagnosis.tables import build_diagnosis_table, format_diagnosis_json
+from tests.printing import print_text
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
@@ -91,9 +88,7 @@ def setting(**more: Any) -> EffectSetting:
 
 
 def printed(what: Diagnosis, width: int = 80) -> str:
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(build_diagnosis_table(what))
-    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+    return print_text(build_diagnosis_table(what), width)
 
 
 def flat(text: str) -> str:

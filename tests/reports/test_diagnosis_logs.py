@@ -3,21 +3,16 @@
 The first screens are beside stored ones (tests/reports/screens); test_first_screens says how these are renewed.
 """
 
-from __future__ import annotations
-
-import io
 import json
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from reports.diagnosis.log_checks import MOST_RUNS, describe_columns, describe_unsaved
 from reports.diagnosis.page import build_diagnosis_view
 from reports.diagnosis.sentences import describe_remaining_error
 from reports.diagnosis.tables import build_diagnosis_screen, format_diagnosis_json
+from tests.printing import assert_as_stored, print_text
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting
 from vehicle.identification.diagnosis.results import (
     LIKELY,
@@ -33,8 +28,6 @@ from vehicle.identification.diagnosis.results import (
 )
 from vehicle.identification.replay.horizon_errors import HorizonError
 
-GOLDEN = Path(__file__).parent / "screens"
-WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"
 NAMES = tuple(f"run{number}" for number in range(1, 13))
 RUNS = tuple(RunCheck(name, 10.0 + number, 1.0 + number) for number, name in enumerate(NAMES))
 ODD = RunCheck("run4", 9.0, 2.0, True, "turns 15 % less than the others")
@@ -65,20 +58,13 @@ SCREENS = {"diagnosis-fault": FAULTY, "diagnosis-columns": LATE, "diagnosis-hold
 
 
 def show_screen(what: Diagnosis, width: int = 80) -> str:
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(build_diagnosis_screen(what))
-    text: str = console.file.getvalue()  # type: ignore[attr-defined]
-    return "".join(f"{line.rstrip()}\n" for line in text.splitlines())
+    return print_text(build_diagnosis_screen(what), width)
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
 @pytest.mark.parametrize("name", SCREENS)
 def test_first_screens_are_as_stored(name: str, width: int) -> None:
-    text, stored = show_screen(SCREENS[name], width), GOLDEN / f"{name}-{width}.txt"
-    if WRITE:
-        stored.write_text(text, encoding="utf-8")
-    assert text == stored.read_text(encoding="utf-8")
-    assert max(map(len, text.splitlines())) <= width
+    assert_as_stored(name, build_diagnosis_screen(SCREENS[name]), width)
 
 
 def test_a_usual_diagnosis_fits_one_screen() -> None:

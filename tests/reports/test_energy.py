@@ -1,7 +1,5 @@
 """Fuel, electricity and slopes in tables, sentences, exports, the page and the map."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import io
@@ -12,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
-from rich.console import Console
 
 from reports.common.language import Reader, use_reader
 from reports.common.plan_drives import DriverLeg, PlanDrive, Relief
@@ -24,15 +21,14 @@ from reports.plan.map_figure import build_legend_entries, draw_plan_map, render_
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, build_ranking_table, choose_first_plans
+from tests.printing import print_text
 from tests.reports.screen_cases import DEADLINE, DEFAULT, FUEL
 
 BEST = FUEL.best
 
 
 def print_table(width: int = 200) -> str:
-    console = Console(width=width, file=io.StringIO())
-    console.print(build_ranking_table(FUEL))
-    return str(console.file.getvalue())  # type: ignore[attr-defined]
+    return print_text(build_ranking_table(FUEL), width)
 
 
 def test_the_answer_and_explain_say_the_litres() -> None:
@@ -43,9 +39,7 @@ def test_the_answer_and_explain_say_the_litres() -> None:
     assert "Steepest along the drive: 8 % at latitude 56.20000, longitude 9.50000" in text
     assert "across it: 5 % at x 30 m, y 90 m." in text and "31 degrees are left" in text
     assert "The soil is loam at 22 % moisture." in text and "Fuel l" in print_table()
-    console = Console(width=200, file=io.StringIO())
-    console.print(build_ranking_table(DEADLINE))
-    assert "Fuel" not in console.file.getvalue()  # type: ignore[attr-defined]
+    assert "Fuel" not in print_text(build_ranking_table(DEADLINE), 200)
 
 
 def test_gallons_by_acre_and_kilowatt_hours() -> None:

@@ -1,7 +1,5 @@
 """Evidence of a diagnosis: paths, errors by time, speed, angle and place, correlations, and limits of plots."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

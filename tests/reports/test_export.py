@@ -1,7 +1,5 @@
 """The JSON and CSV contracts."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

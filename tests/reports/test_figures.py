@@ -1,7 +1,5 @@
 """Figures: what is drawn, where, and that the same input gives the same picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -161,16 +159,8 @@ def test_png_has_the_size_asked_for(drive: PlanDrive) -> None:
     assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 50)
 
 
-def test_a_drive_of_one_moment_on_a_field_without_tracks(drive: PlanDrive) -> None:
-    still = replace(
-        drive,
-        swaths=np.empty((0, 2, 2)),
-        holes=(),
-        entrance=None,
-        xy=tuple(xy[:1] for xy in drive.xy),
-        status=tuple(status[:1] for status in drive.status),
-    )
-    assert "Iwamizawa" in render_svg(draw_plan_map(still))
+def test_a_drive_of_one_moment_on_a_field_without_tracks(still_drive: PlanDrive) -> None:
+    assert "Iwamizawa" in render_svg(draw_plan_map(still_drive))
 
 
 def test_a_field_without_tractors_shows_its_swaths(drive: PlanDrive) -> None:

@@ -7,21 +7,16 @@ A stored screen (tests/reports/screens) is what a terminal of so many columns sh
 and look at what git shows as changed before it is committed.
 """
 
-from __future__ import annotations
-
-import io
 import json
 import math
-import os
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking
@@ -42,10 +37,10 @@ from reports.plan.ranking_table import (
     write_legend,
 )
 from tests.examples import count_examples
+from tests.printing import assert_as_stored, print_text
 from tests.reports.screen_cases import (
     DEADLINE,
     FUEL,
-    LATE_RANKING,
     PLANS,
     RANKINGS,
     REFUSED,
@@ -58,22 +53,12 @@ from tests.reports.screen_cases import (
     build_records,
 )
 
-GOLDEN = Path(__file__).parent / "screens"
-WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"
 WIDTHS = (60, 80, 120)
 SCREENS: dict[str, RenderableType] = {
     **{name: build_first_screen(ranking) for name, ranking in RANKINGS.items()},
     "many": build_many_fields_screen(build_records()),
     "day": build_day_screen(build_day()),
 }
-
-
-def print_screen(what: RenderableType, width: int = 80) -> str:
-    """What a terminal of so many columns shows, without colours."""
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(what)
-    text: str = console.file.getvalue()  # type: ignore[attr-defined]
-    return "".join(f"{line.rstrip()}\n" for line in text.splitlines())
 
 
 def split_screen(text: str) -> tuple[list[str], list[str]]:
@@ -85,11 +70,7 @@ def split_screen(text: str) -> tuple[list[str], list[str]]:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", SCREENS)
 def test_screens_are_as_stored(name: str, width: int) -> None:
-    text, stored = print_screen(SCREENS[name], width), GOLDEN / f"{name}-{width}.txt"
-    if WRITE:
-        stored.write_text(text, encoding="utf-8")
-    assert text == stored.read_text(encoding="utf-8")
-    assert max(map(len, text.splitlines())) <= width
+    assert_as_stored(name, SCREENS[name], width)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +79,7 @@ def test_screens_are_as_stored(name: str, width: int) -> None:
     ids=[*SCREENS, "long-day", "forty-fields"],
 )
 def test_eighty_columns_have_five_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
-    before, after = split_screen(print_screen(what))
+    before, after = split_screen(print_text(what))
     assert len(before) <= 5 and len(before) + 1 + len(after) <= 20
 
 
@@ -123,9 +104,9 @@ def test_headline_and_table_have_the_same_plan_of_every_number_of_tractors() -> 
 
 
 def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
-    before, _ = split_screen(print_screen(build_first_screen(REMARKED)))
+    before, _ = split_screen(print_text(build_first_screen(REMARKED)))
     assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
-    explained = " ".join(print_screen(build_ranking_table(REMARKED)).split())
+    explained = " ".join(print_text(build_ranking_table(REMARKED)).split())
     assert explained.count(REMARK) == 1, "not once per plan"
 
 
@@ -161,15 +142,6 @@ def test_a_quicker_plan_is_not_recommended_for_the_reason_that_decided(other: di
     assert write_legend(ranking, [best, quicker]).startswith(told)
 
 
-def test_no_plan_in_time_is_said_first() -> None:
-    before, after = split_screen(print_screen(build_first_screen(LATE_RANKING)))
-    assert before[:2] == [
-        "No plan is done by 13:10; the best is 27 min late.",
-        "6 tractors, split-field: done 13:37, 308 EUR",
-    ]
-    assert any(line.startswith("> the best, but no recommendation;") for line in after)
-
-
 def test_what_is_no_recommendation_says_first_what_is_lacking() -> None:
     """Too little worked, and an implement that cannot be pulled: first line, summary, key, page."""
     for name, kind, words in (
@@ -180,7 +152,7 @@ def test_what_is_no_recommendation_says_first_what_is_lacking() -> None:
         told = json.loads(format_ranking_json(ranking))
         assert [one["kind"] for one in told["shortfalls"]] == [kind] and told["unmet"].startswith(words)
         assert told["summary"][0].startswith(words)
-        assert print_screen(build_first_screen(ranking), 160).startswith(words[:90])
+        assert print_text(build_first_screen(ranking), 160).startswith(words[:90])
         assert words.partition(".")[0] in render_plan_page(ranking, None).replace("\N{NO-BREAK SPACE}", " ")
     assert "Feasible: 4.9 km/h (--speed-kmh 4.9) or 3.7 m (--width 3.7)." in told["summary"][0]
     assert not RANKINGS["cut off"].is_recommended and RANKINGS["weak"].is_recommended
@@ -254,9 +226,9 @@ def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRankin
 @given(draw_ranking())
 def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
     for width in WIDTHS:
-        text = print_screen(build_first_screen(ranking), width)
+        text = print_text(build_first_screen(ranking), width)
         assert max(map(len, text.splitlines())) <= width
-    before, after = split_screen(print_screen(build_first_screen(ranking)))
+    before, after = split_screen(print_text(build_first_screen(ranking)))
     assert len(before) <= 5 and len(before) + 1 + len(after) <= 20
     rows = [line for line in after if re.match(r" *>?\d+[* ]", line)]
     assert len(rows) == len(choose_first_plans(ranking)), "every row is one line"
@@ -266,7 +238,7 @@ def test_the_day_of_every_report_ends_when_its_last_field_does() -> None:
     day = build_day()
     told = json.loads(format_day_json(day))
     assert told["p50_done_s"] >= max(job["p50_end_s"] for job in told["jobs"])
-    text, page = print_screen(build_day_screen(day)), render_day_page(day)
+    text, page = print_text(build_day_screen(day)), render_day_page(day)
     assert "done by 11:31 (95 % by 11:58), 322 EUR paid and 84 EUR at" in text and "<dd>11:31</dd>" in page.replace(
         "\n", ""
     )
@@ -288,7 +260,7 @@ def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() ->
     (good, _) = build_records(2)
     bad = FieldRow("farm.geojson#north", 3.0, replace(RANKINGS["cut off"], field_name="north"))
     records = [good, bad]
-    text = " ".join(print_screen(build_many_fields_screen(records)).split())
+    text = " ".join(print_text(build_many_fields_screen(records)).split())
     assert (
         text.startswith("1 plan is no recommendation. 3 m: 2 of 2 fields") and "EUR (assumed prices) paid and" in text
     )

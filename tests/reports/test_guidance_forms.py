@@ -1,7 +1,5 @@
 """Guidance in every form, read back by readers that know nothing of the writers: geometry to a centimetre."""
 
-from __future__ import annotations
-
 import io
 import math
 import os

@@ -1,7 +1,5 @@
 """Names on maps: none overprints another, and ground that is cut off is called so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

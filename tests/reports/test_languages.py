@@ -1,8 +1,5 @@
 """Languages: every text is in every catalogue with the same values; what programs read is the same in all of them."""
 
-from __future__ import annotations
-
-import io
 import os
 import re
 import string
@@ -11,7 +8,7 @@ from typing import Any
 
 import pytest
 from rich.cells import cell_len
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 
 from planner.cli.common import reader as command_line
 from planner.cli.common.reader import HELP_TITLES, choose_reader
@@ -37,6 +34,7 @@ from reports.day.tables import build_day_screen, build_day_table, format_day_csv
 from reports.plan.many_fields import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
+from tests.printing import print_text
 from tests.reports.brackets import Brackets, brackets
 from tests.reports.catalogues import (
     Text,
@@ -59,13 +57,6 @@ def list_translated(language: str) -> list[tuple[Text, Text]]:
     """Texts of a catalogue that are translated, with their translations."""
     pairs: list[Any] = [(message.id, message.string) for message in read_catalogue(language) if message.id]
     return [(key, text) for key, text in pairs if (all(text) if isinstance(text, tuple) else text)]
-
-
-def print_screen(what: RenderableType, width: int = 120) -> str:
-    """What a terminal shows."""
-    stream = io.StringIO()
-    Console(file=stream, width=width, color_system=None).print(what)
-    return stream.getvalue()
 
 
 @pytest.mark.parametrize("language", OTHERS)
@@ -177,7 +168,7 @@ def test_first_screens_have_no_text_without_a_key(
     build, arguments = SCREENS[name]
     monkeypatch.setattr(text_tables, "LINE_COLUMNS", 600)
     with use_reader(Reader("de")):
-        lines = [line for line in print_screen(build(*arguments), 600).splitlines() if line.strip()]
+        lines = [line for line in print_text(build(*arguments), 600).splitlines() if line.strip()]
     assert sum("⟦" in line for line in lines) >= 3
     sentences = [line for line in lines if line.rstrip().endswith((".", ".⟧", ":"))]
     assert [line for line in sentences if "⟦" not in line] == []
@@ -188,18 +179,18 @@ def test_screens_of_all_languages_print(brackets: Brackets) -> None:
     for build, arguments in SCREENS.values():
         for width in (40, 80, 160):
             with use_reader(Reader("de", "us")):
-                text = print_screen(build(*arguments), width)
+                text = print_text(build(*arguments), width)
             assert text.strip() and max(map(len, text.splitlines())) <= width
     with use_reader(Reader("de", "us")):
-        print_screen(build_ranking_table(next(iter(RANKINGS.values()))))
-        print_screen(build_day_table(build_day()))
+        print_text(build_ranking_table(next(iter(RANKINGS.values()))), 120)
+        print_text(build_day_table(build_day()), 120)
 
 
 def test_wide_letters_take_two_columns() -> None:
     table = FittedTable(
         (TableColumn("名前", is_text=True), TableColumn("面積")), (("北の畑", "1.20"), ("north", "3.40"))
     )
-    lines = print_screen(table, 20).splitlines()
+    lines = print_text(table, 20).splitlines()
     assert [line.rstrip() for line in lines] == ["名前   面積", "北の畑 1.20", "north  3.40"]
 
 

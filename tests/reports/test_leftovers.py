@@ -1,7 +1,5 @@
 """Nothing English is left on screens of another language: every text that has a key comes out in capitals here."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable, Iterator

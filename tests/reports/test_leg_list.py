@@ -1,13 +1,9 @@
 """Lists of legs: words, tables that fit a terminal, JSON with fixed keys."""
 
-from __future__ import annotations
-
-import io
 import json
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
 from reports.common.plan_drives import DriverLeg
 from reports.plan.leg_list import (
@@ -17,6 +13,7 @@ from reports.plan.leg_list import (
     format_leg_lists_json,
     format_leg_rows,
 )
+from tests.printing import print_text
 
 KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "swath", "headland_pass", "part", "bearing_deg",
         "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished", "over_finished_m", "fuel_l",
@@ -84,9 +81,7 @@ def test_many_that_are_waited_for_are_counted() -> None:
 
 
 def printed(width: int = 80, **options: object) -> str:
-    text = io.StringIO()
-    Console(file=text, width=width).print(build_leg_tables("Field", (STEPS, STEPS[:2]), **options))  # type: ignore[arg-type]
-    return text.getvalue()
+    return print_text(build_leg_tables("Field", (STEPS, STEPS[:2]), **options), width)  # type: ignore[arg-type]
 
 
 def test_a_table_per_tractor_fits_eighty_columns() -> None:

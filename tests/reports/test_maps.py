@@ -1,7 +1,5 @@
 """Maps as JSON: the same plans as on the page, and places that are true to the drive at their times."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

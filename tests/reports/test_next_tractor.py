@@ -1,12 +1,8 @@
 """The sentence on one more tractor, the other plans, and the ground that a plan leaves."""
 
-from __future__ import annotations
-
-import io
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, PlanResult
@@ -14,6 +10,7 @@ from reports.common.shortfalls import Shortfall
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer
+from tests.printing import print_text
 
 
 def build_plan(tractors: int, minutes: float, cost: float, worked_pct: float = 98.4) -> PlanResult:
@@ -139,6 +136,5 @@ def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_tak
 
 
 def test_where_lines_are_lacking_the_last_alternative_goes_first() -> None:
-    console = Console(width=80, file=io.StringIO(), color_system=None)
-    console.print(AnswerLines(("one", "two", "three"), ("Or 1 tractor.", "a " * 60)))
-    assert console.file.getvalue().split("\n")[:4] == ["one", "two", "three", "Or 1 tractor."]  # type: ignore[attr-defined]
+    shown = print_text(AnswerLines(("one", "two", "three"), ("Or 1 tractor.", "a " * 60)))
+    assert shown.split("\n")[:4] == ["one", "two", "three", "Or 1 tractor."]

@@ -1,7 +1,5 @@
 """Results in a notebook: short in text, small and escaped as HTML, and the same figures as their files."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The page: complete, escaped, self-contained, and true to the figures it was given."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -350,16 +348,8 @@ def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: PlanRanking) -> 
     assert len(knots) == 12 and knots[0] <= MOST_FIRST_KNOTS and sum(knots[1:]) <= MOST_OTHER_KNOTS
 
 
-def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: PlanRanking, drive: PlanDrive) -> None:
-    still = replace(
-        drive,
-        swaths=np.empty((0, 2, 2)),
-        holes=(),
-        entrance=None,
-        xy=tuple(xy[:1] for xy in drive.xy),
-        status=tuple(status[:1] for status in drive.status),
-    )
-    page = render_plan_page(ranking, still)
+def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: PlanRanking, still_drive: PlanDrive) -> None:
+    page = render_plan_page(ranking, still_drive)
     assert Outline(page).open == []
     assert [plan["end"] for plan in told(page)] == [0.0]
 

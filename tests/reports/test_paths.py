@@ -1,7 +1,5 @@
 """Cutting and simplifying paths, and drives that cannot be drawn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Every page has one style, prints, and hides nothing without a hint."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -13,6 +11,7 @@ from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.replay import build_replay_table, format_replay_json, render_replay_page
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page
+from tests.printing import print_text
 from tests.reports.test_diagnosis import NAMED, diagnosis, in_model
 from vehicle.identification.diagnosis.results import ReplayResult
 from vehicle.identification.replay.horizon_errors import HorizonError
@@ -73,13 +72,7 @@ def test_a_replay_says_how_far_it_is_off() -> None:
 
 @pytest.mark.parametrize("width", [20, 40, 60, 80, 120, 200])
 def test_a_replay_table_cuts_no_figure(width: int) -> None:
-    import io
-
-    from rich.console import Console
-
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(build_replay_table(REPLAYED))
-    text = console.file.getvalue()  # type: ignore[attr-defined]
+    text = print_text(build_replay_table(REPLAYED), width)
     assert max(map(len, text.splitlines())) <= width
     for figure in ("0.5", "0.6", "1.2", "2.5", "0.11"):
         assert re.search(rf"(?<![\d.]){figure}( |$)", text, flags=re.M)

@@ -1,8 +1,5 @@
 """Tables on consoles of several widths."""
 
-from __future__ import annotations
-
-import io
 import re
 from dataclasses import replace
 
@@ -10,25 +7,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console, RenderableType
 
 from reports.common.plan_results import PlanRanking
 from reports.common.text_tables import break_text_at_marks
 from reports.plan.field_report import build_field_table
 from reports.plan.fleet_study import FleetStudy, build_study_tables
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
-
-
-def printed(what: RenderableType, width: int = 80) -> str:
-    """The text a pipe of so many columns gets."""
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(what)
-    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+from tests.printing import print_text
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: PlanRanking, width: int) -> None:
-    text = printed(build_ranking_table(leaving), width)
+    text = print_text(build_ranking_table(leaving), width)
     flat = " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
     assert "Unworked: ground that no implement worked; ranks include the time to finish it" in flat
@@ -42,7 +32,7 @@ def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: PlanR
 
 def test_little_that_is_left_is_told_in_square_metres(leaving: PlanRanking) -> None:
     plans = tuple(replace(plan, missed_m2=40.0) if plan.rank == 1 else plan for plan in leaving.plans)
-    text = printed(build_ranking_table(replace(leaving, plans=plans)))
+    text = print_text(build_ranking_table(replace(leaving, plans=plans)))
     rows = [line for line in text.splitlines() if line.startswith(" 1")]
     assert len(rows) == 1 and " 40 m2 " in rows[0] and "0.00" not in rows[0]
 
@@ -57,10 +47,10 @@ def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: P
     )  # fmt: skip
     machines = {"tractor": "Carrier", "width_m": 4.0, "implement": None}
     told = replace(ranking, plans=plans, currency="EUR", samples=100, advice="3 tractors.", chosen=("split-field", 3))
-    text = printed(build_ranking_table(replace(told, scenario=machines)), width)
+    text = print_text(build_ranking_table(replace(told, scenario=machines)), width)
     flat = " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
-    screen = printed(build_first_screen(replace(told, scenario=machines)), width)
+    screen = print_text(build_first_screen(replace(told, scenario=machines)), width)
     if width != 80:  # there the alternatives take the line of the title
         assert screen.startswith("Iwamizawa, 1.89 ha, Carrier, implement 4 m\n")
     assert "Clearance: smallest distance between two tractors" in flat and "In time %: of the samples" in flat
@@ -73,7 +63,7 @@ def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: P
 
 
 def test_without_a_word_of_what_is_left_there_is_no_column(ranking: PlanRanking) -> None:
-    assert "Unworked" not in printed(build_ranking_table(ranking), 200)
+    assert "Unworked" not in print_text(build_ranking_table(ranking), 200)
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
@@ -87,12 +77,12 @@ def test_no_line_is_wider_than_the_console(ranking: PlanRanking, study: FleetStu
         ),
     )  # fmt: skip
     for what in (build_ranking_table(ranking), build_ranking_table(long), build_study_tables(study)):
-        assert max(len(line) for line in printed(what, width).splitlines()) <= width
-    assert printed(build_ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
+        assert max(len(line) for line in print_text(what, width).splitlines()) <= width
+    assert print_text(build_ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
 
 
 def test_eighty_columns_show_every_figure_on_one_line(ranking: PlanRanking) -> None:
-    lines = printed(build_ranking_table(ranking)).splitlines()
+    lines = print_text(build_ranking_table(ranking)).splitlines()
     third = next(line for line in lines if line.startswith(">3*"))
     assert third.split() == [">3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
                              "yes"]  # fmt: skip
@@ -113,7 +103,7 @@ FIGURES = {
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_a_column_is_whole_or_named_as_missing(ranking: PlanRanking, width: int) -> None:
-    text = printed(build_ranking_table(ranking), width)
+    text = print_text(build_ranking_table(ranking), width)
     flat = " ".join(text.split())
     named = re.search(r"No room for: (.*?); a wider window or --json shows all\.", flat)
     missing = named.group(1).split(", ") if named else []
@@ -130,20 +120,20 @@ def test_a_column_is_whole_or_named_as_missing(ranking: PlanRanking, width: int)
 
 
 def test_too_narrow_for_a_table_is_a_list(ranking: PlanRanking) -> None:
-    lines = printed(build_ranking_table(ranking), 20).splitlines()
+    lines = print_text(build_ranking_table(ranking), 20).splitlines()
     assert max(map(len, lines)) <= 20
     assert "  Time: 0:20:53" in lines and "  Clearance m: 2.35" in lines and lines.count("  Worked %: 98.7") == 6
 
 
 @pytest.mark.parametrize("width", range(30, 130))
 def test_cost_and_its_value_stay_on_one_line(ranking: PlanRanking, width: int) -> None:
-    text = printed(build_ranking_table(ranking), width)
+    text = print_text(build_ranking_table(ranking), width)
     for said in ("cost 5.65", "cost 6.89", "cost 4.92", "in 0:28:32", "(at 08:29)"):
         assert said in text
 
 
 def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
-    text = " ".join(printed(build_ranking_table(ranking)).split())
+    text = " ".join(print_text(build_ranking_table(ranking)).split())
     order = ["Best plan: 3 tractors", "can be met with 3 or 5", "Fastest:", "Cheapest:",
              "(Pareto front)", "Refused: 4 plans", "2 x Turning radius", "7 and 9", "1 x Tractors 2"]  # fmt: skip
     places = [text.index(part) for part in order]
@@ -153,21 +143,21 @@ def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
 def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: PlanRanking) -> None:
     plans = tuple(replace(p, remarks=("it waits",) if p.rank == 6 else ()) for p in ranking.plans)
     noted = replace(ranking, plans=plans)
-    assert "split-field with 1: it waits." in printed(build_ranking_table(noted))
-    assert "it waits" not in printed(build_ranking_table(noted, 2))
+    assert "split-field with 1: it waits." in print_text(build_ranking_table(noted))
+    assert "it waits" not in print_text(build_ranking_table(noted, 2))
 
 
 def test_only_the_best_are_shown_when_asked(ranking: PlanRanking) -> None:
     def ranks(most: int | None) -> list[str]:
-        return re.findall(r"^[ >]*(\d+)[* ] ", printed(build_ranking_table(ranking, most)), flags=re.M)
+        return re.findall(r"^[ >]*(\d+)[* ] ", print_text(build_ranking_table(ranking, most)), flags=re.M)
 
     assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
     assert ranks(0) == ["1", "3", "4", "5"]
     assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
-    one, two = (" ".join(printed(build_ranking_table(ranking, most)).split()) for most in (2, 0))
+    one, two = (" ".join(print_text(build_ranking_table(ranking, most)).split()) for most in (2, 0))
     assert "1 slower plan is not shown; --all shows every plan." in one
     assert "2 slower plans are not shown; --all shows every plan." in two
-    assert "not shown" not in printed(build_ranking_table(ranking, None))
+    assert "not shown" not in print_text(build_ranking_table(ranking, None))
 
 
 def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: PlanRanking) -> None:
@@ -177,7 +167,7 @@ def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: PlanRanking
     plans += [replace(slow, rank=28, on_pareto_front=False)]
     crowded = replace(ranking, plans=tuple(plans))
     assert crowded.best is plans[26]
-    text = printed(build_ranking_table(crowded))
+    text = print_text(build_ranking_table(crowded))
     assert re.findall(r"^[ >]*(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
     assert "6 slower plans are not shown; --all shows every plan." in " ".join(text.split())
 
@@ -189,7 +179,8 @@ def test_names_of_strategies_and_turns_are_whole_with_draws_too(ranking: PlanRan
                 paid_cost=1234.5, expected_cost=2345.6, p50_s=9000.0, p95_s=9900.0, missed_m2=40.0)
         for place, (plan, name) in enumerate(zip(ranking.plans, ("row-by-row-optimised", "split-field"), strict=False))
     )  # fmt: skip
-    text = printed(build_ranking_table(replace(ranking, plans=plans, currency="EUR", chosen=("split-field", 2))), width)
+    told = replace(ranking, plans=plans, currency="EUR", chosen=("split-field", 2))
+    text = print_text(build_ranking_table(told), width)
     assert text.count("row-by-row-optimised ") >= 2 and text.count("split-field ") >= 2
     assert "switch-back+" in text and "switch-\n" not in text
     assert max(map(len, text.splitlines())) <= width
@@ -202,7 +193,7 @@ def test_plans_with_long_names_have_one_line_each(ranking: PlanRanking, width: i
                 turning_s=4567.0, waiting_s=4567.0)
         for plan in ranking.plans[:6]
     )  # fmt: skip
-    text = printed(build_ranking_table(replace(ranking, plans=plans)), width)
+    text = print_text(build_ranking_table(replace(ranking, plans=plans)), width)
     rows = [line for line in text.splitlines() if re.match(r"[ >]*[1-6][* ] ", line)]
     assert len(rows) == 6 and all("row-by-row-optimised" in row and "2:44:36" in row for row in rows), "one line each"
     assert all("omega+switch-back" in row for row in rows) or "No room for: Turn" in text
@@ -224,30 +215,30 @@ def test_breaks_come_at_spaces_first_then_plus_then_hyphen() -> None:
 
 def test_deadline_column_only_with_a_deadline(ranking: PlanRanking) -> None:
     free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), deadline=None)
-    assert "In time" in printed(build_ranking_table(ranking), 140)
-    assert "In time" not in printed(build_ranking_table(free), 140)
+    assert "In time" in print_text(build_ranking_table(ranking), 140)
+    assert "In time" not in print_text(build_ranking_table(free), 140)
 
 
 def test_plain_text_in_a_pipe(ranking: PlanRanking, study: FleetStudy) -> None:
     for what in (build_ranking_table(ranking), build_study_tables(study), build_field_table({"name": "a"})):
-        text = printed(what)
+        text = print_text(what)
         assert text.isascii()
         assert "\x1b" not in text
 
 
 def test_markup_in_names_is_text(ranking: PlanRanking) -> None:
-    assert "[red]x[/red]" in printed(build_first_screen(replace(ranking, field_name="[red]x[/red]")))
-    assert "[bold]" in printed(build_field_table({"[bold]": 1}))
+    assert "[red]x[/red]" in print_text(build_first_screen(replace(ranking, field_name="[red]x[/red]")))
+    assert "[bold]" in print_text(build_field_table({"[bold]": 1}))
 
 
 def test_nothing_works(ranking: PlanRanking) -> None:
-    text = printed(build_ranking_table(replace(ranking, plans=ranking.plans[6:])))
+    text = print_text(build_ranking_table(replace(ranking, plans=ranking.plans[6:])))
     assert "No plan works: all 4 were refused" in text
     assert "(Pareto front)" not in text
 
 
 def test_study_rows_and_verdicts(study: FleetStudy) -> None:
-    lines = printed(build_study_tables(study)).splitlines()
+    lines = print_text(build_study_tables(study)).splitlines()
     assert next(line for line in lines if line.startswith("one tractor")).split()[2:] == ["1", "74:35", "76:53", "+3.1"]
     assert next(line for line in lines if line.startswith("formation")).split()[1:] == ["3", "25:30", "24:59", "-2.0"]
     text = " ".join(" ".join(lines).split())
@@ -259,7 +250,7 @@ def test_study_rows_and_verdicts(study: FleetStudy) -> None:
 def test_field_values_read_well() -> None:
     info = {"Name": "Iwamizawa", "Area": 1.234567891, "Holes": 0, "Entrance": None, "Corner": np.array([1.5, 2.0]),
             "Sides": {"north": 270.0, "open": True}, "Empty": []}  # fmt: skip
-    rows = [line.strip().split(maxsplit=1) for line in printed(build_field_table(info)).splitlines()]
+    rows = [line.strip().split(maxsplit=1) for line in print_text(build_field_table(info)).splitlines()]
     assert dict(rows[:5]) == {"Name": "Iwamizawa", "Area": "1.23457", "Holes": "0", "Entrance": "-", "Corner": "1.5, 2"}
     assert " ".join(rows[5] + rows[6]).split() == ["Sides", "North:", "270", "Open:", "yes"]
     assert rows[7] == ["Empty", "-"]
@@ -272,14 +263,14 @@ def test_field_and_study_figures_are_whole(study: FleetStudy, width: int) -> Non
         (build_field_table(info), ("1.89234", "123456", "-98765.4", "12345.6")),
         (build_study_tables(study), ("74:35", "76:53", "+3.1", "25:30", "24:59", "-2.0", "20:53", "20:40", "-1.0")),
     ):
-        text = printed(what, width)
+        text = print_text(what, width)
         assert max(len(line) for line in text.splitlines()) <= width
         for figure in figures:
             assert re.search(rf"(?<![\d.:+-]){re.escape(figure)}(?![\d.:])", text), figure
 
 
 def test_field_labels_carry_their_units() -> None:
-    lines = printed(
+    lines = print_text(
         build_field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}})
     )
     assert [" ".join(line.split()) for line in lines.splitlines()] == [
@@ -291,6 +282,6 @@ def test_field_labels_carry_their_units() -> None:
 
 
 def test_the_best_plan_is_marked_in_plain_text(ranking: PlanRanking) -> None:
-    text = printed(build_ranking_table(ranking))
+    text = print_text(build_ranking_table(ranking))
     assert [line.split()[0] for line in text.splitlines() if line.startswith(">")] == [">3*"]
     assert "> best plan." in " ".join(text.split())

@@ -1,7 +1,5 @@
 """Thinned paths: near the path at every moment, and never more knots than asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,14 +1,10 @@
 """Units of the United States beside metric ones: conversions by hand, and what a screen shows."""
 
-from __future__ import annotations
-
-import io
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console, RenderableType
 
 from reports.common import wording as units
 from reports.common.language import US, Reader, use_reader
@@ -16,15 +12,10 @@ from reports.plan.answer import write_answer
 from reports.plan.many_fields import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_table import build_first_screen
+from tests.printing import print_text
 from tests.reports.screen_cases import RANKINGS, build_records
 
 AMERICAN = Reader(units=US)
-
-
-def print_screen(what: RenderableType) -> str:
-    stream = io.StringIO()
-    Console(file=stream, width=100, color_system=None).print(what)
-    return stream.getvalue()
 
 
 def test_metric_figures() -> None:
@@ -59,10 +50,10 @@ def test_conversions_are_proportional(value: float) -> None:
 
 def test_first_screens_are_in_units_of_the_reader() -> None:
     ranking = RANKINGS["rain"] if "rain" in RANKINGS else next(iter(RANKINGS.values()))
-    metric = print_screen(build_first_screen(ranking))
+    metric = print_text(build_first_screen(ranking), 100)
     with use_reader(AMERICAN):
-        text = print_screen(build_first_screen(ranking))
-        many = print_screen(build_many_fields_screen(build_records()))
+        text = print_text(build_first_screen(ranking), 100)
+        many = print_text(build_many_fields_screen(build_records()), 100)
     assert f"{ranking.area_ha / 0.40468564224:.2f} ac" in text and " ha" not in text and " m," not in text
     assert f"{ranking.area_ha:.2f} ha" in metric and " ft" not in metric
     assert "/ac)" in many and "/ha" not in many

@@ -1,7 +1,5 @@
 """Durations, headlines and groups of refusals in words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What axe-core finds wrong with a page for people who use a keyboard, a screen reader or a magnifier."""
 
-from __future__ import annotations
-
 from importlib import resources
 from typing import Any
 

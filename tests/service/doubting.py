@@ -1,7 +1,5 @@
 """A fleet of one simulated robot that hides an effect from its twin, driven by a clock of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import time

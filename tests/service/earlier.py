@@ -1,7 +1,5 @@
 """Databases as earlier versions made them, written in plain SQL: what they held, and what it means today."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import zlib

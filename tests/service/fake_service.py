@@ -1,7 +1,5 @@
 """A service that speaks the interface with made-up data, for the pages alone: REST, link, files, jobs."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from contextlib import suppress

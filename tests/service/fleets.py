@@ -1,7 +1,5 @@
 """A small fleet to watch: straight legs of 20 m side by side, and tractors that drive them at a steady speed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

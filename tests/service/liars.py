@@ -5,8 +5,6 @@ A lie is a function that changes a frame; `FIELDS` has one for each field of a s
 most that does not stop.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -53,11 +51,6 @@ def say(name: str, value: object) -> Lie:
 
 def turn_heading(frame: Frame, first: Frame) -> None:
     frame["heading_deg"] = (frame["heading_deg"] + 90.0) % 360.0
-
-
-def run_ahead(frame: Frame, first: Frame) -> None:
-    """Its progress runs twice as fast as it drives."""
-    frame["leg_m"] += frame["leg_m"] - first["leg_m"]
 
 
 def leap_in_time(frame: Frame, first: Frame) -> None:

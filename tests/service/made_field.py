@@ -1,7 +1,5 @@
 """A field of 120 m x 60 m and three tractors on it, made by hand: legs, paths in time, maps, recordings."""
 
-from __future__ import annotations
-
 import io
 import math
 import zipfile

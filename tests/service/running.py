@@ -1,7 +1,5 @@
 """A real service as a process of its own, asked over HTTP by a plain client."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import os

@@ -1,7 +1,5 @@
 """Every page by axe-core, without sideways scrolling, at three widths, dark and light, and printed."""
 
-from __future__ import annotations
-
 import io
 import unicodedata
 

@@ -1,7 +1,5 @@
 """Robots that lie in ways that no single field holds: one that creeps, one that leaves, one that says it is done."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Backgrounds of maps: the grid against PROJ, addresses, files, what is kept, and hostile servers and templates."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import os
@@ -42,7 +40,6 @@ from tests.service.tiles import Answer, answer_png, paint_tile, serve_tiles, wri
 
 TILE = Tile(16, 33601, 21613)
 TEMPLATE = "https://tiles.example/{z}/{x}/{y}.png"
-NEAR_NETHERLANDS = (4.5796, 52.1176)
 
 
 def make_settings(folder: Path, background: str | Path, **more: object) -> ServiceSettings:

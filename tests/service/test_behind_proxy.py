@@ -1,7 +1,5 @@
 """The service behind real proxies with TLS, and in a real browser: nothing is readable, and the page links."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

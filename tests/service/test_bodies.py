@@ -1,7 +1,5 @@
 """Bodies of requests: one budget for all, files for large ones, and clients that go away."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

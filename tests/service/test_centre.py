@@ -1,7 +1,5 @@
 """The control centre with simulated tractors, by a clock that the tests turn."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

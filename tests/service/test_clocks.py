@@ -1,7 +1,5 @@
 """Clocks of tractors that are wrong, and links that are slow: what tells one from the other."""
 
-from __future__ import annotations
-
 import json
 import time
 from datetime import UTC, datetime

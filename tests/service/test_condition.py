@@ -1,7 +1,5 @@
 """A service knows how it is: writes are tried, a file that was moved is missed, and revocations wait for nothing."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Connections that never finish are closed, and never keep a new one from its place."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -1,7 +1,5 @@
 """The control centre in a browser: old data, a lost link, alarms in order, video, steering on a small screen."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

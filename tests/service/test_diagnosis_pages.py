@@ -1,7 +1,5 @@
 """The diagnosis in a browser: paths that are played, bars that are as high as the errors, and the sample log."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """From a twin's doubt to the finding and into the tractor file, without anybody having asked for the diagnosis."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Fleets that come in and go out by one entrance: machines that wait there are in the way of others."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

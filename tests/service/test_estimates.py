@@ -1,7 +1,5 @@
 """Estimates of plans: what they say, who may ask, how much, and in which process."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from pathlib import Path

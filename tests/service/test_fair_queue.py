@@ -1,7 +1,5 @@
 """Who has much read, or something slow, waits himself; everybody else hardly does."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

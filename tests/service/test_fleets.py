@@ -1,7 +1,5 @@
 """Fleets over HTTP, and what is left of them after a restart."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

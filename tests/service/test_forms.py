@@ -1,7 +1,5 @@
 """Days and farms as forms: text and values are two views of one thing, and each fault has its place."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from typing import Any

@@ -1,7 +1,5 @@
 """The gate of a real service: who is let in, how much is read, and stops that wait for nothing."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """A fleet goes on from where it is: what its new plan keeps and does, and all of it with a real service and robots."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The guide: what it names is there, and the files beside it do what it says."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What comes late: orders, beats, states and acceptances that were held up on their way, and clocks that are set."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

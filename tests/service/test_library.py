@@ -1,7 +1,5 @@
 """Files, plans and days are renamed, replaced, copied, searched and deleted, by those who may."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Robots that lie, written for the test: what is noticed of them, how soon, and who keeps away; and honest ones."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The link from the outside: a service in this process, clients over WebSocket."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The answer on the page of a plan, which follows its controls; the address that holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

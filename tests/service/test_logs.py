@@ -1,7 +1,5 @@
 """Log lines: one line each with time, level and request, and the same one only so often."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import logging

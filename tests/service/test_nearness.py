@@ -1,7 +1,5 @@
 """Tractors that are too near stand until they are clear: nobody goes on and is stopped again and again."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace

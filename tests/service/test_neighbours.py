@@ -1,7 +1,5 @@
 """Fleets that drive near each other: who knows whom, what distance they keep, who goes first, and stops for all."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The pages in a real browser, with a made-up service behind them: every page, both widths, dark and light, by keys."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pages with a catalogue that puts every text into ⟦brackets⟧: what stands outside of them is data, or no key."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The library and the forms of days and farms in a browser, with the service itself behind them."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The pages of fleets and tractors that drive, in a real browser: watching, ordering, driving by hand."""
 
-from __future__ import annotations
-
 import pytest
 from playwright.sync_api import Page
 

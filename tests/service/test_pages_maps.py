@@ -1,7 +1,5 @@
 """Maps of the pages in a real browser: backgrounds, drawing and changing fields, places set by a click, legends."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator

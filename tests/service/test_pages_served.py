@@ -1,7 +1,5 @@
 """How the page is served: headers, no script or style within, and every part of it in the package."""
 
-from __future__ import annotations
-
 import fnmatch
 import json
 import re

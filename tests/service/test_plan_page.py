@@ -1,7 +1,5 @@
 """The form of a plan, its progress and its table: the tractor is named, no second is silent, every tab may plan."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The tracks of one that has failed given to others whose tanks run empty."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A plan driven live by simulated tractors, and the tracks of one that has failed given to the others."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """What a service that was killed knows when it is started again: orders, plans made anew, mended twins."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

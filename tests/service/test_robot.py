@@ -1,7 +1,5 @@
 """A simulated robot: what it does with what it hears, and when it hears nothing."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

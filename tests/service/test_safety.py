@@ -1,7 +1,5 @@
 """What must make a tractor stand, and keep it standing, by a clock that the tests turn."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,7 +1,5 @@
 """Readings are closed in: what a taken-over reader would try next does not work, and what reading needs does."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Tractors that drive again, obstacles that were passed or cannot be kept, and who stands where no plan has it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

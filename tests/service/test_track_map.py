@@ -1,7 +1,5 @@
 """The tracks of an estimate on the page of a plan: left out, worked first, given to a tractor by pointer and keys."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

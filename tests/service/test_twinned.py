@@ -1,7 +1,5 @@
 """What twins add to the centre: places for the forecast, paths for the watch; and the chance to keep the deadline."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

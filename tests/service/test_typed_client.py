@@ -1,7 +1,5 @@
 """A client generated from the OpenAPI of the service: fields, a plan, its progress and its results."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A tractor that tells of an obstacle which nobody can read stands, and nobody else does."""
 
-from __future__ import annotations
-
 import json
 import math
 import random
@@ -37,7 +35,6 @@ BAD_FRAMES = {
     "endless": json.dumps({"kind": "obstacle", "polygon_m": SQUARE * 2000}),
 }
 AWAY = ((50.0, 50.0), (51.0, 50.0), (51.0, 51.0))
-GOOD = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "stone"})
 
 
 def started() -> tuple[FleetSession, FleetClient, FleetClient, FleetClient]:

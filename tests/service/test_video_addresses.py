@@ -1,7 +1,5 @@
 """Addresses of video: what is one, who may set it, what the page may then load, and that it is kept."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A tile server, MBTiles files and GeoTIFFs for tests: pictures whose colours tell which tile they are."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import sqlite3

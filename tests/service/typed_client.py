@@ -1,7 +1,5 @@
 """A typed client of the service, generated from its OpenAPI: models of pydantic, and a method per operation."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import re

@@ -1,10 +1,7 @@
 """A page in a browser, and an app for it to speak with."""
 
-from __future__ import annotations
-
 import contextlib
 import os
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,8 +12,8 @@ import uvicorn
 from fastapi import FastAPI
 from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Request, ViewportSize
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
+from tests.browsers import BROWSER
+
 needs_browser = pytest.mark.skipif(
     BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
 )

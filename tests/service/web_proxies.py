@@ -1,7 +1,5 @@
 """nginx and Caddy in front of a port, with the configurations of the guide as they are but for names and ports."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import os

@@ -6,8 +6,6 @@ tracks), B_STAR the order of Bochtis, Sorensen and Green (Decision Support Syste
 10.1016/j.dss.2011.12.005) for 24 tracks in three loads.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Batteries as a supply: how much is charged at each stop, how long that takes, and how many stops there are."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

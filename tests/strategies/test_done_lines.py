@@ -1,7 +1,5 @@
 """Work lines of a field that is worked in part: which leave, which are cut, and where standing tractors begin."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A tractor that stands on the field with less than a load is served before the line it begins with, if need be."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

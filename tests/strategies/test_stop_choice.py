@@ -1,7 +1,5 @@
 """Stops on a fixed tour: the dynamic programme against all choices of stops."""
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 

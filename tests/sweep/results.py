@@ -1,7 +1,5 @@
 """Sweeps made by hand, for tests of what is said of them."""
 
-from __future__ import annotations
-
 from itertools import product
 
 from reports.common.plan_results import PlanResult

@@ -1,7 +1,5 @@
 """What a sweep varies: lists, ranges, tractors, choices and clock times."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """`headland sweep` as a user runs it: what it prints and writes, bad input, Ctrl-C and going on."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,29 +1,24 @@
 """The page of a sweep in a browser: a point shows its command, by pointer and keyboard, on every width."""
 
-from __future__ import annotations
-
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 
 from reports.sweep.page import render_sweep_page
+from tests.browsers import BROWSER, open_browser
 from tests.service.accessibility import find_violations
 from tests.sweep.results import build_result
 
-BROWSER = shutil.which("chromium")
 pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")
 def tab() -> Iterator[Page]:
     """A page of a browser without a window."""
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+    with open_browser() as browser:
         yield browser.new_page()
-        browser.close()
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -1,16 +1,12 @@
 """What a sweep says of its plans: the front against brute force, influences against closed forms, tables and pages."""
 
-from __future__ import annotations
-
 import json
-from io import StringIO
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from rich.console import Console
 
 import reports.sweep.page  # noqa: F401
 from planner.cli.sweep import pick_plan
@@ -21,15 +17,10 @@ from reports.sweep.page import render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influence
 from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
 from reports.sweep.wording import build_command
+from tests.printing import print_text
 from tests.sweep.results import build_result
 
 AIMS = arrays(np.float64, st.tuples(st.integers(0, 30), st.integers(1, 4)), elements=st.integers(0, 4).map(float))
-
-
-def render_text(renderable: object, width: int = 100) -> str:
-    console = Console(width=width, record=True, file=StringIO())
-    console.print(renderable)
-    return console.export_text()
 
 
 @given(AIMS)
@@ -64,7 +55,7 @@ def test_what_only_combinations_explain_is_nobodys() -> None:
 
 
 def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> None:
-    text = " ".join(render_text(build_sweep_screen(build_result())).split())
+    text = " ".join(print_text(build_sweep_screen(build_result()), 100).split())
     assert "my field, 3.92 ha: 12 combinations" in text
     assert "6 m, 1 tractor, price per hour 40: 1 h 40 min, 72 EUR; estimated." in text
     assert "Of the difference in time: tractors 63 %, working width 56 %." in text and "in cost: working width" in text
@@ -101,7 +92,7 @@ def test_json_and_csv_have_all_plans() -> None:
 
 
 def test_an_unfinished_sweep_says_so() -> None:
-    assert "my field, 3.92 ha: 5 of 12 combinations" in render_text(build_sweep_screen(build_result(done=5)))
+    assert "my field, 3.92 ha: 5 of 12 combinations" in print_text(build_sweep_screen(build_result(done=5)), 100)
 
 
 def test_without_a_plan_nothing_is_drawn_and_the_page_says_why() -> None:

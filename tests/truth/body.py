@@ -6,8 +6,6 @@ dy/dt = sliding - |rolling| y / sigma, and its force is -mu N tanh(C y / (sigma 
 usual relaxation length sigma, saturates at mu N, and stays regular down to a standstill.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

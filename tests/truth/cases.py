@@ -21,8 +21,6 @@ Details of a fault: `side` (1 right, -1 left) of steering_stuck; `mode` (0 degra
 (standard deviation, or jump) of position_lost. Seconds count from the first row of the run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 

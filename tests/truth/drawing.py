@@ -1,7 +1,5 @@
 """How references draw their cases: kinds, sizes, signs, places and times by the seed, from a menu of the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar

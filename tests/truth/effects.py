@@ -37,8 +37,6 @@ Outside the catalogue (`OUTSIDE`):
 | wind_drift | speed_mps, bearing_deg | sideways push over the ground towards the bearing while the tractor moves |
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -18,8 +18,6 @@ tables of effects and laws, the forms of cases and the recorder. Imports nothing
 | soft_springs | ratio | the tractor leans so many times as far |
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

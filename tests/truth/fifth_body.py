@@ -10,8 +10,6 @@ angles in degrees to the right, else SI.
 Tyres: Rill, TMeasy, "Road Vehicle Dynamics" (2011): initial slope, peak, and a fall to sliding, for combined slip.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba

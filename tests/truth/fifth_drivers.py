@@ -5,8 +5,6 @@ weaving (s), speed (m/s, negative in reverse), implement, shuttle. An arc begins
 begins. Drivers: pure pursuit, Stanley, and a person who looks now and then and turns the wheel by whole degrees.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -22,7 +20,6 @@ HOLD, PURSUE, STANLEY, PERSON, WEAVE = 0.0, 1.0, 2.0, 3.0, 4.0
 EAST, NORTH, HEADING, SPEED, ROLL, MAST_M = 0, 1, 2, 5, 9, 2.7
 PROGRAMMES = ("field", "yard", "both", "right_only", "one_speed")
 SLOW, ROAD, FAST = 0.85, 1.4, 2.2
-Part = tuple[float, float, float, float, float, float, float]
 
 
 @numba.njit(cache=True)

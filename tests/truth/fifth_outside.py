@@ -18,8 +18,6 @@ course over ground holds by and by.
 | course_heading | here | the heading is the course of the antenna |
 """
 
-from __future__ import annotations
-
 import math
 
 import numba

@@ -5,8 +5,6 @@ shares with the other references are the measured radii of one tractor, the tabl
 recorder. Machines: the tractor `eg105`, an articulated one of its size, and a lawn tractor (`lawn`).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -9,8 +9,6 @@ is semi-implicit (rates first, then places). Headings clockwise from north in ra
 right, the rest in SI.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

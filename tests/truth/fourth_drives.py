@@ -1,7 +1,5 @@
 """Programmes of the fourth reference: besides the known one, drives whose angles, speeds and lengths are drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.truth.drives import Array, Drive, constant, drive, stairs, three_speeds_programme

@@ -1,8 +1,7 @@
 """The measured radii, frozen fields of ground, and places on a body: formulas that references share."""
 
-from __future__ import annotations
-
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numba
@@ -73,6 +72,38 @@ def find_point(
     """East and north of a point ahead of another one and to its right, of a body of this heading (rad)."""
     sin, cos = np.sin(heading), np.cos(heading)
     return east + forward_m * sin + right_m * cos, north + forward_m * cos - right_m * sin
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A drive as it was, a row per step: states, the command in force (deg) and the speed over the ground (m/s).
+
+    The first states are east, north (m) and heading (rad) of a point `ahead_m` of the rear axle; the drive begins at
+    `day_s` of the day.
+    """
+
+    time_s: Array
+    states: Array
+    held_deg: Array
+    speed_mps: Array
+    ahead_m: float = 0.0
+    day_s: float = 0.0
+
+    def column(self, index: int) -> Array:
+        """One state over time."""
+        return self.states[:, index]
+
+    def find_point(self, forward_m: Array | float, right_m: Array | float) -> tuple[Array, Array]:
+        """East and north of a point ahead of the rear axle and to its right."""
+        return find_point(*self.states[:, :3].T, forward_m - self.ahead_m, right_m)
+
+    def find_start(self, place: Array, bearing: float, forward_m: float = 0.0) -> tuple[float, float, float]:
+        """Where a drive like this one, which began at the origin, has to begin for its middle to be at a place (2,).
+
+        The middle is that of a point ahead of the rear axle.
+        """
+        middle = [0.5 * float(np.min(axis) + np.max(axis)) for axis in self.find_point(forward_m, 0.0)]
+        return float(place[0]) - middle[0], float(place[1]) - middle[1], bearing
 
 
 def measure_curvature(rows: Array, ahead_m: float) -> float:

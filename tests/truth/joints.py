@@ -11,8 +11,6 @@ Angles follow their commands late, at a limited rate, with a lag of first order.
 tests.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

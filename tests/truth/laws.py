@@ -1,7 +1,5 @@
 """Laws of parameters as rows of numbers that compiled steps evaluate, and the parameters that machines share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

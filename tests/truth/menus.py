@@ -3,8 +3,6 @@
 The causes are described where they act: tests.truth.third_outside, fourth, fifth, fifth_outside and sixth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from tests.truth.cases import ColumnClock, TruthCase

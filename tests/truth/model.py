@@ -5,8 +5,6 @@ valve, saturating tyres on springs, a controller with a jittering clock, uneven 
 What they share is the nominal tractor: the measured radii of the EG105 on soil and its steering times.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,9 +17,9 @@ import pandas as pd
 from tests.truth import body
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import Effects, complete
-from tests.truth.ground import find_point
+from tests.truth.ground import Track
 from tests.truth.laws import name_parameters
-from tests.truth.recorder import ANTENNA_FORWARD_M, build_log, find_antenna, read_switches
+from tests.truth.recorder import build_log, find_antenna, read_switches
 from tests.truth.sensors import Instruments, disturbed, log_times
 from tests.truth.signals import draw_coloured, pick_held, round_to
 
@@ -30,26 +28,6 @@ CONTROLLER_S, CONTROLLER_JITTER_S = 0.02, 0.006
 LINE_CONTROLLER_S = 0.1
 SOIL_MEMORY_S = 0.5
 FIELD_SPREAD_M = 10.0
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A drive as it was, one row per integration step: SI, steering in degrees, heading clockwise from north."""
-
-    time_s: Array
-    states: Array
-    held_deg: Array
-    wheel_deg: Array
-    speed_mps: Array
-
-    def column(self, index: int) -> Array:
-        """One state over time (indices of tests.truth.body)."""
-        return self.states[:, index]
-
-    def antenna(self, forward_m: float = ANTENNA_FORWARD_M, right_m: float = 0.0) -> tuple[Array, Array]:
-        """East and north of a point ahead of the rear axle and to the right of the centre line."""
-        east, north, heading = (self.column(place) for place in (body.EAST, body.NORTH, body.HEADING))
-        return find_point(east, north, heading, forward_m - body.REAR, right_m)
 
 
 @dataclass(frozen=True)
@@ -77,7 +55,7 @@ class Truth:
     drop: tuple[str, ...] = ()
     step_s: float = 0.004
 
-    def trace(self, drive: Drive, index: int = 0) -> Trace:
+    def trace(self, drive: Drive, index: int = 0) -> Track:
         """The drive without instruments. `index` numbers the runs of a programme: each has its own draws."""
         drive = drive.mirrored() if self.mirrored else drive
         rng = np.random.default_rng([self.seed, index, 1])
@@ -85,9 +63,7 @@ class Truth:
         place = rng.uniform(-FIELD_SPREAD_M, FIELD_SPREAD_M, 2)
         quiet = replace(self, effects={}, soil_deg_per_s=0.0, step_s=0.02)
         plain = quiet._integrate(drive, (0.0, 0.0, math.radians(bearing)), np.random.default_rng(0), 0.0)
-        middle = [0.5 * (np.min(axis) + np.max(axis)) for axis in plain.antenna()]
-        start = (float(place[0] - middle[0]), float(place[1] - middle[1]), math.radians(bearing))
-        return self._integrate(drive, start, rng, 90.0 * index)
+        return self._integrate(drive, plain.find_start(place, math.radians(bearing), body.REAR), rng, 90.0 * index)
 
     def log(self, drive: Drive, index: int = 0) -> pd.DataFrame:
         """The drive as its log: the columns of the contract, the name of the drive in `attrs`."""
@@ -105,7 +81,7 @@ class Truth:
 
     def _integrate(
         self, drive: Drive, start: tuple[float, float, float], rng: np.random.Generator, clock_s: float
-    ) -> Trace:
+    ) -> Track:
         values = complete(self.effects)
         dt = self.step_s
         time = np.arange(0.0, drive.duration_s + 0.5 * dt, dt)
@@ -126,7 +102,7 @@ class Truth:
         # The wheels are set before the run starts; the tractor then drives off from a standstill.
         state[body.ACTUATOR] = first
         signal = drive.steering(time)
-        states, held, wheels = body.integrate(
+        states, held, _ = body.integrate(
             state, dt, signal, drive.speed(time) * drive.shuttle(time), signal, drive.implement(time),
             np.interp(time, grid, pushes), np.interp(time, grid, seen), ticks,
             round(values["steering_dead_time"]["time_s"] / dt),
@@ -139,16 +115,16 @@ class Truth:
         if self.ground is not None:
             ahead = np.array([body.falls(*row[: body.HEADING + 1], self.ground)[1] for row in states])
             speed = speed * (1.0 + self.ground.climb * ahead * np.sign(speed))
-        return Trace(time, states, held, wheels, speed)
+        return Track(time, states, held, speed, body.REAR)
 
     def _loop(self, drive: Drive, start: tuple[float, float, float], values: dict[str, dict[str, float]]) -> body.Loop:
         late = round(values["gnss_latency"]["time_s"] / self.step_s)
         return body.Loop(drive.closed_loop, *start, late, *find_antenna(values))
 
-    def _measured(self, trace: Trace, times: Array, rng: np.random.Generator) -> dict[str, Array]:
+    def _measured(self, trace: Track, times: Array, rng: np.random.Generator) -> dict[str, Array]:
         values, tool = complete(self.effects), self.instruments
         late = times - values["gnss_latency"]["time_s"]
-        east, north = trace.antenna(*find_antenna(values))
+        east, north = trace.find_point(*find_antenna(values))
         drift, columns = (tool.position_drift_m, tool.position_digit_m, tool.drift_s, rng), {}
         for name, axis, zero in (("easting_m", east, self.origin[0]), ("northing_m", north, self.origin[1])):
             columns[name] = disturbed(np.interp(late, trace.time_s, axis) + zero, times, tool.position_m, *drift)
@@ -167,13 +143,13 @@ class Truth:
         columns["steering_deg"] = round_to(angle, tool.steering_digit_deg)
         return columns
 
-    def _terrain(self, trace: Trace, times: Array) -> dict[str, Array]:
+    def _terrain(self, trace: Track, times: Array) -> dict[str, Array]:
         grade, bearing = self.terrain or (0.0, 0.0)
         turn = math.radians(bearing) - np.interp(times, trace.time_s, trace.column(body.HEADING))
         roll, pitch = np.arctan(grade * np.sin(turn)), -np.arctan(grade * np.cos(turn))
         return {"roll_deg": np.round(np.degrees(roll), 2), "pitch_deg": np.round(np.degrees(pitch), 2)}
 
-    def _tilt(self, trace: Trace, times: Array, ground: body.Ground) -> dict[str, Array]:
+    def _tilt(self, trace: Track, times: Array, ground: body.Ground) -> dict[str, Array]:
         """Roll and pitch as a sensor has them; its draws are its own, so that no other column depends on it."""
         rng, tool = np.random.default_rng([self.seed, len(times), 3]), self.instruments
         states = [np.interp(times, trace.time_s, trace.column(k)) for k in (body.EAST, body.NORTH, body.HEADING)]
@@ -222,14 +198,3 @@ def make_logs(
     """
     truth = Truth(effects, seed, **conditions)  # type: ignore[arg-type]
     return [truth.log(drive, index) for index, drive in enumerate(programme or default_programme())]
-
-
-def mirror_frame(frame: pd.DataFrame) -> pd.DataFrame:
-    """The log of the mirror image: east and west exchanged, and with them the signs of heading, steering and roll."""
-    flipped = frame.copy()
-    for name in ("easting_m", "steering_command_deg", "steering_deg", "roll_deg"):
-        if name in flipped:
-            flipped[name] = -flipped[name]
-    if "heading_deg" in flipped:
-        flipped["heading_deg"] = np.mod(-flipped["heading_deg"], 360.0)
-    return flipped

@@ -5,8 +5,6 @@ Columns have a clock each (tests.truth.cases.ColumnClock). A row shows the last 
 message keeps its noise in all rows that show it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

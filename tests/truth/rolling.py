@@ -6,8 +6,6 @@ fast it changes. Ground: a curvature of its own for each metre driven, not for e
 degrees to the right, headings in radians clockwise from north, everything else in SI.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 python -m tests.truth.sample_log vehicle/data/sample_log.csv
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

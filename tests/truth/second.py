@@ -6,8 +6,6 @@ drift with half a minute of memory, headings from two antennas with an error tha
 an average over the last 0.1 s, a clock that jitters. Two tractors of the thesis are at hand, by their measured radii.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +17,7 @@ import pandas as pd
 from tests.truth import rolling
 from tests.truth.drives import Drive
 from tests.truth.effects import OUTSIDE, Effects, complete
-from tests.truth.ground import EG105, Curve, find_point
+from tests.truth.ground import EG105, Curve, Track
 from tests.truth.laws import name_parameters
 from tests.truth.recorder import build_log, find_antenna, read_switches
 from tests.truth.signals import draw_coloured, pick_held, round_to
@@ -54,25 +52,6 @@ class Receiver:
 EXACT = Receiver(0.0, 0.0, 30.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Rolled:
-    """A drive as it was, one row per 5 ms: states of tests.truth.rolling, command in force (deg), ground speed."""
-
-    time_s: Array
-    states: Array
-    held_deg: Array
-    speed_mps: Array
-
-    def column(self, index: int) -> Array:
-        """One state over time."""
-        return self.states[:, index]
-
-    def point(self, forward_m: float, right_m: float) -> tuple[Array, Array]:
-        """East and north of a point ahead of the rear axle and to its right."""
-        east, north, heading = (self.column(place) for place in (rolling.EAST, rolling.NORTH, rolling.HEADING))
-        return find_point(east, north, heading, forward_m, right_m)
-
-
 @dataclass(frozen=True)
 class Second:
     """One of TRACTORS with hidden `effects`, on ground of a roughness (rad per m), logged at `rate_hz`.
@@ -93,14 +72,13 @@ class Second:
         if outside:
             raise ValueError(f"The second reference cannot hide {outside[0]}; use tests.truth.model.")
 
-    def roll(self, drive: Drive, index: int = 0) -> Rolled:
+    def roll(self, drive: Drive, index: int = 0) -> Track:
         """The drive without instruments; `index` numbers the runs of a programme, each with draws of its own."""
         rng = np.random.default_rng([self.seed, index, 11])
         bearing = math.radians(rng.uniform(0.0, 360.0) if drive.bearing_deg is None else drive.bearing_deg)
         shift = rng.uniform(-8.0, 8.0, 2)
         plain = replace(self, effects={}, roughness=0.0)._rolled(drive, (0.0, 0.0, bearing), rng)
-        middle = [0.5 * float(np.min(axis) + np.max(axis)) for axis in plain.point(0.0, 0.0)]
-        return self._rolled(drive, (float(shift[0]) - middle[0], float(shift[1]) - middle[1], bearing), rng)
+        return self._rolled(drive, plain.find_start(shift, bearing), rng)
 
     def log(self, drive: Drive, index: int = 0) -> pd.DataFrame:
         """The drive as a log in the columns of the contract, the name of the drive in `attrs`."""
@@ -110,7 +88,7 @@ class Second:
         columns = self._seen(rolled, times, rng) | read_switches(drive, times)
         return build_log(drive.name, columns | {"time_s": np.round(times + 100.0, 3)})
 
-    def _rolled(self, drive: Drive, start: tuple[float, float, float], rng: np.random.Generator) -> Rolled:
+    def _rolled(self, drive: Drive, start: tuple[float, float, float], rng: np.random.Generator) -> Track:
         values = complete(self.effects)
         time = np.arange(0.0, drive.duration_s + 0.5 * STEP_S, STEP_S)
         signal, state = drive.steering(time), np.zeros(rolling.STATES)
@@ -128,13 +106,13 @@ class Second:
             TRACTORS[self.tractor], faults(values), guide,
         )  # fmt: skip
         left = (1.0 - values["wheel_slip"]["ratio"]) * (1.0 - values["implement_slip"]["ratio"] * drive.implement(time))
-        return Rolled(time, states, held, states[:, rolling.SPEED] * left)
+        return Track(time, states, held, states[:, rolling.SPEED] * left)
 
-    def _seen(self, rolled: Rolled, times: Array, rng: np.random.Generator) -> dict[str, Array]:
+    def _seen(self, rolled: Track, times: Array, rng: np.random.Generator) -> dict[str, Array]:
         values, tool, count = complete(self.effects), self.receiver, len(times)
         old, columns = times - values["gnss_latency"]["time_s"], {}
         step = 1.0 / self.rate_hz
-        for name, axis in zip(("easting_m", "northing_m"), rolled.point(*find_antenna(values)), strict=True):
+        for name, axis in zip(("easting_m", "northing_m"), rolled.find_point(*find_antenna(values)), strict=True):
             wander = tool.wander_m * draw_coloured(rng, count, step, tool.wander_s)
             white = tool.position_m * rng.standard_normal(count)
             columns[name] = np.round(np.interp(old, rolled.time_s, axis) + wander + white, 3)
@@ -150,7 +128,7 @@ class Second:
         columns["steering_deg"] = round_to(wheel, tool.wheel_digit_deg)
         return columns
 
-    def _speed(self, rolled: Rolled, times: Array, rng: np.random.Generator) -> Array:
+    def _speed(self, rolled: Track, times: Array, rng: np.random.Generator) -> Array:
         """Speed over ground, averaged over the last moment; a standing tractor shows none."""
         tool = self.receiver
         way = np.concatenate([[0.0], np.cumsum(np.abs(rolled.speed_mps[:-1])) * STEP_S])

@@ -1,7 +1,5 @@
 """What the instruments make of a drive: rates, clocks, noise, drift and the last digit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

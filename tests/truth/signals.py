@@ -1,7 +1,5 @@
 """Noise with a memory, filters, last digits and faults of signals: formulas that references share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

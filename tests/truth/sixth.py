@@ -6,8 +6,6 @@ program under test is used. Outside the catalogue: `crosswind` (gusty, on a tall
 swing behind the sensor), `mast_sway` (an antenna that swings on a bent mast), `soft_tyre` (a pull to one side).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

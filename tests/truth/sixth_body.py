@@ -6,8 +6,6 @@ moves with lateral and longitudinal acceleration (the front axle hangs on a pivo
 is cut so that slow circles have the radius of the tractor file; a wheel speed loop trims what the drive line leaks.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

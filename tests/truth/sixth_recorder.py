@@ -5,8 +5,6 @@ of the positions, and headings and commanded speeds come at 5 Hz. `last`: a cell
 that is older than 0.25 s. Positions have slow RTK errors, and the receiver is out for a second or so in some runs.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -49,13 +49,17 @@ class Ride(NamedTuple):
 def ride_first(effects: Effects, run: Drive) -> Ride:
     trace = Truth(effects, 3, soil_deg_per_s=0.0, instruments=PERFECT).trace(run)
     return Ride(
-        trace.time_s, *trace.antenna(), trace.column(body.HEADING), trace.speed_mps, trace.column(body.ACTUATOR)
+        trace.time_s,
+        *trace.find_point(body.REAR, 0.0),
+        trace.column(body.HEADING),
+        trace.speed_mps,
+        trace.column(body.ACTUATOR),
     )
 
 
 def ride_second(effects: Effects, run: Drive, tractor: str = "eg105") -> Ride:
     rolled = Second(effects, 3, tractor, roughness=0.0, receiver=EXACT_RECEIVER).roll(run)
-    return Ride(rolled.time_s, *rolled.point(rolling.REAR_TO_MASS_M, 0.0), rolled.column(rolling.HEADING),
+    return Ride(rolled.time_s, *rolled.find_point(rolling.REAR_TO_MASS_M, 0.0), rolled.column(rolling.HEADING),
                 rolled.speed_mps, rolled.column(rolling.WHEEL))  # fmt: skip
 
 

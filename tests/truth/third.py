@@ -6,8 +6,6 @@ drive. The ground pushes by place (the same when driven again) and by time.
 Imports nothing of the project it tests.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -21,7 +19,7 @@ from tests.truth import third_run as run
 from tests.truth.cases import Law, TruthCase
 from tests.truth.drives import Drive
 from tests.truth.effects import complete
-from tests.truth.ground import MAP_SPEED_MPS, find_point
+from tests.truth.ground import MAP_SPEED_MPS, Track
 from tests.truth.laws import BODY_EFFECTS, P_LAG, P_RATE, encode_law
 from tests.truth.recorder import (
     ANTENNA_FORWARD_M,
@@ -51,30 +49,6 @@ SENSORS = Instruments(
     heading_digit_deg=0.01, speed_mps=0.02, speed_digit_mps=0.01, wheel_deg=0.05, wheel_digit_deg=0.05,
     row_jitter_s=0.004,
 )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """A drive as it was, a row per step of tests.truth.third_run: states and the command in force (deg)."""
-
-    time_s: Array
-    states: Array
-    held_deg: Array
-    day_s: float
-
-    def column(self, index: int) -> Array:
-        """One state over time."""
-        return self.states[:, index]
-
-    def find_point(self, forward_m: Array | float, right_m: Array | float) -> tuple[Array, Array]:
-        """East and north of a point ahead of the rear axle and to its right."""
-        return find_point(*self.states[:, : body.HEADING + 1].T, forward_m - body.REAR, right_m)
-
-    def list_signals(self, drive: Drive) -> Signals:
-        """What instruments measure: the rear axle's place, the way ahead, and the wheel sensor."""
-        columns = (self.column(place) for place in (body.HEADING, body.AHEAD, body.WHEEL))
-        return Signals(run.STEP_S, self.day_s, *self.find_point(0.0, 0.0), *columns, self.held_deg,
-                       drive.implement(self.time_s))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -110,19 +84,24 @@ class Third:
         bearing = math.radians(rng.uniform(0.0, 360.0) if drive.bearing_deg is None else drive.bearing_deg)
         place = rng.uniform(-FIELD_SPREAD_M, FIELD_SPREAD_M, 2)
         plain = Third(TruthCase("clean", self.case.seed), Instruments(), 0.0)
-        east, north = plain._drive(drive, index, (0.0, 0.0, bearing)).find_point(0.0, 0.0)
-        middle = [0.5 * float(np.min(axis) + np.max(axis)) for axis in (east, north)]
-        return self._drive(drive, index, (float(place[0]) - middle[0], float(place[1]) - middle[1], bearing))
+        rear = plain._drive(drive, index, (0.0, 0.0, bearing))
+        return self._drive(drive, index, rear.find_start(place, bearing))
 
     def log(self, drive: Drive, index: int = 0) -> pd.DataFrame:
         """The drive as a log in the columns of the contract, the name of the drive in `attrs`."""
         track, case, tool = self.track(drive, index), self.case, self.sensors
         rng = np.random.default_rng([case.seed, index, 32])
-        signals = track.list_signals(drive)
+        signals = self._list_signals(track, drive)
         times = list_row_times(drive.duration_s, case.rate_hz, tool, rng)
         headings = np.degrees(signals.heading) + signals.follow(case, "heading_bias", index)
         columns = record_run(case, index, signals, self._find_places(track, signals, index), headings, times, tool, rng)
         return build_log(drive.name, columns | read_switches(drive, times))
+
+    def _list_signals(self, track: Track, drive: Drive) -> Signals:
+        """What instruments measure: the rear axle's place, the way ahead, and the wheel sensor."""
+        columns = (track.column(place) for place in (body.HEADING, body.AHEAD, body.WHEEL))
+        return Signals(run.STEP_S, track.day_s, *track.find_point(0.0, 0.0), *columns, track.held_deg,
+                       drive.implement(track.time_s))  # fmt: skip
 
     def _find_places(self, track: Track, signals: Signals, index: int) -> Array:
         """Where the receiver would say its antenna is, at every step (k, 2)."""
@@ -179,7 +158,7 @@ class Third:
             draw_waves(self.case.seed, self.ground), odd, self._breaks(index),
             self._way(drive, start), calibrate_curve(self.front_share),
         )  # fmt: skip
-        return Track(time, states, held, index * DAY_STEP_S)
+        return Track(time, states, held, states[:, body.AHEAD], body.REAR, index * DAY_STEP_S)
 
     def _breaks(self, index: int) -> body.Breaks:
         breaks = body.Breaks()

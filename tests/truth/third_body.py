@@ -6,8 +6,6 @@ Ackermann's difference), a load by the accelerations (the rear axle carries the 
 force of a brush on a relaxing carcass inside a friction ellipse. Steps of Heun.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

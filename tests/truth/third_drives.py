@@ -1,7 +1,5 @@
 """Programmes of the third reference by name: those of tests.truth.drives, and what else people drive."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -21,8 +21,6 @@
 | governor_hunting | share, period_s | the speed swings |
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """A drive of the third reference, step by step: steering computer, path follower, soil, causes and what breaks."""
 
-from __future__ import annotations
-
 import math
 
 import numba

@@ -1,7 +1,5 @@
 """Drives that the tests of the twin share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Jumps of the fix: they are reported and are no evidence against the tractor's file, whose errors are still found."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

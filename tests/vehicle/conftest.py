@@ -1,23 +1,11 @@
 """Plans and parameters for the tests of the package `vehicle`."""
 
-import importlib.util
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Drop compiled functions older than any source of the package: numba only checks the caller's file."""
-    spec = importlib.util.find_spec("vehicle")
-    folder = Path(str(spec.origin)).parent if spec else Path()
-    newest = max((source.stat().st_mtime for source in folder.rglob("*.py")), default=0.0)
-    for index in folder.rglob("__pycache__/*.nbi"):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
 
 
 class Build:

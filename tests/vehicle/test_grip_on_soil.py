@@ -1,7 +1,5 @@
 """Grip on soil: slip at work, the bound of side force, the friction circle, and what keeps its bytes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Where two ways come too near: against outlines drawn as polygons, pose by pose."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

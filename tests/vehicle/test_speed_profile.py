@@ -1,7 +1,5 @@
 """Speed limits along a path: closed forms, and what a simulated tractor makes of them."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Small logs drawn by hand: what is in them is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Plans against runs: ground by hand, and a plan driven with a known pace and known stops."""
 
-from __future__ import annotations
-
-import io
 import json
 import re
 from dataclasses import replace
@@ -30,6 +27,7 @@ from reports.task_logs.plan_comparison import (
 from reports.task_logs.run_results import STANDING, TURNING, WORKING, PlanComparison
 from tests.drawn_fields import ring
 from tests.fields.farm_files import place
+from tests.printing import print_text
 
 WIDTH_M = 6.0
 
@@ -145,12 +143,8 @@ def test_differences_add_up(found: PlanComparison) -> None:
 
 
 def test_table_page_and_json_tell_the_same(found: PlanComparison) -> None:
-    from rich.console import Console
-
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(build_comparison_table(found))
-    text, page, told = console.export_text(), render_comparison_page(found), json.loads(format_comparison_json(found))
-    console.file.close()
+    text, page = print_text(build_comparison_table(found)), render_comparison_page(found)
+    told = json.loads(format_comparison_json(found))
     for what, planned, driven, _ in list_comparison_rows(found):
         assert what in text and planned in text and driven in text
         assert f"<td>{planned}</td><td>{driven}</td>" in page

@@ -1,7 +1,5 @@
 """Learning: values of a known truth come back into the farm file, whose other bytes stay; plans use and cite them."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -1,7 +1,5 @@
 """`headland logs`: from a stick to files and a table; nothing is written over, and nothing half."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

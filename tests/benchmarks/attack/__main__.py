@@ -1,7 +1,5 @@
 """`python -m tests.benchmarks.attack`: see the package."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex
@@ -39,7 +37,7 @@ def _parse() -> argparse.Namespace:
 def _parse_items(text: str) -> tuple[int, ...]:
     items = tuple(int(each) for each in text.split(","))
     if not set(items) <= set(ITEMS):
-        raise argparse.ArgumentTypeError(f"items are {ITEMS[0]} to {ITEMS[-1]}")
+        raise argparse.ArgumentTypeError(f"items are {', '.join(map(str, ITEMS))}")
     return items
 
 

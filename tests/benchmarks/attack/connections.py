@@ -1,7 +1,5 @@
 """Item 8: connections that send nothing, half a header or half a body, more than the service has descriptors."""
 
-from __future__ import annotations
-
 import resource
 import time
 from collections.abc import Sequence

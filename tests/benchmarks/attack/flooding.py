@@ -1,7 +1,5 @@
 """Many requests at a time, from processes of their own so that they do not slow down what is measured."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import selectors
@@ -87,7 +85,7 @@ def post_bodies(
             statuses[answer.status] += 1
             time.sleep(PAUSE_S)
 
-    _run_threads(post, clients)
+    run_threads(post, clients)
     return {"statuses": dict(statuses)}
 
 
@@ -99,7 +97,7 @@ def read_often(port: int, paths: list[str], token: str | None, clients: int, sec
         answer = ask(port, "GET", paths[number % len(paths)], token=token, source=_source(number), timeout_s=seconds)
         statuses[answer.status] += 1
 
-    _run_threads(read, clients)
+    run_threads(read, clients)
     return {"statuses": dict(statuses)}
 
 
@@ -153,7 +151,8 @@ def _source(number: int) -> str:
     return f"127.0.{1 + number // 200 % 200}.{2 + number % 200}"
 
 
-def _run_threads(what: Callable[[int], None], count: int) -> None:
+def run_threads(what: Callable[[int], None], count: int) -> None:
+    """Do something so many times at once."""
     threads = [threading.Thread(target=what, args=(number,), daemon=True) for number in range(count)]
     for thread in threads:
         thread.start()

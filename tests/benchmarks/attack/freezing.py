@@ -1,7 +1,5 @@
 """Items 2 and 3: what large bodies and slow reads do to an order to stand."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,17 +1,13 @@
 """Item 15: how much memory the process that stops tractors takes while large bodies are sent to it."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks.attack.flooding import run_flood
+from tests.benchmarks.attack.flooding import run_flood, run_threads
 from tests.benchmarks.attack.plans import lay_lines, write_plan
 from tests.benchmarks.attack.rows import Row
 from tests.benchmarks.attack.service import HOST, Service
@@ -71,7 +67,7 @@ def send_bodies(port: int, kind: str, token: str, path: str, clients: int, chunk
                 f"{length}\r\nConnection: close\r\n\r\n")  # fmt: skip
         statuses[exchange(port, head, begin, fill, end, size, chunked)] += 1
 
-    run_all(send, clients)
+    run_threads(send, clients)
     return {"statuses": dict(statuses)}
 
 
@@ -111,12 +107,3 @@ def exchange(port: int, head: str, begin: bytes, fill: bytes, end: bytes, size: 
             return answer[9:12].decode() or "closed"
     except OSError as error:
         return type(error).__name__
-
-
-def run_all(what: Callable[[int], None], count: int) -> None:
-    """Do something so many times at once."""
-    threads = [threading.Thread(target=what, args=(number,), daemon=True) for number in range(count)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()

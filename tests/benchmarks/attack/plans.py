@@ -1,7 +1,5 @@
 """Saved plans of straight lines, as `headland plan --save` writes them."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Sequence

@@ -1,14 +1,12 @@
 """Simple robots of the attacker's own: points on a line that obey what the link says and report ten times a second."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json
 import math
 import time
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -24,9 +22,9 @@ MOST_FRAME = 2**24
 
 @dataclass
 class Robot:
-    """A tractor on one straight leg. Times are of the monotonic clock; `clock_off_s` is by how much its own is ahead.
+    """A tractor on one straight leg. Times are of the monotonic clock.
 
-    `heard` counts frames by kind, `sentences` are what it was refused with, `positions` where it was (m) when.
+    `heard` counts frames by kind, `sentences` are what it was refused with.
     """
 
     port: int
@@ -35,7 +33,6 @@ class Robot:
     token: str
     line: Line
     speed_mps: float = 1.0
-    clock_off_s: float = 0.0
     at_m: float = 0.0
     now_mps: float = 0.0
     released: int = 0
@@ -47,13 +44,10 @@ class Robot:
     stop_heard_s: float = -math.inf
     resume_heard_s: float = -math.inf
     heard_s: float = -math.inf
-    stays: bool = True  # comes back when its link is lost
     welcomed: bool = False
-    closed_with: int | None = None
     link: ClientConnection | None = None
     heard: dict[str, int] = field(default_factory=dict)
     sentences: list[str] = field(default_factory=list)
-    positions: list[tuple[float, Point]] = field(default_factory=list)
     _stepped_s: float = 0.0
 
     @property
@@ -75,7 +69,6 @@ class Robot:
         change = wanted - self.now_mps
         self.now_mps += min(max(change, -DECELERATION_MPS2 * passed_s), ACCELERATION_MPS2 * passed_s)
         self.at_m = min(self.at_m + self.now_mps * passed_s, self.length_m)
-        self.positions.append((now, self.place))
 
     def _find_speed(self, now: float) -> float:
         """The speed it should have: none when told to stand, at its end, or in silence beyond the horizon."""
@@ -89,10 +82,9 @@ class Robot:
         self.sequence += 1
         (x, y), (x1, y1) = self.line
         east, north = self.place
-        when = datetime.now(UTC) + timedelta(seconds=self.clock_off_s)
         return json.dumps({
             "kind": "state", "id": f"t{self.number}", "sequence": self.sequence,
-            "time": when.isoformat(timespec="milliseconds"), "easting_m": ORIGIN_M[0] + east,
+            "time": datetime.now(UTC).isoformat(timespec="milliseconds"), "easting_m": ORIGIN_M[0] + east,
             "northing_m": ORIGIN_M[1] + north, "heading_deg": math.degrees(math.atan2(x1 - x, y1 - y)) % 360.0,
             "speed_mps": round(self.now_mps, 4), "speed_command_mps": round(self._find_speed(time.monotonic()), 4),
             "steering_command_deg": 0.0, "steering_deg": 0.0, "shuttle": 1, "start": 1,
@@ -132,8 +124,6 @@ class Robot:
         while True:
             with contextlib.suppress(OSError, TimeoutError, WebSocketException):
                 await self._link_once()
-            if not self.stays:
-                return
             await asyncio.sleep(AGAIN_S)
 
     async def _link_once(self) -> None:
@@ -148,7 +138,6 @@ class Robot:
                 pass
             finally:
                 driving.cancel()
-                self.closed_with = link.close_code
 
     async def _drive(self, link: ClientConnection) -> None:
         due = time.monotonic()

@@ -1,7 +1,5 @@
 """What an attack came to: one row each, as a table of at most 100 columns or as JSON."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field

@@ -1,56 +1,40 @@
 """All attacks in order: which needs what, and what becomes of one that breaks."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from tests.benchmarks.attack.access import attack_through_proxy, attack_with_robot_token, attack_without_token
-from tests.benchmarks.attack.condition import attack_identity, attack_sqlite
+from tests.benchmarks.attack.access import attack_through_proxy
 from tests.benchmarks.attack.connections import attack_with_connections, raise_own_limit
-from tests.benchmarks.attack.damage import attack_with_damage
-from tests.benchmarks.attack.database import attack_database
 from tests.benchmarks.attack.freezing import attack_with_bodies, attack_with_reads
-from tests.benchmarks.attack.full_disk import attack_full_disk
-from tests.benchmarks.attack.killing import attack_with_kill
 from tests.benchmarks.attack.memory import attack_memory
-from tests.benchmarks.attack.neighbours import attack_with_two_fleets
 from tests.benchmarks.attack.rows import Row
 from tests.benchmarks.attack.service import Service, run_service
 from tests.benchmarks.attack.uploads import attack_readers
-from tests.benchmarks.attack.waiting import attack_with_slow_files
 
 Shared = Callable[[Service, bool], list[Row]]
 Alone = Callable[[Sequence[str], bool], list[Row]]
 
-ENTRANCES: dict[int, Shared] = {
-    4: attack_without_token, 5: attack_through_proxy, 10: attack_with_robot_token, 1: attack_readers,
-    13: attack_with_damage, 6: attack_with_two_fleets, 16: attack_identity,
-}  # fmt: skip
-LOADS: dict[int, Shared] = {
-    2: attack_with_bodies, 3: attack_with_reads, 11: attack_with_slow_files, 15: attack_memory,
-}  # fmt: skip
+ENTRANCES: dict[int, Shared] = {5: attack_through_proxy, 1: attack_readers}
+LOADS: dict[int, Shared] = {2: attack_with_bodies, 3: attack_with_reads, 15: attack_memory}
 """Attacks that share one service."""
-FAILURES: dict[int, Alone] = {9: attack_with_kill, 12: attack_full_disk}
-SHORTAGES: dict[int, Alone] = {8: attack_with_connections, 7: attack_database, 14: attack_sqlite}
+SHORTAGES: dict[int, Alone] = {8: attack_with_connections}
 """Attacks on a service of their own each."""
-ITEMS = tuple(range(1, 17))
+ITEMS = tuple(sorted({**ENTRANCES, **LOADS, **SHORTAGES}))
 
 
 def attack(command: Sequence[str], items: Sequence[int] = ITEMS, *, short: bool = False) -> list[Row]:
     """Attack a service that `command` starts; the rows by item.
 
-    One attack after the other, so that times are those of a machine that does nothing else; in the short form four at
+    One attack after the other, so that times are those of a machine that does nothing else; in the short form three at
     a time, as most of them wait for something.
     """
     raise_own_limit()
     rows, begin = list[Row](), time.monotonic()
     lanes = [lambda: _attack_shared(command, ENTRANCES, items, short, rows, begin),
              lambda: _attack_shared(command, LOADS, items, short, rows, begin),
-             lambda: _attack_alone(command, FAILURES, items, short, rows, begin),
              lambda: _attack_alone(command, SHORTAGES, items, short, rows, begin)]  # fmt: skip
     threads = [threading.Thread(target=lane) for lane in lanes]
     for thread in threads:

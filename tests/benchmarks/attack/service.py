@@ -1,7 +1,5 @@
 """The service that is attacked: a process of its own with a folder of its own, and what can be seen of it outside."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json
@@ -15,13 +13,10 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 HOST = "127.0.0.1"
 START_S, END_S, COMMAND_S = 240.0, 15.0, 120.0
-OLD = {"read": "read", "planner": "control", "operator": "control", "robot": "control", "admin": "admin"}
-"""The nearest scopes of a Headland that has no roles yet."""
 ADDRESS = re.compile(r"http://([^\s/]+):(\d+)")
 
 
@@ -32,7 +27,6 @@ class Service:
     command: tuple[str, ...]
     data: Path
     log: Path
-    database: str = ""
     files: int | None = None  # descriptors that it may have, None for as many as this process
     port: int = 0
     process: subprocess.Popen[bytes] | None = None
@@ -43,7 +37,6 @@ class Service:
         """Start it, on the port it had before if it had one; raises RuntimeError where it does not start."""
         self.port = self.port or find_free_port()
         words = [*self.command, "--data", str(self.data), "--port", str(self.port)]
-        words += ["--database", self.database] if self.database else []
         seen = self.log_bytes()
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(
@@ -59,12 +52,6 @@ class Service:
     def _limit(self) -> None:
         if self.files is not None:
             resource.setrlimit(resource.RLIMIT_NOFILE, (self.files, self.files))
-
-    def kill(self) -> None:
-        """kill -9 of the process that was started; what it has started itself is not asked."""
-        assert self.process is not None
-        self.process.kill()
-        self.process.wait(END_S)
 
     def end(self) -> None:
         """End it with all that it has started."""
@@ -85,30 +72,19 @@ class Service:
                               env=env, stdin=subprocess.DEVNULL, check=False)  # fmt: skip
 
     def token(self, *roles: str) -> str:
-        """A token with these roles, made once; with older scopes where it knows no roles."""
+        """A token with these roles, made once."""
         key = " ".join(roles)
         if key not in self._tokens:
             self._tokens[key] = self.new_token(roles)
         return self._tokens[key]
 
-    def new_token(
-        self, roles: Sequence[str], fleet: str | None = None, tractor: int | None = None, lasts_s: float | None = None
-    ) -> str:
-        """A new token, bound to a tractor of a fleet and with an end where the service knows these."""
+    def new_token(self, roles: Sequence[str]) -> str:
+        """A new token."""
         name = f"{'-'.join(roles)}-{time.monotonic_ns() % 10**9}"
-        end = None if lasts_s is None else datetime.now(UTC) + timedelta(seconds=lasts_s)
-        expires = None if end is None else end.isoformat(timespec="milliseconds")
-        asked = {"name": name, "scopes": list(roles), "fleet": fleet, "tractor": tractor, "expires": expires}
-        scope = max((OLD[role] for role in roles), key=_rank)
-        bodies: list[dict[str, object]] = [{key: value for key, value in asked.items() if value is not None},
-                                           {"name": name, "scope": scope}]  # fmt: skip
-        for body in bodies:
-            status, answer = self._post_token(body)
-            if status == 201:
-                return str(read_json(answer)["token"])
-            if status != 422:  # another form would not help
-                break
-        raise RuntimeError(f"No token: {status} {answer[:300]!r}")
+        status, answer = self._post_token({"name": name, "scopes": list(roles)})
+        if status != 201:
+            raise RuntimeError(f"No token: {status} {answer[:300]!r}")
+        return str(read_json(answer)["token"])
 
     def _post_token(self, body: dict[str, object]) -> tuple[int, bytes]:
         link = http.client.HTTPConnection(HOST, self.port, timeout=COMMAND_S)
@@ -123,7 +99,7 @@ class Service:
     def make_admin(self) -> None:
         """Make the first token by the command, as an administrator does."""
         words = ["token", "new", "--scope", "admin", "--name", "attack", "--data", str(self.data)]
-        answer = self.run(*words, *(["--database", self.database] if self.database else []))
+        answer = self.run(*words)
         if answer.returncode != 0:
             raise RuntimeError(f"No token: {answer.stderr[-300:]}")
         self.admin = self._tokens["admin"] = answer.stdout.split()[0]
@@ -143,11 +119,10 @@ class Service:
 
 
 @contextlib.contextmanager
-def run_service(command: Sequence[str], *, database: str = "", files: int | None = None,
-                data: Path | None = None) -> Iterator[Service]:  # fmt: skip
-    """A service in a folder that is gone afterwards, or in `data`; ended with all its processes."""
+def run_service(command: Sequence[str], *, files: int | None = None) -> Iterator[Service]:
+    """A service in a folder that is gone afterwards; ended with all its processes."""
     with tempfile.TemporaryDirectory(prefix="headland-attack-") as folder:
-        service = Service(tuple(command), data or Path(folder) / "data", Path(folder) / "log", database, files)
+        service = Service(tuple(command), Path(folder) / "data", Path(folder) / "log", files)
         try:
             service.make_admin()
             service.start()
@@ -179,10 +154,6 @@ def read_json(text: bytes) -> dict[str, object]:
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _rank(scope: str) -> int:
-    return ("read", "control", "admin").index(scope)
 
 
 def _all_processes() -> list[int]:

@@ -1,7 +1,5 @@
 """Many robots and an operator in a thread of their own, and how long an order to stand needs to the last robot."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json
@@ -50,8 +48,6 @@ class Squad:
                        for number, line in enumerate(lines, start=1)]  # fmt: skip
         self.loop = asyncio.new_event_loop()
         self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
-        self.alarms: list[dict[str, Any]] = []
-        self.scene: dict[str, Any] = {}
         self.link: ClientConnection | None = None
         self.tasks: list[asyncio.Task[None]] = []
 
@@ -71,12 +67,8 @@ class Squad:
 
     async def _listen(self, link: ClientConnection) -> None:
         with contextlib.suppress(ConnectionClosed):
-            async for message in link:
-                frame = json.loads(message)
-                if frame["kind"] == "alarms":
-                    self.alarms += frame["items"]
-                elif frame["kind"] == "scene":
-                    self.scene = frame
+            async for _ in link:
+                pass
 
     def call(self, what: Coroutine[Any, Any, Any], timeout_s: float = 30.0) -> Any:
         """Do something in the thread of the robots."""

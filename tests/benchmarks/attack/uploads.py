@@ -1,7 +1,5 @@
 """Item 1: files that make the reader open other files, ask other addresses or create files."""
 
-from __future__ import annotations
-
 import json
 import secrets
 import socket

@@ -1,7 +1,5 @@
 """Requests over plain sockets: nothing between the attack and the service but http.client."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import io
@@ -80,12 +78,6 @@ def pack_zip(members: Mapping[str, bytes]) -> bytes:
         for name, content in members.items():
             archive.writestr(name, content)
     return packed.getvalue()
-
-
-def square_field(side_m: float = 60.0) -> bytes:
-    """A field of local metres as GeoJSON."""
-    ring = [[0.0, 0.0], [side_m, 0.0], [side_m, side_m], [0.0, side_m], [0.0, 0.0]]
-    return json.dumps({"type": "Polygon", "coordinates": [ring]}).encode()
 
 
 def star_field(points: int) -> bytes:

@@ -1,7 +1,5 @@
 """Swaths along contours: closed forms on a plane and on a cone, spacing and radius on any ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Problems for tests: noise-free drives of the simulator itself, with known noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

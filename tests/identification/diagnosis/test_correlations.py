@@ -1,7 +1,5 @@
 """Correlations of fitted values: closed forms from the curvature of the cost."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

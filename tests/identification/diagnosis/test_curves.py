@@ -1,7 +1,5 @@
 """The plot that shows a cause: bins by hand, means in closed form, and the residual of known effects."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Logs laid out in windows: which windows there are, what their cells hold, and columns that are missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Hypotheses against the formulas of the catalogue, and how their fields add up."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Hints say where to look; drives without anything wrong give none."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What an extension is worth on runs held out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

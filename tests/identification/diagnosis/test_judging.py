@@ -1,7 +1,5 @@
 """Effects and their laws: which of them stays in the model, and what the constant of one says beside a law."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

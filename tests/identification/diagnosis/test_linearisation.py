@@ -1,7 +1,5 @@
 """The linear problem beside a fit, against ordinary Bayesian regression worked out from the whole table."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fits of drives that the project's own replay made: true amounts lie within the intervals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

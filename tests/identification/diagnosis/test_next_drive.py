@@ -1,7 +1,5 @@
 """The next drive: what separates by formula, and drives that alone tell two causes apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

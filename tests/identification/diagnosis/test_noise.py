@@ -1,7 +1,5 @@
 """The distribution of residuals against its own draws, finite differences and closed forms."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

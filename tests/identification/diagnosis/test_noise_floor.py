@@ -1,7 +1,5 @@
 """The noise floor is the error of draws from the noise model itself; what is above it is unexplained."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Faults that begin in a run are found, at their onset and by their name; nothing else is one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """How the vehicle of logs turns, on kinematic truth: front wheels, rear wheels, or a joint (tests.truth.joints)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The simulation with fields per step against the replay of the project, and what a field of one run changes."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

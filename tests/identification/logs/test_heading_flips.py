@@ -1,7 +1,5 @@
 """Headings that turn round between two rows are left out where path and gear say which side of the flips is wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

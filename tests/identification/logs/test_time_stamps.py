@@ -1,7 +1,5 @@
 """Time stamps that jitter are evened; rows that were really taken unevenly keep theirs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Draft of implements: worked examples of others by ASABE D497, the table, and tables of users."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

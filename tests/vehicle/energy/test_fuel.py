@@ -1,7 +1,5 @@
 """Fuel by ASABE D497.7: worked examples, the edition before it, engines that idle or are pushed, and batteries."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Kilowatt-hours of legs from forces and lengths by hand, and electric tractor files."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

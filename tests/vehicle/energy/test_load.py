@@ -1,7 +1,5 @@
 """The load of a plan from tractor, operation and soil."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Energy of runs: closed forms on made records, conservation, and a plan that the loop drove."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Soils: the grounds of the thesis, textures against the formulas they come from, and tables of users."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Moisture after rain: the balance of FAO-56 by hand, its limits, and the soil that follows."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

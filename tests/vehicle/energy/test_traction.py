@@ -1,7 +1,5 @@
 """Traction by Brixius 1987: worked examples of others, and what must hold for any wheel."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From which moisture soil is too wet: the army's worked example, measured fields, and what must hold."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
