@@ -16,8 +16,8 @@ import numpy as np
 
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
+from vehicle.identification.faults.heading_jumps import correct_heading_jumps
 from vehicle.identification.faults.level_steps import mark_level_step
-from vehicle.identification.faults.steering_evidence import correct_heading_jumps
 from vehicle.identification.logs.column_quality import (
     drop_columns_coarse_elsewhere,
     drop_commands_not_logged,

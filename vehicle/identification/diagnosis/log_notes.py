@@ -23,8 +23,8 @@ from vehicle.identification.diagnosis.results import (
     OnsetFault,
     RunCheck,
 )
+from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
-from vehicle.identification.faults.steering_evidence import HEADING_JUMP
 from vehicle.identification.logs.clocks import CLOCKS_FROM_S
 from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING

@@ -13,21 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.onset_evidence import (
-    LEAST_GAIN,
-    MOST_GAIN,
+from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
+from vehicle.identification.faults.steering_evidence import (
     OFFSET_DEG,
-    SLIDING_MPS2,
+    STEP_S,
     BendScale,
     RunEvidence,
     build_run_evidence,
+    find_lock,
     fit_path_scales,
-    list_holds,
     measure_swing,
     shift,
+    slide_minimum,
 )
-from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
-from vehicle.identification.faults.steering_evidence import STEP_S, slide_minimum
 from vehicle.identification.logs.column_faults import POSITION_LOST
 from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
 from vehicle.identification.logs.standing_columns import (
@@ -42,11 +40,14 @@ from vehicle.identification.logs.standing_columns import (
 from vehicle.identification.logs.thresholds import (
     CLEARLY_APART_DEG,
     FEWEST_READINGS,
-    LOCK_QUANTILE,
+    PATH_MPS,
     STEADY_SHARE,
     STEERING_SPREAD_DEG,
 )
 
+# Shares of an angle that a path may need: a patch without grip leaves half, and no cause doubles it.
+LEAST_GAIN, MOST_GAIN = 0.4, 1.7
+SLIDING_MPS2 = 0.3  # a path that turns less than its wheels at this lateral acceleration may be that of sliding tyres
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
@@ -125,7 +126,7 @@ def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
 
 def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     """Find what begins in runs of a set; no two spans of a run overlap."""
-    lock_deg = _find_lock(logs)
+    lock_deg = find_lock(logs)
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
     spans = [span for name in FROZEN_IDS for span in _find_frozen_spans(logs, name)]
@@ -155,18 +156,6 @@ def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
         ):
             chosen.append(span)
     return chosen
-
-
-def _find_lock(logs: Sequence[Log]) -> float:
-    """How far the wheels of a set turn (deg), without a sensor how far they are steered to."""
-    has_sensor = any(log.steering_deg is not None for log in logs)
-    angles = [
-        np.abs(values[log.used])
-        for log in logs
-        if (values := log.steering_deg if has_sensor else log.steering_command_deg) is not None
-    ]
-    values = np.concatenate([np.empty(0), *angles])
-    return float(np.quantile(values, LOCK_QUANTILE)) if len(values) else math.inf
 
 
 # --- likelihood --------------------------------------------------------------------------------------------------
@@ -235,15 +224,6 @@ def _build_unknown(run: RunEvidence) -> _Channel:
     return _Channel(np.full(len(run.time_s), np.nan), np.full(len(run.time_s), np.nan))
 
 
-def _list_needed(run: RunEvidence, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
-    """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its curvatures."""
-    return [
-        (scale.find_angle(bends), bends)
-        for scale, bends in zip(scales, run.bends, strict=True)
-        if scale is not None and np.isfinite(bends).any()
-    ]
-
-
 def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """The wheel angle against what commands allow."""
     if run.wheel is None or run.command is None:
@@ -254,7 +234,7 @@ def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Cha
 
 def _measure_swing(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """How much less the wheels move to and fro than any steering with a dead band to both sides would."""
-    needed = _list_needed(run, scales)
+    needed = run.list_needed(scales)
     angle, gain = (run.wheel, 1.0) if run.wheel is not None else (needed[0][0] if needed else None, LEAST_GAIN)
     if angle is None or run.command is None:
         return _build_unknown(run)
@@ -269,11 +249,11 @@ def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Chan
     if run.wheel is not None:
         reach = round(1.0 / STEP_S)
         low, high = slide_minimum(run.wheel, reach) - OFFSET_DEG, -slide_minimum(-run.wheel, reach) + OFFSET_DEG
-    expected = run.usual if run.wheel is None else run.wheel
+    expected = run.angle
     low = np.where(low > 0.0, LEAST_GAIN, MOST_GAIN) * low
     high = np.where(high > 0.0, MOST_GAIN, LEAST_GAIN) * high
     channels = []
-    for needed, bends in _list_needed(run, scales):
+    for needed, bends in run.list_needed(scales):
         sliding = (np.abs(needed) < np.abs(expected)) & (run.pace**2 * np.abs(bends) > SLIDING_MPS2)
         excess = np.where(sliding, 0.0, _find_excess(needed, low, high))
         channels.append((excess, _find_following(needed, expected)))
@@ -290,7 +270,7 @@ def _measure_positions(run: RunEvidence, scales: Sequence[BendScale | None]) -> 
 
 def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows: slice, lock_deg: float) -> str:
     """The name of steering that does not follow: what the wheels do if the path is theirs, else that of the sensor."""
-    needed = next((one for one, _ in _list_needed(run, scales)), None)
+    needed = next((one for one, _ in run.list_needed(scales)), None)
     angle = run.wheel if run.wheel is not None else needed
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
@@ -333,7 +313,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
     Holds of a value have a tail exp(-t / m), m from the longest of the other runs; as many as there are is the price
     of choosing the longest.
     """
-    holds = [list_holds(log, column) for log in logs]
+    holds = [_list_holds(log, column) for log in logs]
     spans = []
     for run, (firsts, lasts, seconds) in enumerate(holds):
         others = np.concatenate([np.empty(0), *(hold[2] for other, hold in enumerate(holds) if other != run)])
@@ -348,6 +328,43 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
             if value > ADD_NATS
         ]
     return spans
+
+
+def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
+    """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
+    values = _get_values(log, column)
+    measured = log.place_rows.get(column, log.fresh if column == "position" else None)
+    rows = np.flatnonzero(log.used if measured is None else log.used & measured)
+    if values is None or len(rows) < FEWEST_READINGS:
+        return np.empty(0), np.empty(0), np.empty(0)
+    driven = _measure_driving_time(log)
+    changes = np.flatnonzero(np.append(True, (np.diff(values[:, rows], axis=1) != 0.0).any(axis=0)))
+    ends = np.append(changes[1:], len(rows) - 1)
+    time = log.time_s[rows]
+    return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])
+
+
+def _get_values(log: Log, column: str) -> Array | None:
+    if column == "position":
+        return np.stack([log.easting_m, log.northing_m])
+    values = {"heading": log.heading_deg, "speed": log.speed_mps, "wheel": log.steering_deg}[column]
+    return None if values is None else values[None, :]
+
+
+def _measure_driving_time(log: Log) -> Array:
+    """Seconds (n,) driven up to each row, as most of positions, speed and commanded speed say."""
+    used = np.flatnonzero(log.used)
+    time = log.time_s[used]
+    place = np.stack([np.interp(time + shift_s, time, axis[used]) for axis in (log.easting_m, log.northing_m)
+                      for shift_s in (-1.0, 1.0)])  # fmt: skip
+    paces = [np.hypot(place[1] - place[0], place[3] - place[2]) / 2.0]
+    paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
+    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
+    step = np.diff(time, prepend=time[0])
+    step = np.where(step <= 5.5 * np.median(step), step, 0.0)
+    driven = np.zeros(len(log.time_s))
+    driven[used] = np.cumsum(step * moving)
+    return driven
 
 
 # --- what becomes of the logs ------------------------------------------------------------------------------------

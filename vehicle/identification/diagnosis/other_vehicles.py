@@ -19,8 +19,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.onset_evidence import RunEvidence, build_run_evidence, fit_robustly, shift
-from vehicle.identification.faults.steering_evidence import STEP_S, follow_command
+from vehicle.identification.faults.steering_evidence import (
+    STEP_S,
+    RunEvidence,
+    build_run_evidence,
+    fit_robustly,
+    follow_command,
+    shift,
+)
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, SURE_SIGMAS

@@ -8,7 +8,7 @@ once, last until the run ends, and be the same on straights and bends and wherev
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,20 +16,14 @@ import numpy as np
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     TURN_S,
-    PathScale,
-    SteeringEvidence,
-    average_over_turn,
-    build_evidence_segments,
-    find_largest_angles,
-    fit_path_scale,
+    BendScale,
+    RunEvidence,
+    build_run_evidence,
+    find_lock,
+    fit_path_scales,
+    shift,
 )
-from vehicle.identification.logs.schema import (
-    Array,
-    Log,
-    LogFault,
-    Mask,
-    Rows,
-)
+from vehicle.identification.logs.schema import Array, Log, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, PART_S, READING_S, STEADY_SHARE
 
@@ -94,12 +88,12 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
 
     Left out are the rows that are unlike the other runs; of a single run, those of the shorter side.
     """
-    locks = find_largest_angles(logs)
-    segments = [build_evidence_segments(log, locks) for log in logs]
-    step = find_level_step(logs, segments)
+    lock_deg = find_lock(logs)
+    runs = [build_run_evidence(log, lock_deg) for log in logs]
+    step = find_level_step(logs, runs)
     if step is None:
         return list(logs)
-    marked = _mark_log(logs[step.run], step, _is_of_sensor(segments[step.run], step))
+    marked = _mark_log(logs[step.run], step, _is_of_sensor(runs[step.run], step))
     return [marked if run == step.run else log for run, log in enumerate(logs)]
 
 
@@ -132,25 +126,19 @@ def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:
     )
 
 
-def _is_of_sensor(parts: Sequence[SteeringEvidence], step: LevelStep) -> bool:
+def _is_of_sensor(run: RunEvidence | None, step: LevelStep) -> bool:
     """Whether the sensor steps against the commands, and the path does not."""
-    sides: tuple[list[Array], list[Array]] = ([], [])
-    for part in parts:
-        if part.wheel is None or part.command is None:
-            return False
-        for side, chosen in zip(sides, (part.time_s < step.time_s, part.time_s >= step.time_s), strict=True):
-            side.append((part.wheel - part.usual)[chosen])
-    before, after = (float(np.median(np.concatenate(side))) for side in sides)
+    if run is None or run.wheel is None or run.command is None:
+        return False
+    apart, is_after = run.wheel - run.usual, run.time_s >= step.time_s
+    before, after = (float(np.median(apart[run.known & side])) for side in (~is_after, is_after))
     return _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE
 
 
-def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]]) -> LevelStep | None:
+def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> LevelStep | None:
     """Return the one step of a set of logs, given with their evidence; None where no run or more than one seems to have
     any."""
-    scale = fit_path_scale([segment for parts in segments for segment in parts])
-    if scale is None:
-        return None
-    rows = _collect_rows(logs, segments, scale)
+    rows = _collect_rows(logs, runs)
     if rows is None:
         return None
     nuisance = _build_nuisance(rows)
@@ -192,19 +180,13 @@ def _find_clear(needed: Array) -> Mask:
     return mask
 
 
-def _collect_rows(
-    logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]], scale: PathScale
-) -> _LevelRows | None:
-    """Collect the rows of all runs whose path is known, every _THIN_S."""
-    columns = [
-        {name: getattr(log, name)[log.used] for name in ("time_s", "easting_m", "northing_m", "implement", "shuttle")}
-        for log in logs
-    ]
+def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _LevelRows | None:
+    """Collect the rows of all runs whose path is known, every _THIN_S; None where they are too few."""
+    scales = fit_path_scales([run for run in runs if run is not None])
     tables = [
-        _collect_segment(own, run, part, scale)
-        for run, (own, parts) in enumerate(zip(columns, segments, strict=True))
-        for part in parts
-        if part.hold_s <= READING_S
+        _collect_run(log, number, run, scales)
+        for number, (log, run) in enumerate(zip(logs, runs, strict=True))
+        if run is not None and run.hold_s <= READING_S
     ]
     table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
     if table.shape[1] < FEWEST_LINE_ROWS:
@@ -212,23 +194,18 @@ def _collect_rows(
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
 
-def _collect_segment(columns: Mapping[str, Array], run: int, part: SteeringEvidence, scale: PathScale) -> Array:
-    angle = average_over_turn(part.usual if part.wheel is None else part.wheel)
-    chosen = np.arange(0, len(angle), round(_THIN_S / STEP_S))
-    chosen = chosen[np.isfinite(part.curvature[chosen])]
-    time = part.time_s[chosen]
-
-    def read(name: str, shift_s: float = 0.0) -> Array:
-        """Return a column in the chosen rows, so much later."""
-        return np.asarray(np.interp(time + shift_s, columns["time_s"], columns[name]), dtype=np.float64)
-
-    east, north = (read(name, 1.0) - read(name, -1.0) for name in ("easting_m", "northing_m"))
-    course = np.arctan2(east, north)
-    return np.stack([
-        np.full(len(chosen), float(run)), time, angle[chosen], scale.compute_needed_angle(part.curvature[chosen]),
-        part.pace[chosen], np.round(read("implement")), course, np.round(read("shuttle")),
-        read("easting_m"), read("northing_m"),
-    ])  # fmt: skip
+def _collect_run(log: Log, number: int, run: RunEvidence, scales: Sequence[BendScale | None]) -> Array:
+    """Return the columns of _LevelRows (10, k) of one run: by its headings, or its course where it has none."""
+    needed = next((angle for angle, _ in run.list_needed(scales)), np.full(len(run.time_s), np.nan))
+    width = 2 * round(0.5 * TURN_S / STEP_S) + 1
+    angle = np.convolve(np.pad(run.angle, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+    rows = np.arange(0, len(needed), round(_THIN_S / STEP_S))
+    rows = rows[np.isfinite(needed[rows])]
+    second = round(1.0 / STEP_S)
+    course = np.arctan2(*(shift(run.place, second) - shift(run.place, -second)))
+    implement = np.interp(run.time_s, log.time_s[log.used], log.implement[log.used])
+    columns = (angle, needed, run.pace, np.round(implement), course, np.round(run.gear), *run.place)
+    return np.stack([np.full(len(rows), float(number)), run.time_s[rows], *(column[rows] for column in columns)])
 
 
 def _build_nuisance(rows: _LevelRows) -> Array:
