@@ -27,12 +27,7 @@ from vehicle.identification.diagnosis.log_notes import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
-from vehicle.identification.diagnosis.noise_floor import (
-    ERROR_PIECE_S,
-    build_noise_limit,
-    compute_noise_floor,
-    measure_unexplained,
-)
+from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
@@ -54,11 +49,11 @@ from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
+    ERROR_PIECE_S,
     FEWEST_PIECE_ROWS,
-    HorizonSquares,
     compute_horizon_errors,
     find_piece_bounds,
-    sum_squared_errors_by_run,
+    measure_dataset,
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -135,10 +130,12 @@ class _Composer:
         """The diagnosis: causes from the windows, errors from all driving."""
         dataset, problem, result = self.dataset, self.problem, self.result
         extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, self.findings)
-        before, after = (self._sum_errors(one) for one in (self.tractor, extended))
+        before, after = (
+            measure_dataset(dataset, *build_rig_and_corrections(one, self.ground, dataset.origin))
+            for one in (self.tractor, extended)
+        )
         floor = compute_noise_floor(problem, result.fit, dataset)
-        limit = build_noise_limit(floor, dataset, problem.data.row_step_s)
-        unexplained = measure_unexplained(limit, before, [after])
+        unexplained = measure_unexplained(dataset, problem.data.row_step_s, floor, before, after)
         named = order_names(self.findings)
         certain = {*named, *(one.id for one in self.findings if one.status == EQUIVALENT)}
         diagnosis = Diagnosis(
@@ -165,7 +162,7 @@ class _Composer:
             },
             curve=self._build_curve(named),
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
-            along_judged=all(segment.speed_measured for segment in dataset.segments),
+            along_judged=dataset.has_speed,
             above_noise_s=unexplained.above_s,
             correlations=compute_value_correlations(problem, result.fit),
             runs=mark_different_runs(check_runs(dataset, before, after), self._list_odd_runs()),
@@ -203,11 +200,6 @@ class _Composer:
         """Runs that are unlike the others, and the effect in which they are."""
         patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
         return {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
-
-    def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
-        dataset = self.dataset
-        rig, settings = build_rig_and_corrections(tractor, self.ground, dataset.origin)
-        return sum_squared_errors_by_run(dataset, rig, settings)
 
     def _find_block(self, named: Sequence[str]) -> str | None:
         """The block of the first name; without one, of the first alternative."""

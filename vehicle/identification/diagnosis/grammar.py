@@ -18,7 +18,7 @@ from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER
 from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.model.effect_kinds import CIRCLE, LIMIT, EffectKind, EffectParameter
+from vehicle.model.effect_kinds import CIRCLE, CoordinateBox, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,
     EFFECTS_BY_ID,
@@ -188,14 +188,14 @@ def parse_circle(key: str) -> tuple[float, float, float]:
     return east, north, radius
 
 
-def scale_parameter(parameter: EffectParameter, tractor: Tractor) -> EffectParameter:
-    """The parameter for the size of a tractor."""
-    return parameter.scale_to_wheelbase(tractor.wheelbase_m)
-
-
-def get_kind(effect: Effect, data: DriveData) -> EffectKind:
-    """The kind of an effect for what these logs hold, such as the slope of their ground."""
-    return effect.kind.get_kind_for_place(data.dataset.effect_places.get(effect.id, ()))
+def scale_effect(
+    effect: Effect, data: DriveData, tractor: Tractor
+) -> tuple[EffectKind, EffectParameter, CoordinateBox]:
+    """The kind of an effect for what these logs hold, such as the slope of their ground, its first parameter for the
+    size of a tractor, and the bounds of its coordinates."""
+    kind = effect.kind.get_kind_for_place(data.dataset.effect_places.get(effect.id, ()))
+    size = effect.size.scale_to_wheelbase(tractor.wheelbase_m)
+    return kind, size, kind.build_box(size, float(get_neutral_values(effect.id, tractor.steering)[size.name]))
 
 
 def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
@@ -205,16 +205,14 @@ def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
 
 def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothesis:
     """An effect as a constant: its coordinates about neutral, with the fields that they change."""
-    kind, size = get_kind(effect, data), scale_parameter(effect.size, tractor)
-    zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-    box = kind.build_box(size, zero, ())
+    kind, size, box = scale_effect(effect, data, tractor)
     coordinates = []
     for place, typical in enumerate(box.typical):
         slopes = _measure_slopes(effect, kind, np.array(box.neutral), place, typical)
         low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
         basis = DRIFT_BASIS if effect.id == GRIP_DRIFT else CONSTANT
         coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high, basis))
-    starts = tuple(start / coordinates[0].width for start in effect.starts) if kind is LIMIT else ()
+    starts = tuple(start / coordinates[0].width for start in effect.starts)
     return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, size.finest, starts=starts)
 
 

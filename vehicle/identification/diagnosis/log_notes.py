@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
     COLUMN_WORDS,
@@ -32,7 +31,7 @@ from vehicle.identification.logs.reader import count_rows_left_out, list_shared_
 from vehicle.identification.logs.schema import Log, LogFault, Mask
 from vehicle.identification.logs.thresholds import MAJORITY, STANDING_FACTOR
 from vehicle.identification.replay.drive_segments import DriveDataset
-from vehicle.identification.replay.horizon_errors import HorizonSquares
+from vehicle.identification.replay.horizon_errors import Pieces, sum_by_run
 from vehicle.model.effects import PATH, POSITION, get_effect
 from vehicle.model.tractor import Tractor
 
@@ -257,19 +256,12 @@ def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
     return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
 
 
-def check_runs(
-    dataset: DriveDataset, before: Sequence[HorizonSquares], after: Sequence[HorizonSquares]
-) -> tuple[RunCheck, ...]:
+def check_runs(dataset: DriveDataset, before: Pieces, after: Pieces) -> tuple[RunCheck, ...]:
     """Return the distance errors of every run; those across only where not every log has a measured speed."""
-    kinds = 2 if all(segment.speed_measured for segment in dataset.segments) else 1
+    kinds, count = 2 if dataset.has_speed else 1, len(dataset.names)
     errors = [
-        [
-            100.0 * math.sqrt(float(run[ERROR_PIECE_S][:kinds].sum() / run[ERROR_PIECE_S][3]))
-            if run[ERROR_PIECE_S][3] > 0.0
-            else None
-            for run in runs
-        ]
-        for runs in (before, after)
+        [100.0 * math.sqrt(float(run[:kinds].sum() / run[3])) if run[3] else None for run in sum_by_run(pieces, count)]
+        for pieces in (before, after)
     ]
     return tuple(RunCheck(*row) for row in zip(dataset.names, *errors, strict=True))
 
