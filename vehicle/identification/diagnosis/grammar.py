@@ -163,8 +163,12 @@ class Bases:
     def get(self, key: str) -> Array:
         """The basis of a key; that of a circle or of a run is made on the first call."""
         if key not in self.arrays:
-            own = self.data.path_runs == int(key.split(":")[1]) if key.startswith(BY_RUN) else None
-            self.arrays[key] = (self.find_circle(*parse_circle(key)) if own is None else own).astype(np.float64)
+            kind, *numbers = key.split(":")
+            if kind == BY_RUN:
+                inside = self.data.path_runs == int(numbers[0])
+            else:
+                inside = self.find_circle(*map(float, numbers))
+            self.arrays[key] = inside.astype(np.float64)
         return self.arrays[key]
 
     def compute_means(self, hypothesis: Hypothesis) -> Array:
@@ -175,17 +179,6 @@ class Bases:
         """Steps (m,) inside a circle."""
         path = self.data.path
         return np.asarray((path["east"] - east) ** 2 + (path["north"] - north) ** 2 < radius * radius)
-
-
-def format_circle(east: float, north: float, radius: float) -> str:
-    """The key of a circle."""
-    return f"by_place:{east:.2f}:{north:.2f}:{radius:.2f}"
-
-
-def parse_circle(key: str) -> tuple[float, float, float]:
-    """Centre and radius of the key of a circle."""
-    east, north, radius = map(float, key.split(":")[1:])
-    return east, north, radius
 
 
 def scale_effect(

@@ -40,6 +40,7 @@ from vehicle.identification.diagnosis.noise import (
 )
 from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array, Rows
+from vehicle.identification.logs.series import turn_path
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
@@ -65,7 +66,6 @@ Model = Sequence[tuple[Hypothesis, Array]]
 # observed.
 ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
-KINDS = 3  # errors of a piece: across, along, heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class _MotionDraw:
         """The segment with positions and headings as they might have been measured."""
         east, north, jitter, turned = (self._sample(one) for one in self._draw_ground(rng))
         cosine, sine = np.cos(heading), np.sin(heading)
-        places = _turn_path(antenna, turned)
+        places = turn_path(antenna, turned)
         places += jitter[:, None] * np.stack([cosine, sine], axis=1)
         places += self.ahead * turned[:, None] * np.stack([-sine, cosine], axis=1)
         position, direction = self._draw_receiver(rng)
@@ -224,16 +224,6 @@ def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
     return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]
 
 
-def _turn_path(antenna: Array, turned: Array) -> Array:
-    """A path (k, 2) whose steps are turned by angles (k,)."""
-    steps = np.diff(antenna, axis=0)
-    cosine, sine = np.cos(turned[:-1]), np.sin(turned[:-1])
-    out = np.repeat(antenna[:1], len(antenna), axis=0)
-    out[1:, 0] += np.cumsum(steps[:, 0] * cosine - steps[:, 1] * sine)
-    out[1:, 1] += np.cumsum(steps[:, 0] * sine + steps[:, 1] * cosine)
-    return out
-
-
 @dataclass(frozen=True)
 class Unexplained:
     """Share of the error over 5 s above the noise floor that remains, and the horizons (s) with an error above it."""
@@ -274,7 +264,8 @@ def measure_unexplained(
 def compute_chance(seconds: float, piece_s: float) -> float:
     """How far an error and its floor differ by chance for the pieces of this much driving, as a share.
 
-    A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors.
+    A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors:
+    across, along and heading.
     """
     pieces = max(seconds / piece_s, 1.0)
-    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))
+    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (3.0 * pieces))

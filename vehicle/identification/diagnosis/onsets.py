@@ -26,20 +26,19 @@ from vehicle.identification.faults.steering_evidence import (
     shift,
     slide_minimum,
 )
-from vehicle.identification.logs.column_faults import POSITION_LOST
-from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
+from vehicle.identification.logs.column_faults import LOST_WORDS, POSITION_LOST
+from vehicle.identification.logs.schema import GAP_SAMPLES, Array, Log, LogFault, Mask
 from vehicle.identification.logs.standing_columns import (
-    HEADING_FROZEN,
-    POSITION_FROZEN,
-    SPEED_FROZEN,
     STEERING_LOOSE,
     STEERING_STUCK,
     STEERING_WORDS,
+    STILL_READINGS,
     WHEEL_SENSOR_FROZEN,
 )
 from vehicle.identification.logs.thresholds import (
     CLEARLY_APART_DEG,
     FEWEST_READINGS,
+    MOMENT_S,
     PATH_MPS,
     STEADY_SHARE,
     STEERING_SPREAD_DEG,
@@ -52,21 +51,16 @@ MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sam
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
-FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
-END_S = 2.0  # a fault that may last so near to the end of the log lasts until then
-LEAST_BETWEEN_S = 2.0  # onsets that are known better are told as one time
 MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
 WORDS = {
     **STEERING_WORDS,
+    **{reading.fault_id: reading.words for reading in STILL_READINGS.values()},
+    POSITION_LOST: LOST_WORDS,
     WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
-    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
-    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
-    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
-    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
 }
 
 
@@ -129,7 +123,7 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     lock_deg = find_lock(logs)
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
-    spans = [span for name in FROZEN_IDS for span in _find_frozen_spans(logs, name)]
+    spans = [span for name in STILL_READINGS for span in _find_frozen_spans(logs, name)]
     if runs:
         scales = fit_path_scales(runs)
         for entry in ENTRIES:
@@ -263,18 +257,13 @@ def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Chan
     return _Channel(np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0))
 
 
-def _measure_positions(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
-    """Positions against their neighbours."""
-    return _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS))
-
-
 def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows: slice, lock_deg: float) -> str:
     """The name of steering that does not follow: what the wheels do if the path is theirs, else that of the sensor."""
     needed = next((one for one, _ in run.list_needed(scales)), None)
     angle = run.wheel if run.wheel is not None else needed
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
-        if apart[1] < apart[0] - FOLLOWING_DEG:
+        if apart[1] < apart[0] - LEAST_SIGMA_DEG:
             is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
     if angle is None:
@@ -299,12 +288,13 @@ ENTRIES = (
     _Entry(_measure_wheel, LEAST_SIGMA_DEG, _find_steering_id),
     _Entry(_measure_swing, LEAST_SIGMA_DEG, _find_steering_id),
     _Entry(_measure_path, LEAST_SIGMA_DEG, _find_steering_id),
-    _Entry(_measure_positions, LEAST_SIGMA_M, lambda *_: POSITION_LOST),
+    # Positions against their neighbours.
+    _Entry(
+        lambda run, _: _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS)),
+        LEAST_SIGMA_M,
+        lambda *_: POSITION_LOST,
+    ),
 )
-
-FROZEN_IDS = {
-    "position": POSITION_FROZEN, "heading": HEADING_FROZEN, "speed": SPEED_FROZEN, "wheel": WHEEL_SENSOR_FROZEN
-}  # fmt: skip
 
 
 def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
@@ -323,7 +313,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
         price = math.log(len(pool) + 1.0)
         nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
         spans += [
-            _build_span(FROZEN_IDS[column], run, np.array([first, first, last, last]), float(value))
+            _build_span(STILL_READINGS[column].fault_id, run, np.array([first, first, last, last]), float(value))
             for first, last, value in zip(firsts, lasts, nats, strict=True)
             if value > ADD_NATS
         ]
@@ -332,7 +322,9 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
 
 def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
     """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
-    values = _get_values(log, column)
+    columns = {"heading": log.heading_deg, "speed": log.speed_mps, "wheel": log.steering_deg}
+    one = columns.get(column)
+    values = np.stack([log.easting_m, log.northing_m]) if column == "position" else one if one is None else one[None]
     measured = log.place_rows.get(column, log.fresh if column == "position" else None)
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
     if values is None or len(rows) < FEWEST_READINGS:
@@ -342,13 +334,6 @@ def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
     ends = np.append(changes[1:], len(rows) - 1)
     time = log.time_s[rows]
     return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])
-
-
-def _get_values(log: Log, column: str) -> Array | None:
-    if column == "position":
-        return np.stack([log.easting_m, log.northing_m])
-    values = {"heading": log.heading_deg, "speed": log.speed_mps, "wheel": log.steering_deg}[column]
-    return None if values is None else values[None, :]
 
 
 def _measure_driving_time(log: Log) -> Array:
@@ -361,7 +346,7 @@ def _measure_driving_time(log: Log) -> Array:
     paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
     moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
     step = np.diff(time, prepend=time[0])
-    step = np.where(step <= 5.5 * np.median(step), step, 0.0)
+    step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
     driven = np.zeros(len(log.time_s))
     driven[used] = np.cumsum(step * moving)
     return driven
@@ -377,22 +362,11 @@ def _mark_log(log: Log, spans: Sequence[OnsetSpan]) -> Log:
     kept = [one for one in log.faults if not any(span.first_s <= one.from_s <= span.latest_s for span in lost)]
     log = replace(log, faults=tuple(kept))  # what positions without a fix seemed to show
     for span in sorted(spans, key=lambda one: one.first_s):
-        to_s = None if span.latest_s >= end_s - END_S else span.last_s
-        is_unclear = span.first_s - span.earliest_s >= LEAST_BETWEEN_S
+        to_s = None if span.latest_s >= end_s - MOMENT_S else span.last_s
+        is_unclear = span.first_s - span.earliest_s >= MOMENT_S
         between_s = (span.earliest_s, span.first_s) if is_unclear else None
         from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
         fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
-        log = replace(_leave_out_rows(log, fault), faults=(*log.faults, fault))
+        bad: Mask = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
+        log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
     return log
-
-
-def _leave_out_rows(log: Log, fault: LogFault) -> Log:
-    from_s = fault.from_s if fault.between_s is None else fault.between_s[0]
-    bad: Mask = log.used & (log.time_s >= from_s) & (log.time_s <= (math.inf if fault.to_s is None else fault.to_s))
-    rows = np.flatnonzero(bad)
-    if not len(rows):
-        return log
-    used = log.used & ~bad
-    rule = f"{fault.id.replace('_', ' ')}: {fault.words}"
-    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)

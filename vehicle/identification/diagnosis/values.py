@@ -31,7 +31,6 @@ Values = dict[str, float]
 FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
 PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
 RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
-FEWEST_VALUES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +236,7 @@ def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelati
     of_values = slopes @ covariance @ slopes.T
     spread = np.sqrt(np.maximum(np.diag(of_values), 0.0))
     known = spread > 0.0
-    if known.sum() < FEWEST_VALUES:
+    if known.sum() < 2:
         return None
     matrix = of_values[np.ix_(known, known)] / np.outer(spread[known], spread[known])
     kept = tuple(name for name, is_known in zip(names, known, strict=True) if is_known)

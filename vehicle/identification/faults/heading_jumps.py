@@ -14,17 +14,22 @@ import numpy as np
 from vehicle.identification.faults.steering_evidence import COURSE_TURN_S, STEP_S, build_run_evidence, shift
 from vehicle.identification.logs.schema import Array, Log, LogFault, list_gap_rows
 from vehicle.identification.logs.series import measure_spread, wrap_degrees
-from vehicle.identification.logs.thresholds import MAJORITY, MOMENT_S, PART_S, STEADY_SHARE, WINDOW_S
+from vehicle.identification.logs.thresholds import (
+    CLEARLY_APART_DEG,
+    FEWEST_TIMES,
+    MAJORITY,
+    MOMENT_S,
+    PART_S,
+    STEADY_SHARE,
+    WINDOW_S,
+)
 
 HEADING_JUMP = "heading_jump"
-_LEAST_DEG, _MOST_DEG = 5.0, 150.0  # chosen: less is noise of a compass, more is a heading that points backwards
+_MOST_DEG = 150.0  # chosen: more is a heading that points backwards, less than CLEARLY_APART_DEG is noise of a compass
 _LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
-_MOST_STEP_S = 1.5  # chosen: in a longer time a tractor turns that far
-_FEWEST_SIDE = 3  # measured headings on a side
 # Chosen: how near to the level of its side a heading must be (deg, share of the jump), and how far the jumps by heading
 # and by course may differ.
 _NEAR_DEG, _NEAR_SHARE = 1.5, 0.3
-_PART_S = 20.0  # chosen: parts of a side, each of which must show the level
 
 
 @dataclass(frozen=True)
@@ -56,18 +61,18 @@ def _list_candidates(log: Log) -> list[_HeadingStep]:
     assert log.heading_deg is not None
     measured = log.place_rows.get("heading")
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
-    if len(rows) < 4 * _FEWEST_SIDE:
+    if len(rows) < 4 * FEWEST_TIMES:
         return []
     time, turn = log.time_s[rows], np.diff(np.unwrap(np.radians(log.heading_deg[rows])))
     step_s = np.diff(time)
     rate = np.degrees(turn) / np.maximum(step_s, 1e-6)
     changes = np.abs(np.diff(np.degrees(turn)))
-    least = max(_LEAST_DEG, _LEAST_NOISES * float(np.median(changes)))
+    least = max(CLEARLY_APART_DEG, _LEAST_NOISES * float(np.median(changes)))
     jumps = []
-    for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= _MOST_STEP_S)):
+    for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= MOMENT_S)):
         before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - MOMENT_S))
         after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + MOMENT_S))
-        if min(len(before), len(after)) < _FEWEST_SIDE:
+        if min(len(before), len(after)) < FEWEST_TIMES:
             continue
         # What it turned about a step is between the rates of both sides.
         near = np.median(rate[before]), np.median(rate[after])
@@ -100,7 +105,7 @@ def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
     near = np.abs(error) < _NEAR_SHARE * size_deg + _NEAR_DEG
     if float(np.mean(near)) < STEADY_SHARE:
         return False
-    parts = ((time - time[0]) // _PART_S).astype(np.int64)
+    parts = ((time - time[0]) // (2.0 * WINDOW_S)).astype(np.int64)
     levels = [
         float(np.median(error[parts == part])) for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S
     ]
