@@ -86,7 +86,9 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         "rows_gated": diagnosis.rows_gated,
         "rows_gated_by_reason": diagnosis.rows_gated_by_reason,
         "verdict": diagnosis.headline,
-        "faults": [each.__dict__ for each in diagnosis.faults],
+        "faults": [
+            {key: getattr(each, key) for key in ("id", "run", "from_s", "to_s", "words")} for each in diagnosis.faults
+        ],
         "columns": [each.__dict__ for each in diagnosis.columns],
         "grounds": [{"id": one.id, "value": one.value, "runs": list(one.runs)} for one in diagnosis.grounds],
         "error_before": _convert_errors_to_dict(diagnosis.before),

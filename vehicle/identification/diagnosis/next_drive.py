@@ -105,8 +105,8 @@ def compute_separation(trial: Problem, first: Explanation, second: Explanation, 
     difference = np.concatenate(
         [trial.noise[channel].whiten(shown[0][channel] - shown[1][channel]).ravel() for channel in CHANNELS]
     )
-    losses = []
-    for wrong, own in list(zip((first, second), shown, strict=True))[0 if can_both_adapt else 1 :]:
+    losses, both = [], list(zip((first, second), shown, strict=True))
+    for wrong, own in both if can_both_adapt else both[1:]:
         count = len(wrong.amounts)
         secants = trial.compute_secants(wrong.model, wrong.amounts, own, range(count), FIT_STEP)
         response = np.concatenate([secants[channel].reshape(-1, count) for channel in CHANNELS])

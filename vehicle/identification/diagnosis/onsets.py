@@ -322,15 +322,19 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
 
 def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
     """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
-    columns = {"heading": log.heading_deg, "speed": log.speed_mps, "wheel": log.steering_deg}
-    one = columns.get(column)
-    values = np.stack([log.easting_m, log.northing_m]) if column == "position" else one if one is None else one[None]
+    columns = {
+        "position": (log.easting_m, log.northing_m),
+        "heading": (log.heading_deg,),
+        "speed": (log.speed_mps,),
+        "wheel": (log.steering_deg,),
+    }
+    axes = [values for values in columns[column] if values is not None]
     measured = log.place_rows.get(column, log.fresh if column == "position" else None)
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
-    if values is None or len(rows) < FEWEST_READINGS:
+    if not axes or len(rows) < FEWEST_READINGS:
         return np.empty(0), np.empty(0), np.empty(0)
     driven = _measure_driving_time(log)
-    changes = np.flatnonzero(np.append(True, (np.diff(values[:, rows], axis=1) != 0.0).any(axis=0)))
+    changes = np.flatnonzero(np.append(True, (np.diff(np.stack(axes)[:, rows], axis=1) != 0.0).any(axis=0)))
     ends = np.append(changes[1:], len(rows) - 1)
     time = log.time_s[rows]
     return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])

@@ -241,7 +241,7 @@ def build_log(
     converted, gaps = _drop_command_with_gaps(_hold_commands(converted))
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
-    # What is noise at rest of negative speeds; the others were excluded.
+    # Of negative speeds only the noise of sensors at rest was not excluded.
     columns = columns | {key: np.maximum(values, 0.0) for key, values in columns.items() if key.startswith("speed")}
     _refuse_unusable_rows(columns, rules, name)
     defaults = {"shuttle": np.ones(len(rules.used)), "implement": np.zeros(len(rules.used))}

@@ -22,9 +22,7 @@ from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
-_ROUGH_ERROR_SHARE = (
-    1.0 - NEARLY_SHARE
-)  # chosen, relative standard error of a ratio from such chords alone: surely within 40 %
+_ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio from such chords: surely within 40 %
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
 _LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
