@@ -220,8 +220,8 @@ def _measure_aside(place: Array, heading: Array | None, pace: Array | None, know
 
 def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
     """How the curvatures by heading and by course follow the wheels of all runs; None where no line is clear."""
-    angle = np.concatenate([run.angle for run in runs])
-    return [_fit_scale(angle, np.concatenate([run.bends[number] for run in runs])) for number in range(2)]
+    angle, *bends = np.concatenate([np.empty((3, 0)), *(np.stack([run.angle, *run.bends]) for run in runs)], axis=1)
+    return [_fit_scale(angle, curvature) for curvature in bends]
 
 
 def _fit_scale(angle: Array, curvature: Array) -> BendScale | None:
