@@ -27,11 +27,11 @@ from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
-    compute_anchored_errors,
     compute_horizon_errors,
+    compute_piece_errors,
+    find_piece_bounds,
+    measure_dataset,
     simulate_instruments,
-    split_pieces,
-    sum_squared_errors_by_run,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
@@ -291,7 +291,7 @@ def replay(
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with attach_parameter("ground"):
         rig, settings = build_rig_and_corrections(machine, ground, course.origin)
-    errors = compute_horizon_errors(sum_squared_errors_by_run(course, rig, settings))
+    errors = compute_horizon_errors(measure_dataset(course, rig, settings))
     segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
     left_out = course.rows_read - course.rows
     replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)
@@ -302,8 +302,7 @@ def replay(
 def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
     antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
     turn, shift = compute_log_alignment(segment, antenna, heading)
-    parts = tuple(
-        (rows, compute_anchored_errors(segment, antenna, heading, rows))
-        for rows in split_pieces(segment.time, SEGMENT_S)
-    )
+    bounds = find_piece_bounds(segment.time, SEGMENT_S)
+    errors = compute_piece_errors(segment, antenna, heading, bounds)
+    parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
     return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)

@@ -13,7 +13,7 @@ from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.horizon_errors import compute_horizon_errors, sum_squared_errors_by_run
+from vehicle.identification.replay.horizon_errors import compute_horizon_errors, measure_dataset
 from vehicle.identification.replay.rig import build_rig
 from vehicle.model.tractor import load_tractor
 
@@ -39,7 +39,7 @@ def test_the_way_back_is_replayed_as_well_as_the_way_there(reference) -> None:  
     rig = build_rig(load_tractor("eg105"), "soil", course.origin)
     there, back = (
         compute_horizon_errors(
-            sum_squared_errors_by_run(
+            measure_dataset(
                 replace(course, segments=tuple(one for one in course.segments if one.gear == gear)), rig, {}
             )
         )[5.0]

@@ -22,16 +22,16 @@ from vehicle.identification.diagnosis.results import (
     Hint,
     HoldoutResult,
     HoldoutRun,
-    OnsetFault,
     ParameterLaw,
     RunCheck,
 )
+from vehicle.identification.logs.schema import LogFault
 from vehicle.identification.replay.horizon_errors import HorizonError
 
 NAMES = tuple(f"run{number}" for number in range(1, 13))
 RUNS = tuple(RunCheck(name, 10.0 + number, 1.0 + number) for number, name in enumerate(NAMES))
 ODD = RunCheck("run4", 9.0, 2.0, True, "turns 15 % less than the others")
-FAULT = OnsetFault("steering_loose", "run7", 812.0, None, "from 13:53:20 the wheel does not follow the commands")
+FAULT = LogFault("steering_loose", "run7", 812.0, None, "from 13:53:20 the wheel does not follow the commands")
 STALE = ColumnTiming(
     "steering", 0.3, 2.0, None, None, 0.87, "steering is 0.3 s late and held for up to 2 s (87 % of rows are stale)"
 )

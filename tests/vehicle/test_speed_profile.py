@@ -18,7 +18,6 @@ from vehicle.control.speed_profile import (
     compute_correction_speed,
     compute_speed_limits,
     compute_straight_time_s,
-    estimate_drive_s,
 )
 from vehicle.missions.plan import HEADLAND_PASS, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -146,15 +145,6 @@ def test_no_record_exceeds_the_limits(pieces: list[tuple[float, float]], speed_m
     allowed = np.minimum(np.interp(at, own, limits), speed_mps)
     assert run.outcome == DONE
     assert (run.record[:, 0, REC_SPEED] <= allowed + 0.3).all(), "the speed controller lags by a few tenths of a second"
-
-
-@pytest.mark.parametrize("speed_mps", [1.4, 3.3])
-def test_the_estimate_is_near_the_simulation(eg105: Tractor, speed_mps: float) -> None:
-    line = make_line((60.0, 0.0), (14.0, 0.2), (30.0, 0.0), (14.0, -0.2), (60.0, 0.0))
-    expected = estimate_drive_s(line, speed_mps, build_driving_limits(eg105, "soil"))
-    # From and to standstill it takes longer by half of the speed over the acceleration, at either end.
-    standing_s = speed_mps / eg105.speed.max_acceleration_mps2
-    assert drive(eg105, line, speed_mps).duration_s == pytest.approx(expected + standing_s, rel=0.06)
 
 
 def test_experiments_may_drive_without_limits(eg105: Tractor, build: Any) -> None:

@@ -87,24 +87,6 @@ def compute_speed_limits(points: Floats, limits: DrivingLimits) -> Floats:
     return speeds
 
 
-def estimate_drive_s(points: Floats, speed_mps: float, limits: DrivingLimits) -> float:
-    """Seconds on a polyline (n, 2) of one gear at up to a speed, entered and left at what its ends allow."""
-    speeds = np.minimum(compute_speed_limits(points, limits), speed_mps)
-    steps_m = np.hypot(*np.diff(points, axis=0).T)
-    return float(_sum_segment_times_s(steps_m, speeds, speed_mps, limits.deceleration_mps2))
-
-
-@compile_function
-def _sum_segment_times_s(steps_m, limits, speed, acceleration) -> float:  # type: ignore[no-untyped-def]
-    """Seconds on segments between limits (m/s) that can be braked for, at up to a speed."""
-    total, now = 0.0, limits[0]
-    for k in range(len(steps_m)):
-        end = min(limits[k + 1], math.sqrt(now * now + 2.0 * acceleration * steps_m[k]))
-        total += compute_straight_time_s(steps_m[k], speed, now, end, acceleration)
-        now = end
-    return total
-
-
 @compile_function
 def compute_straight_time_s(length, speed, start_speed, end_speed, acceleration) -> float:  # type: ignore[no-untyped-def]
     """Seconds on a straight between two bends: speeding up to `speed` if it is long enough, and slowing down again."""

@@ -1,4 +1,4 @@
 """System identification from measured logs: what a simulated tractor gets wrong, why, and the extended tractor file.
 
-Layers, each knowing only those before it: logs, replay, residuals, fit, cause_selection, model_extension, verdict.
+Layers, each knowing only those before it: logs, faults, replay, diagnosis.
 """

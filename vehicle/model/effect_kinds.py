@@ -31,7 +31,6 @@ ROUNDING_FACTOR = 1.001  # a size that differs from the typical one only by roun
 Interval = tuple[float, float]
 Values = Mapping[str, float]
 CirclePlace = tuple[float, float, float]
-Place = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class EffectParameter:
     """A number of an effect. `neutral` None stands for the value in the tractor file.
 
     `typical` is the size of a usual fault, `finest` the smallest that can be claimed despite the simplifications of the
-    base model, `low` and `high` the limits of what a tractor can have. `is_place` marks a number that says where, not
-    how much; `length_power` is the power of metres in the unit that scales with the wheelbase.
+    base model, `low` and `high` the limits of what a tractor can have. `length_power` is the power of metres in the
+    unit that scales with the wheelbase.
     """
 
     name: str
@@ -50,7 +49,6 @@ class EffectParameter:
     finest: float
     low: float
     high: float
-    is_place: bool = False
     length_power: int = 0
 
     def scale_to_wheelbase(self, wheelbase_m: float) -> EffectParameter:
@@ -65,13 +63,12 @@ Parameters = Sequence[EffectParameter]
 
 
 class CoordinateBox(NamedTuple):
-    """Bounds of the coordinates of an effect: one value per coordinate, and the vectors to try first, in this order."""
+    """Bounds of the coordinates of an effect: one value per coordinate."""
 
     neutral: tuple[float, ...]
     typical: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    starts: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -86,44 +83,33 @@ class EffectSample:
 class EffectKind:
     """The ordinary kind: an effect with one number, which is its own coordinate.
 
-    Attributes: `is_searched` is whether the place of the effect is searched for before its size is fitted, `size_word`
-    precedes the smallest detectable size in texts. Methods take the parameters of the effect, the first of which is
-    its size, and `coordinates` (m,).
+    `size_word` precedes the smallest detectable size in texts. Methods take the parameters of the effect, the first of
+    which is its size, and `coordinates` (m,).
     """
 
-    is_searched: bool = False
     size_word: str = ""
 
-    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
-        """Coordinates for a size (of the vehicle at hand) that is neutral at `zero`; `starts` are values to try."""
-        values = tuple((start,) for start in starts or (zero,))
-        return CoordinateBox((zero,), (size.typical,), (size.low,), (size.high,), values)
+    def build_box(self, size: EffectParameter, zero: float) -> CoordinateBox:
+        """Coordinates for a size (of the vehicle at hand) that is neutral at `zero`."""
+        return CoordinateBox((zero,), (size.typical,), (size.low,), (size.high,))
 
     def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Values of the effect; `place` holds those that were searched for."""
         return dict(zip([param.name for param in params], [*map(float, coordinates), *place], strict=True))
 
-    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
-        """Coordinates (m,) and place of values: the inverse of compute_values."""
-        return np.array([values[params[0].name]]), tuple(values[param.name] for param in params[1:])
-
     def get_kind_for_place(self, place: Sequence[float]) -> EffectKind:
         """The kind to use when the place of the effect is known beforehand."""
         return self
 
-    def compute_deviation(self, neutral: Sequence[float], coordinates: Floats) -> float:
-        """How far coordinates are from neutral."""
-        return float(np.linalg.norm(coordinates - np.array(neutral)))
-
     def compute_interval(
-        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats
     ) -> dict[str, Interval]:
-        """95 % interval of the values from the covariance (m, m) of the coordinates, never finer than `finest`.
+        """95 % interval of the values from the covariance (m, m) of the coordinates.
 
         The place of an effect was searched for and not fitted: it has no interval.
         """
         name, value = params[0].name, float(coordinates[0])
-        half_width = math.hypot(_compute_half_width(covariance), finest)
+        half_width = _compute_half_width(covariance)
         return {name: (max(value - half_width, float(box.low[0])), min(value + half_width, float(box.high[0])))}
 
     def is_no_larger_fault(self, smallest: float, typical: float) -> bool:
@@ -160,9 +146,9 @@ class OneSidedKind(EffectKind):
         """Both sides with a place."""
         return TwoSidedKind() if place else self
 
-    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
+    def build_box(self, size: EffectParameter, zero: float) -> CoordinateBox:
         """The ordinary box, cut at neutral."""
-        box = super().build_box(size, zero, [start for start in starts if self.sign * (start - zero) > 0.0])
+        box = super().build_box(size, zero)
         return box._replace(low=(zero,)) if self.sign > 0.0 else box._replace(high=(zero,))
 
     def sample_values(
@@ -186,21 +172,16 @@ class LimitKind(EffectKind):
 
     size_word = "limit "
 
-    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
-        """One coordinate from 0; `starts` are inverses."""
-        values = tuple((start,) for start in starts)
-        return CoordinateBox((0.0,), (TYPICAL_INVERSE_PER_G,), (0.0,), (1.0 / size.low,), values)
+    def build_box(self, size: EffectParameter, zero: float) -> CoordinateBox:
+        """One coordinate from 0."""
+        return CoordinateBox((0.0,), (TYPICAL_INVERSE_PER_G,), (0.0,), (1.0 / size.low,))
 
     def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """The limit, infinite at 0."""
         return {params[0].name: math.inf if coordinates[0] <= 0.0 else 1.0 / float(coordinates[0])}
 
-    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
-        """The inverse; 0 for an infinite limit."""
-        return np.array([1.0 / values[params[0].name]]), ()
-
     def compute_interval(
-        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats
     ) -> dict[str, Interval]:
         """The inverted interval of the inverse, without an upper end where the inverse may be 0."""
         middle = float(coordinates[0])
@@ -226,10 +207,10 @@ class LimitKind(EffectKind):
 class SlopeKind(EffectKind):
     """A size with a bearing (deg, clockwise from north); the coordinates are its components to east and to north."""
 
-    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
+    def build_box(self, size: EffectParameter, zero: float) -> CoordinateBox:
         """Two coordinates around 0, where the bearing has no meaning."""
         typical, high = size.typical, size.high
-        return CoordinateBox((0.0, 0.0), (typical, typical), (-high, -high), (high, high), ((0.0, 0.0),))
+        return CoordinateBox((0.0, 0.0), (typical, typical), (-high, -high), (high, high))
 
     def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Length and bearing of the components; the length is limited to what a tractor can have."""
@@ -237,20 +218,15 @@ class SlopeKind(EffectKind):
         length = min(float(np.hypot(coordinates[0], coordinates[1])), size.high)
         return {size.name: length, bearing.name: math.degrees(math.atan2(coordinates[0], coordinates[1])) % 360.0}
 
-    def compute_coordinates(self, params: Parameters, values: Values) -> tuple[Floats, Place]:
-        """The components to east and to north."""
-        length, bearing = values[params[0].name], math.radians(values[params[1].name])
-        return np.array([length * math.sin(bearing), length * math.cos(bearing)]), ()
-
     def compute_interval(
-        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats
     ) -> dict[str, Interval]:
         """Intervals of size and bearing: the spread of the components along and across the slope."""
         ratio, bearing = self.compute_values(params, coordinates).values()
         along = coordinates / max(ratio, 1e-9)
         across = np.array([along[1], -along[0]])
         half_width, aside = (
-            math.hypot(INTERVAL_SIGMAS * math.sqrt(max(float(direction @ covariance @ direction), 0.0)), finest)
+            INTERVAL_SIGMAS * math.sqrt(max(float(direction @ covariance @ direction), 0.0))
             for direction in (along, across)
         )
         # With a spread beyond three times the size any bearing is possible.
@@ -285,9 +261,9 @@ class MeasuredSlopeKind(EffectKind):
     bearing_deg: float
     usual_slope: float
 
-    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
+    def build_box(self, size: EffectParameter, zero: float) -> CoordinateBox:
         """One coordinate from 0: no tractor drifts uphill."""
-        return CoordinateBox((0.0,), (size.typical,), (0.0,), (size.high,), ((0.0,),))
+        return CoordinateBox((0.0,), (size.typical,), (0.0,), (size.high,))
 
     def compute_values(self, params: Parameters, coordinates: Floats, place: Sequence[float] = ()) -> dict[str, float]:
         """Size and bearing on the mean slope, and the drift per slope."""
@@ -295,10 +271,10 @@ class MeasuredSlopeKind(EffectKind):
         return {params[0].name: share * self.mean_slope, params[1].name: self.bearing_deg, PER_SLOPE: share}
 
     def compute_interval(
-        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats, finest: float
+        self, params: Parameters, box: CoordinateBox, coordinates: Floats, covariance: Floats
     ) -> dict[str, Interval]:
         """Intervals of the size and of the drift per slope; the bearing is known from the ground."""
-        half_width = math.hypot(_compute_half_width(covariance), finest)
+        half_width = _compute_half_width(covariance)
         low = max(float(coordinates[0]) - half_width, 0.0) / self.usual_slope
         high = (float(coordinates[0]) + half_width) / self.usual_slope
         return {params[0].name: (low * self.mean_slope, high * self.mean_slope), PER_SLOPE: (low, high)}
@@ -306,8 +282,6 @@ class MeasuredSlopeKind(EffectKind):
 
 class CircleKind(EffectKind):
     """A size inside a circle that is searched for (east, north, radius in m); the coordinate is the size."""
-
-    is_searched = True
 
     def sample_values(
         self, params: Parameters, neutral: Values, sample: EffectSample, rng: np.random.Generator

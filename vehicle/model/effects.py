@@ -52,12 +52,10 @@ class Effect:
     """One entry. `compute_fields` turns values into fields of MODEL; `describe` writes the sentence of the verdict.
 
     `regressor` is what the error depends on, `drive` what to drive to see it, `plot` the quantity and the regressor of
-    the plot that shows it. `depends_on_ground` marks effects that may differ between grounds and runs, `is_stand_in`
-    those that would fit any difference between runs. `kind` says how the values become coordinates of a fit. `starts`
-    are sizes to try first (`start_shares`: shares of the file's value), because a dead band or a limit leaves no trace
-    where it does not act. `optional_params` are values that are given only where more was measured; `also_shows_in` are
-    further blocks at whose sensors it shows. Effects with `is_of_log_alone` are in what a log holds, and not in what
-    guidance gets.
+    the plot that shows it. `is_stand_in` marks effects that would fit any difference between runs. `kind` says how the
+    values become coordinates of a fit. `starts` are coordinates to try first, because a limit leaves no trace where it
+    does not act. `optional_params` are values that are given only where more was measured. Effects with
+    `is_of_log_alone` are in what a log holds, and not in what guidance gets.
     """
 
     id: str
@@ -68,14 +66,11 @@ class Effect:
     regressor: str
     drive: str
     plot: tuple[str, str]
-    depends_on_ground: bool = False
     is_stand_in: bool = False
     is_worse_when_less: bool = False
     kind: EffectKind = SIZE
     starts: tuple[float, ...] = ()
-    start_shares: tuple[float, ...] = ()
     optional_params: tuple[EffectParameter, ...] = ()
-    also_shows_in: tuple[str, ...] = ()
     is_of_log_alone: bool = False
 
     @property
@@ -97,12 +92,6 @@ def _describe_turn_gain(value: float) -> str:
     return f"{100 * abs(value - 1):.0f} % {'tighter' if value > 1 else 'wider'}"
 
 
-def _build_angle_param(
-    name: str, typical: float, finest: float, limit: float, neutral: float | None = 0.0
-) -> EffectParameter:
-    return EffectParameter(name, "deg", neutral, typical, finest, -limit if neutral == 0.0 else 0.0, limit)
-
-
 def _describe_limit(v: Values) -> str:
     if math.isinf(v["limit_g"]):
         return "The tyres do not slide sideways at any lateral acceleration that was driven."
@@ -118,13 +107,9 @@ def _describe_slope(v: Values) -> str:
     return f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {towards} per metre driven across it."
 
 
-_CLOCK_STARTS = (0.1, -0.1, 0.25, -0.25, 0.5, -0.5)
-
-
 def _build_clock_effect(
-    column: str, what: str, field: str, block: str, plot: tuple[str, str], kind: EffectKind = SIZE,
-    also_shows_in: tuple[str, ...] = (),
-) -> Effect:  # fmt: skip
+    column: str, what: str, field: str, block: str, plot: tuple[str, str], kind: EffectKind = SIZE
+) -> Effect:
     """The effect of a column that is stamped by another clock than the others.
 
     Of positions and headings only earlier stamps are fitted, as later ones are delays; of commands only later ones, as
@@ -137,25 +122,25 @@ def _build_clock_effect(
         lambda v: f"The {what} are stamped {abs(v['time_s']):.2f} s too {'late' if v['time_s'] > 0 else 'early'}: "
                   "another clock than that of the other columns.",
         "changes of speed and steering", "turns at several speeds, stops and starts",
-        plot=plot, starts=_CLOCK_STARTS, kind=kind, also_shows_in=also_shows_in, is_of_log_alone=True,
+        plot=plot, kind=kind, is_of_log_alone=True,
     )  # fmt: skip
 
 
 def _build_delay_effect(
     name: str, field: str, sentence: str, regressor: str = "changes of speed and turning rate",
-    drive: str = "turns at several speeds, stops and starts", starts: tuple[float, ...] = (0.1, 0.25, 0.5),
+    drive: str = "turns at several speeds, stops and starts",
 ) -> Effect:  # fmt: skip
     """The effect of a receiver or compass that is late."""
     return Effect(
         name, POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
         lambda v: {field: v["time_s"] * STEP_HZ}, lambda v: sentence.format(v["time_s"]),
-        regressor, drive, plot=(CRAB, TURNING), starts=starts,
+        regressor, drive, plot=(CRAB, TURNING),
     )  # fmt: skip
 
 
 CATALOGUE: tuple[Effect, ...] = (
     Effect(
-        "steering_offset", PATH, (_build_angle_param("angle_deg", 1.0, 0.12, 8.0),),
+        "steering_offset", PATH, (EffectParameter("angle_deg", "deg", 0.0, 1.0, 0.12, -8.0, 8.0),),
         lambda v: {"offset": math.radians(v["angle_deg"])},
         lambda v: f"The wheels stand {abs(v['angle_deg']):.1f} "
                   f"degrees to the {_name_left_or_right(v['angle_deg'])} when the "
@@ -183,21 +168,20 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The steering starts to move {v['time_s']:.2f} s after the command.",
         "changes of the command", "steps of the steering",
         plot=(WHEEL, COMMAND_RATE),
-        starts=(0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.9),
     ),
     Effect(
         "steering_lag", STEERING, (EffectParameter("time_s", "s", None, 0.2, 0.04, 0.02, 1.5),),
         lambda v: {"lag": v["time_s"]},
         lambda v: f"The steering follows small commands with a time constant of {v['time_s']:.2f} s.",
         "changes of the command", "small steps and quick small waves of the steering",
-        plot=(WHEEL, COMMAND_RATE), start_shares=(0.5, 1.6, 2.5, 4.0, 7.0),
+        plot=(WHEEL, COMMAND_RATE),
     ),
     Effect(
         "steering_rate", STEERING, (EffectParameter("rate_deg_per_s", "deg/s", None, 6.0, 2.0, 1.0, 90.0),),
         lambda v: {"rate": math.radians(v["rate_deg_per_s"])},
         lambda v: f"The steering cannot move faster than {v['rate_deg_per_s']:.1f} degrees a second.",
         "large changes of the command", "steps from lock to lock",
-        plot=(WHEEL, COMMAND_RATE), start_shares=(0.3, 0.55, 0.8, 1.3),
+        plot=(WHEEL, COMMAND_RATE),
         is_worse_when_less=True,
     ),
     Effect(
@@ -205,33 +189,33 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: {"dead_band": math.radians(v["angle_deg"])},
         lambda v: f"The steering ignores commands closer than {v['angle_deg']:.1f} degrees to where the wheels stand.",
         "small commands", "small steps of the steering, 0.3 to 2 degrees",
-        plot=(WHEEL, COMMAND_RATE), start_shares=(2.5, 5.0, 10.0, 20.0),
+        plot=(WHEEL, COMMAND_RATE),
     ),
     Effect(
         "steering_backlash", PATH, (EffectParameter("angle_deg", "deg", 0.0, 1.5, 0.25, 0.0, 8.0),),
         lambda v: {"half_play": math.radians(0.5 * v["angle_deg"])},
         lambda v: f"There are {v['angle_deg']:.1f} degrees of play between the steering sensor and the wheels.",
         "direction of the last steering movement", "slow waves of the steering, 3 degrees each way",
-        plot=(TURN, STEERING_SPEED), starts=(0.5, 1.5, 3.0),
+        plot=(TURN, STEERING_SPEED),
     ),
     Effect(
         "side_slip", PATH, (EffectParameter("limit_g", "g", math.inf, 0.1, 0.0, 0.02, math.inf),),
         lambda v: {"slide": 0.0 if math.isinf(v["limit_g"]) else 1.0 / v["limit_g"]},
         _describe_limit,
         "lateral acceleration, above a limit", "the same circle slowly and fast",
-        plot=(TURN, SIDE_FORCE), depends_on_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
+        plot=(TURN, SIDE_FORCE), starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),
     Effect(
         "understeer", PATH, (EffectParameter("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.7, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
         "lateral acceleration", "the same circle slowly and fast",
-        plot=(TURN, SIDE_FORCE), depends_on_ground=True, starts=(1.0, -0.5),
+        plot=(TURN, SIDE_FORCE),
     ),
     Effect(
         SLOPE_DRIFT, PATH,
         (EffectParameter("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5),
-         EffectParameter("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
+         EffectParameter("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0)),
         lambda v: {"slope_east": v["ratio"] * math.sin(math.radians(v["bearing_deg"])),
                    "slope_north": v["ratio"] * math.cos(math.radians(v["bearing_deg"]))},
         _describe_slope,
@@ -256,21 +240,21 @@ CATALOGUE: tuple[Effect, ...] = (
                   "ground than commanded" + ("." if -DRIVE_LINE_SLIP < v["ratio"] < MAX_PLAUSIBLE_SLIP else
                   ": where wheels do not slip like this, the commanded speed is not what was driven."),
         "commanded speed", "straight ahead at a steady speed, implement up",
-        plot=(PACE, TARGET), depends_on_ground=True, starts=(0.1,),
+        plot=(PACE, TARGET),
     ),
     Effect(
         "implement_slip", SPEED, (EffectParameter("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
         lambda v: {"tool_slip": v["ratio"]},
         lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
         "implement working", "straight ahead, implement down and up in turn",
-        plot=(PACE, TOOL), depends_on_ground=True, starts=(0.1,),
+        plot=(PACE, TOOL),
     ),
     Effect(
         "speed_lag", SPEED, (EffectParameter("time_s", "s", 0.0, 1.0, 0.65, 0.0, 5.0),),
         lambda v: {"speed_lag": v["time_s"]},
         lambda v: f"The speed follows a changed command with a time constant of {v['time_s']:.1f} s.",
         "changes of the commanded speed", "straight ahead, the speed in steps, stops and starts",
-        plot=(PACE, TARGET_RATE), starts=(0.4, 0.8, 1.6, 3.0),
+        plot=(PACE, TARGET_RATE),
     ),
     Effect(
         "antenna_forward", POSITION, (EffectParameter("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, length_power=1),),
@@ -291,10 +275,10 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(CRAB, TURNING),
     ),
     _build_delay_effect(
-        "gnss_latency", "latency", "Position and heading reach the log {:.2f} s late.", starts=(0.1, 0.25)
+        "gnss_latency", "latency", "Position and heading reach the log {:.2f} s late."
     ),
     Effect(
-        "heading_bias", POSITION, (_build_angle_param("angle_deg", 1.5, 0.25, 20.0),),
+        "heading_bias", POSITION, (EffectParameter("angle_deg", "deg", 0.0, 1.5, 0.25, -20.0, 20.0),),
         lambda v: {"heading_bias": -math.radians(v["angle_deg"])},
         lambda v: f"The measured heading is {abs(v['angle_deg']):.1f} degrees too far to the "
                   f"{_name_left_or_right(v['angle_deg'])}.",
@@ -311,7 +295,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: {"heading_filter": v["time_s"]},
         lambda v: f"The heading in the log is smoothed, with a time constant of {v['time_s']:.2f} s.",
         "changes of turning rate", "short bends to both sides, into and out of circles",
-        plot=(CRAB, TURNING), starts=(0.15, 0.4, 0.8),
+        plot=(CRAB, TURNING),
     ),
     Effect(
         "speed_scale", POSITION, (EffectParameter("ratio", "", 1.0, 0.06, 0.015, 0.4, 2.5),),
@@ -319,16 +303,16 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The measured speed reads {100 * abs(v['ratio'] - 1):.0f} % {'more' if v['ratio'] > 1 else 'less'} "
                   "than the tractor drives.",
         "speed", "straight ahead at several speeds, implement up",
-        plot=(PACE, TARGET), also_shows_in=(SPEED,), is_of_log_alone=True,
+        plot=(PACE, TARGET), is_of_log_alone=True,
     ),
     _build_clock_effect("position", "positions", "position_clock", POSITION, (CRAB, TURNING), BELOW),
     _build_clock_effect("heading", "headings", "heading_clock", POSITION, (CRAB, TURNING), BELOW),
     _build_clock_effect(
-        "speed", "measured speeds", "speed_clock", POSITION, (PACE, TARGET_RATE), also_shows_in=(SPEED,)
+        "speed", "measured speeds", "speed_clock", POSITION, (PACE, TARGET_RATE)
     ),
     _build_clock_effect(
         STEERING_CLOCK.removeprefix("clock_offset_"), "measured wheel angles", "steering_clock", STEERING,
-        (WHEEL, COMMAND_RATE), ABOVE, (POSITION,),
+        (WHEEL, COMMAND_RATE), ABOVE,
     ),
     _build_clock_effect(
         "steering_command", "steering commands", "command_clock", STEERING, (WHEEL, COMMAND_RATE), ABOVE
@@ -337,9 +321,9 @@ CATALOGUE: tuple[Effect, ...] = (
         "grip_patch", PATH,
         (
             EffectParameter("ratio", "", 1.0, 0.3, 0.06, 0.1, 3.0),
-            EffectParameter("east_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf, True),
-            EffectParameter("north_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf, True),
-            EffectParameter("radius_m", "m", 0.0, 5.0, 0.0, 0.0, 500.0, True),
+            EffectParameter("east_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf),
+            EffectParameter("north_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf),
+            EffectParameter("radius_m", "m", 0.0, 5.0, 0.0, 0.0, 500.0),
         ),
         lambda v: {"patch": v["ratio"], "patch_east": v["east_m"], "patch_north": v["north_m"],
                    "patch_radius": v["radius_m"]},

@@ -29,7 +29,6 @@ FILE_KIND = "a CSV file"
 GRID_CELLS, CENTRE_CELL, MIN_FIXES = 32, 16, 100
 # Chosen, s: how long a patch of soil pushes, a rut or a clod at walking pace, and a receiver drifts to one side.
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
-DEFAULT_SEED, DEFAULT_FIX_COUNT = 20240, 8000
 Table = npt.NDArray[np.int64]
 NO_ERROR: Table = np.zeros((0, 4), dtype=np.int64)
 _ODD, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -113,29 +112,13 @@ def _compute_cells(values: Floats) -> Integers:
     return np.clip(cells, -1e9, 1e9).astype(np.int64)
 
 
-def simulate_static_fixes() -> Floats:
-    """8000 synthetic static fixes of an RTK receiver, (8000, 2) in mm east and north.
-
-    Generated, not measured: a slow wander of the solution (a first-order Gauss-Markov process, 60 s at 10 Hz) and white
-    noise of each fix, together 3.2 mm east and 4.1 mm north, the usual size of the horizontal scatter of a fixed
-    solution over minutes (maker's figure of 8 mm + 1 ppm is an upper bound over days), cut at the edge of the grid
-    and rounded to the receiver's millimetre.
-    """
-    random = np.random.default_rng(DEFAULT_SEED)
-    persistence, scale = math.exp(-0.1 / 60.0), np.array([3.2, 4.1])
-    wander = np.empty((DEFAULT_FIX_COUNT, 2))
-    value = random.normal(size=2)
-    for row in wander:
-        value = persistence * value + math.sqrt(1.0 - persistence * persistence) * random.normal(size=2)
-        row[:] = value
-    wander = (wander - wander.mean(axis=0)) / wander.std(axis=0)
-    fixes = scale * (0.8 * wander + 0.6 * random.normal(size=wander.shape))
-    return np.asarray(np.round(np.clip(fixes, -14.0, 14.0)))
-
-
 @lru_cache(maxsize=1)
 def load_default_error_table() -> Table:
-    """The table that comes with Headland (vehicle/data/gnss_rtk.csv), made from simulate_static_fixes."""
+    """The table that comes with Headland (vehicle/data/gnss_rtk.csv).
+
+    It is made from 8000 synthetic fixes of an RTK receiver: a slow wander of the solution and white noise, together
+    3.2 mm east and 4.1 mm north.
+    """
     text = (resources.files("vehicle") / "data" / "gnss_rtk.csv").read_text(encoding="utf-8")
     return _parse_error_table(text, "the table of Headland")
 

@@ -251,20 +251,6 @@ def _get_last_time_s(snapshots: list[WorldSnapshot]) -> float:
     return snapshots[-1].time_s if snapshots else 0.0
 
 
-def count_same_legs(before: Plan, after: Plan) -> list[int]:
-    """Number of legs at the start of each mission that are driven the same in both plans; 0 if the fleets differ.
-
-    A gate or an order to follow that names a later leg holds in both plans while these legs are driven.
-    """
-    if before.tractors != after.tractors:
-        return [0] * after.tractors
-    same_counts, pairs = count_same_paths(before, after), zip(before.missions, after.missions, strict=True)
-    return [
-        next((n for n in range(count) if not has_same_leg_references(a.legs[n], b.legs[n], same_counts)), count)
-        for count, (a, b) in zip(same_counts, pairs, strict=True)
-    ]
-
-
 def _has_same_legs(solo_run: SoloRun, mission: Mission) -> bool:
     """Whether a mission has the same legs as that of a solo run."""
     legs = solo_run.mission.legs
@@ -272,7 +258,8 @@ def _has_same_legs(solo_run: SoloRun, mission: Mission) -> bool:
 
 
 def count_same_paths(before: Plan, after: Plan) -> list[int]:
-    """As count_same_legs, without gates and orders to follow; both plans have the same number of tractors."""
+    """Number of legs at the start of each mission that are the same in two plans of as many tractors, apart from gates
+    and orders to follow."""
     pairs = [list(zip(a.legs, b.legs, strict=False)) for a, b in zip(before.missions, after.missions, strict=True)]
     return [next((n for n, (a, b) in enumerate(pair) if not _has_same_path(a, b)), len(pair)) for pair in pairs]
 

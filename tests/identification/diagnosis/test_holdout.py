@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 
 from tests.identification.log_tables import runs
-from vehicle.identification.diagnosis.holdout import (
-    PiecesByHorizon,
-    compute_errors,
-    compute_rise_sigmas,
-    is_extension_helpful,
-    measure_holdout,
-)
+from vehicle.identification.diagnosis.holdout import compute_rise_sigmas, is_extension_helpful, measure_holdout
 from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.horizon_errors import Pieces, compute_horizon_errors
 from vehicle.model.tractor import EffectSetting, load_tractor
 
 
@@ -29,15 +24,16 @@ def test_the_right_extension_helps_and_a_wrong_one_does_not() -> None:
     assert none.is_unchanged and not none.helps
 
 
-def make_pieces(across_cm: list[float], along_cm: float = 1.0) -> PiecesByHorizon:
+def make_pieces(across_cm: list[float], along_cm: float = 1.0) -> Pieces:
     """Pieces of 10 rows of one run over 5 s, with errors of the same size over 20 s."""
-    rows = np.array([[0.0, 10.0 * one**2, 10.0 * along_cm**2, 10.0, 10.0] for one in across_cm])
+    squares = [(10.0 * (0.01 * one) ** 2, 10.0 * (0.01 * along_cm) ** 2) for one in across_cm]
+    rows = np.array([[0.0, 2.5, *distance, 10.0 * np.radians(1.0) ** 2, 10.0] for distance in squares])
     return {5.0: rows, 20.0: rows}
 
 
 def test_an_error_has_risen_where_most_pieces_say_so() -> None:
     old, flat = make_pieces([2.0, 2.0, 2.0, 2.0], 3.0), [1.9, 2.1, 2.0, 2.0]
-    assert compute_errors(old)[5.0].cross_cm == pytest.approx(2.0) and list(compute_errors(old, 1)) == []
+    assert compute_horizon_errors(old)[5.0].cross_cm == pytest.approx(2.0) and not compute_horizon_errors(old, 1)
     assert is_extension_helpful(old, make_pieces(flat, 1.0), True), "along"
     assert not is_extension_helpful(old, make_pieces(flat, 1.0), False), "along is not judged"
     one_piece, all_pieces = [1.5, 1.5, 1.5, 3.4], [2.3, 2.4, 2.3, 2.4]

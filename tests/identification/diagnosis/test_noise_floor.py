@@ -7,12 +7,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from tests.identification.analytic_drives import circle, course
 from tests.identification.diagnosis.problems import build_empty_fit, build_problem, leave_parts
+from vehicle.identification.diagnosis import noise_floor
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.noise import FREEDOM, POSE_AMOUNTS
 from vehicle.identification.diagnosis.noise_floor import (
-    NoiseLimit,
     Unexplained,
     compute_chance,
     compute_noise_floor,
@@ -21,13 +22,15 @@ from vehicle.identification.diagnosis.noise_floor import (
     replay_commands,
 )
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import HORIZONS_S
+from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset
 from vehicle.identification.replay.horizon_errors import (
-    HorizonSquares,
+    Pieces,
     compute_horizon_errors,
+    join_pieces,
+    measure_dataset,
+    measure_pieces,
     simulate_instruments,
-    sum_squared_errors_by_horizon,
-    sum_squared_errors_by_run,
+    sum_by_run,
 )
 
 problem = lru_cache(maxsize=1)(build_problem)
@@ -35,9 +38,9 @@ SPREAD = FREEDOM / (FREEDOM - 2.0)
 DRAWS = 8
 
 
-def mean_squares(squares: list[HorizonSquares], horizon: float) -> Array:
+def mean_squares(pieces: Pieces, horizon: float) -> Array:
     """Mean squares (3,) across, along and of the heading."""
-    total = np.sum([of_run[horizon] for of_run in squares], axis=0)
+    total = pieces[horizon][:, 2:].sum(axis=0)
     return np.asarray(total[:3] / total[3])
 
 
@@ -56,8 +59,8 @@ def draw_errors(made: Problem, horizon: float) -> Array:
                             east=east[window] + moved[0], north=north[window] + moved[1],
                             heading=heading[window] + moved[2])  # fmt: skip
             antenna = np.stack([east[window], north[window]], axis=1)
-            squares.append(sum_squared_errors_by_horizon(drawn, antenna, heading[window]))
-    return mean_squares(squares, horizon)
+            squares.append(measure_pieces(drawn, antenna, heading[window]))
+    return mean_squares(join_pieces(squares), horizon)
 
 
 @pytest.mark.parametrize("part", [2, 3, 4, 5, 6, 7, 8, 9, 10])
@@ -99,11 +102,11 @@ def test_the_floor_is_the_same_each_time_and_has_the_rows_of_the_error() -> None
     leave_parts(made, (0, 5))
     fit = build_empty_fit(made)
     first, second = (compute_noise_floor(made, fit, made.data.dataset) for _ in range(2))
-    runs = range(made.data.runs)
-    error = sum_squared_errors_by_run(made.data.dataset, made.rig, {})
+    error = measure_dataset(made.data.dataset, made.rig, {})
     for horizon in HORIZONS_S:
-        assert all(np.array_equal(first[run][horizon], second[run][horizon]) for run in runs)
-        assert [of_run[horizon][3] for of_run in first] == pytest.approx([of_run[horizon][3] for of_run in error])
+        assert np.array_equal(first[horizon], second[horizon])
+        of_floor, of_error = (sum_by_run(pieces, made.data.runs, horizon)[:, 3] for pieces in (first, error))
+        assert of_floor == pytest.approx(noise_floor.DRAWS * of_error)
     assert set(compute_horizon_errors(first)) == set(HORIZONS_S)
 
 
@@ -114,8 +117,8 @@ def test_commands_replayed_by_the_core_lead_where_the_replay_of_the_vehicle_lead
         antenna, heading, _, _ = simulate_instruments(made.rig, segment, {})
         rows = slice(begin, begin + segment.rows)
         driven = replace(segment, east=antenna[:, 0], north=antenna[:, 1], heading=heading)
-        errors = sum_squared_errors_by_horizon(driven, replayed.antenna[rows], replayed.heading[rows])
-        assert math.sqrt(errors[5.0][:2].sum() / errors[5.0][3]) < 0.02
+        pieces = measure_pieces(driven, replayed.antenna[rows], replayed.heading[rows])
+        assert math.sqrt(mean_squares(pieces, 5.0)[:2].sum()) < 0.02
         begin += segment.rows
 
 
@@ -129,27 +132,33 @@ def test_what_the_fit_calls_noise_is_no_more_than_ground_and_instruments_make() 
     assert limits["wheel"][4] == pytest.approx(0.07) and np.all(limits["speed"][1:] < 0.2)
 
 
-def make_squares(of_5: float, of_20: float = 1.0) -> list[HorizonSquares]:
-    """Two runs with these mean squares, in units of the floor."""
+def make_pieces(of_5: float, of_20: float = 1.0) -> Pieces:
+    """A piece of two runs each with these mean squares, in units of the floor."""
     sizes = {1.0: 1.0, 5.0: of_5, 10.0: 1.0, 20.0: of_20}
-    return [{horizon: np.array([size, size, size, 1.0]) for horizon, size in sizes.items()} for _ in range(2)]
+    return {
+        horizon: np.array([[run, 0.0, size, size, size, 1.0] for run in range(2)]) for horizon, size in sizes.items()
+    }
+
+
+def make_dataset(seconds: float) -> DriveDataset:
+    """Two runs with so much driving together, with speeds."""
+    (one,) = course(circle(0.0, seconds + 0.1)).segments
+    return DriveDataset(("a", "b"), (one,), (0.0, 0.0), one.rows)
 
 
 @pytest.mark.parametrize("after, before, share", [(1.2, 9.0, 0.0), (5.0, 9.0, 0.5), (9.0, 9.0, 1.0), (9.0, 2.0, 1.0)])
 def test_the_unexplained_share_is_what_no_cause_takes_away_above_the_floor(
     after: float, before: float, share: float
 ) -> None:
-    limit = NoiseLimit(make_squares(1.0), 600.0, 0.1, True)
-    found = measure_unexplained(limit, make_squares(before), [make_squares(after)])
+    found = measure_unexplained(make_dataset(600.0), 0.1, make_pieces(1.0), make_pieces(before), make_pieces(after))
     assert found.share == pytest.approx(share) and found.above_s == ((5.0,) if share > 0.0 else ())
-    assert measure_unexplained(limit, make_squares(9.0), [make_squares(after), make_squares(1.0)]).share == 0.0
 
 
 def test_every_horizon_is_held_against_its_own_floor() -> None:
     """One at the floor makes no other good that stands at twice of it; longer pieces are fewer, and chance more."""
-    limit = NoiseLimit(make_squares(1.0), 600.0, 0.1, True)
-    assert measure_unexplained(limit, make_squares(9.0), [make_squares(1.0, 2.0)]) == Unexplained(0.0, (20.0,))
-    few = NoiseLimit(make_squares(1.0), 100.0, 0.0, True)
+    floor, before = make_pieces(1.0), make_pieces(9.0)
+    far = measure_unexplained(make_dataset(600.0), 0.1, floor, before, make_pieces(1.0, 2.0))
+    assert far == Unexplained(0.0, (20.0,))
     chance = 1.0 + compute_chance(100.0, 20.0)
-    assert measure_unexplained(few, make_squares(9.0), [make_squares(1.0, chance - 0.01)]).above_s == ()
-    assert measure_unexplained(few, make_squares(9.0), [make_squares(1.0, chance + 0.01)]).above_s == (20.0,)
+    for size, above_s in ((chance - 0.01, ()), (chance + 0.01, (20.0,))):
+        assert measure_unexplained(make_dataset(100.0), 0.0, floor, before, make_pieces(1.0, size)).above_s == above_s

@@ -9,7 +9,7 @@ from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STRIDE, build_drive_data
 from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.rig import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, replay_segment, simulate_wheel_angles
+from vehicle.identification.replay.rig import ANGLE_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
 from vehicle.model.effects import compute_effect_fields
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
@@ -43,7 +43,7 @@ def test_wheels_follow_commands_as_in_a_replay(programme: str, settings: Setting
     own = simulator(programme)
     shown = own._simulate_wheel(spread(own, settings))
     for begin, segment in zip(own.data.step_starts, own.data.segments, strict=False):
-        angles = simulate_wheel_angles(rig(), segment, settings)
+        angles = replay_segment(rig(), segment, settings, False, True)[:, STEERING_COLUMN]
         assert shown[begin : begin + len(angles)] == pytest.approx(angles, abs=1e-9)
 
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from vehicle.identification.replay.horizon_errors import (
     HEADING_TRUST_RAD,
     POSITION_TRUST_M,
-    add_centred_values,
     fit_rigid_motion,
     write_anchored_errors,
 )
@@ -41,13 +40,6 @@ def test_positions_decide_against_headings_by_their_trust() -> None:
     assert math.tan(turn) == pytest.approx(2.0 * trust * math.sin(0.3) / (2.0 + 2.0 * trust * math.cos(0.3)))
     standing = fit_rigid_motion(0, 2, ZERO, ZERO, ZERO + 0.3, ZERO, ZERO, ZERO)[0]
     assert standing == pytest.approx(0.3), "where nothing moves, only headings say anything"
-
-
-def test_values_are_added_about_the_middle_of_their_piece() -> None:
-    out = np.full((6, 3), 1.0)
-    add_centred_values(np.array([0, 2]), np.array([2, 5]), np.array([1.0, 3.0, 10.0, 20.0, 60.0, 7.0]), out[:, 1])
-    assert out[:, 1] == pytest.approx([0.0, 2.0, -19.0, -9.0, 31.0, 1.0]), "middles 2 and 30; no piece, no change"
-    assert np.all(out[:, ::2] == 1.0)
 
 
 def errors(east: Array, north: Array, heading: Array, x: Array, y: Array, angle: Array) -> Array:

@@ -21,7 +21,7 @@ def test_columns_are_in_si_from_the_origin_of_the_set() -> None:
     assert one.heading == pytest.approx(np.zeros(200), abs=1e-9), "a heading of 90 degrees is east, 0 of the circle"
     assert one.heading_measured and one.speed_measured and (one.speed == SPEED_MPS).all() and (one.working == 1.0).all()
     assert one.command is None and one.target is not None and (one.target == 1.6).all()
-    assert course.seconds == pytest.approx(19.9) and course.get_segments(0) == [one] and course.get_segments(1) == []
+    assert course.seconds == pytest.approx(19.9) and course.has_speed
 
 
 def test_measurements_are_read_along_lines_and_commands_from_halfway_on() -> None:

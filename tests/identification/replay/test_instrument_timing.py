@@ -14,6 +14,7 @@ from vehicle.identification.replay.rig import (
     compute_timing,
     restore_true_inputs,
 )
+from vehicle.model.effects import compute_effect_fields
 
 
 @pytest.fixture(scope="module")
@@ -22,17 +23,16 @@ def segment() -> DriveSegment:
 
 
 def test_ages_add_up() -> None:
-    timing = compute_timing(
-        {
-            "gnss_latency": {"time_s": 0.2},
-            "position_delay": {"time_s": 0.1},
-            "clock_offset_heading": {"time_s": -0.3},
-            "speed_scale": {"ratio": 1.1},
-        }
-    )
+    settings = {
+        "gnss_latency": {"time_s": 0.2},
+        "position_delay": {"time_s": 0.1},
+        "clock_offset_heading": {"time_s": -0.3},
+        "speed_scale": {"ratio": 1.1},
+    }
+    timing = compute_timing(compute_effect_fields(settings))
     assert (timing.position_s, timing.heading_s) == pytest.approx((0.3, -0.1))
     assert timing.speed_scale == 1.1 and not timing.has_neutral_inputs and not timing.is_heading_as_old
-    assert compute_timing({}) == InstrumentTiming() and InstrumentTiming().has_neutral_inputs
+    assert compute_timing(compute_effect_fields({})) == InstrumentTiming() and InstrumentTiming().has_neutral_inputs
 
 
 def test_headings_are_late_and_smoothed(segment: DriveSegment) -> None:

@@ -23,7 +23,6 @@ from vehicle.identification.replay.rig import (
     make_settled_state,
     replay_segment,
     simulate_logged_values,
-    simulate_wheel_angles,
     split_settings_by_block,
 )
 from vehicle.model.effects import PATH, SPEED, compute_effect_fields
@@ -176,11 +175,12 @@ def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None
     )
     (_, second) = build_dataset([steered]).segments
     assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0])
-    angles = simulate_wheel_angles(rig(), second, {"steering_dead_time": {"time_s": 0.6}})
+    late = {"steering_dead_time": {"time_s": 0.6}}
+    angles = replay_segment(rig(), second, late, False, True)[:, STEERING_COLUMN]
     begun_s = DT_S * int(np.argmax(np.abs(angles) > 1e-6))
     assert begun_s == pytest.approx(0.4, abs=0.06)
     without = replace(second, earlier_commands=np.empty(0))
-    early = simulate_wheel_angles(rig(), without, {"steering_dead_time": {"time_s": 0.6}})
+    early = replay_segment(rig(), without, late, False, True)[:, STEERING_COLUMN]
     assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
 
 
@@ -232,13 +232,3 @@ def test_a_sensor_cuts_off_what_lies_before_it() -> None:
         for settings in (OFFSET, {**OFFSET, **BIAS, **LATE}, {})
     )
     assert np.array_equal(late, plain) and not np.array_equal(bare, plain)
-
-
-def test_wheel_angles_are_those_of_the_whole_replay() -> None:
-    frame = circle(0.05, 20.0)
-    frame["steering_command_deg"] = 10.0 * np.sign(np.sin(frame["time_s"]))
-    one = course(frame).segments[0]
-    for settings in ({}, LATE, {"steering_rate": {"rate_deg_per_s": 5.0}, **OFFSET}):
-        whole = replay_segment(rig(), one, settings, from_sensor=False, from_speed=True)[:, STEERING_COLUMN]
-        alone = simulate_wheel_angles(rig(), one, settings)
-        assert np.array_equal(alone, whole) and np.ptp(alone) > 0.1

@@ -2,18 +2,12 @@
 
 import numpy as np
 
-from vehicle.identification.replay.drive_segments import (
-    HORIZONS_S,
-    WINDOW_S,
-    compute_half_numbers,
-    compute_window_numbers,
-)
+from vehicle.identification.replay.drive_segments import HORIZONS_S, WINDOW_S, compute_half_numbers
 
 TIMES = np.array([0.0, 19.9, 20.0, 39.9, 40.0, 65.0])
 
 
-def test_windows_count_and_halves_take_turns() -> None:
-    assert compute_window_numbers(TIMES).tolist() == [0, 0, 1, 1, 2, 3]
+def test_halves_take_turns() -> None:
     assert compute_half_numbers(TIMES).tolist() == [0, 0, 1, 1, 0, 1]
 
 

@@ -13,11 +13,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
+from vehicle.identification.faults.heading_jumps import correct_heading_jumps
 from vehicle.identification.faults.level_steps import mark_level_step
-from vehicle.identification.faults.steering_evidence import correct_heading_jumps
 from vehicle.identification.logs.column_quality import (
     drop_columns_coarse_elsewhere,
     drop_commands_not_logged,
@@ -76,11 +77,16 @@ def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
 
     One instrument logged them all. A wheel that a person holds between quick turns looks held in one log alone.
     """
-    moving = frozenset(name for name in MEASURED_COLUMNS if not _is_held_in_set(logs, name))
-    marked_logs = [mark_stale_columns(log, moving) for log in logs]
+    moving = set()
+    for name in MEASURED_COLUMNS:
+        columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
+        counts = np.concatenate([np.zeros(0, dtype=np.int64), *map(_count_rows_before_clear_changes, columns)])
+        if np.count_nonzero(counts >= 2) < MAJORITY * len(counts):
+            moving.add(name)  # most clear changes, in all logs together, are of values that were not held before
+    marked_logs = [mark_stale_columns(log, frozenset(moving)) for log in logs]
     for name in (*MEASURED_COLUMNS, "steering_command_deg"):
         holds = [
-            measure_hold(log.time_s[log.used], log.measured_rows[name][log.used])[0]
+            float(np.median(np.diff(log.time_s[log.used & log.measured_rows[name]])))
             for log in marked_logs
             if name in log.measured_rows and np.count_nonzero(log.measured_rows[name] & log.used) > 1
         ]
@@ -88,13 +94,6 @@ def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
             hold_s = float(np.median(holds))
             marked_logs = [_mark_like_others(log, name, hold_s) for log in marked_logs]
     return [_share_readings(log, marked) for log, marked in zip(logs, marked_logs, strict=True)]
-
-
-def _is_held_in_set(logs: Sequence[Log], name: str) -> bool:
-    """Whether most of the clear changes of a column, in all logs together, are of values that were held before."""
-    columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
-    counts = np.concatenate([np.zeros(0, dtype=np.int64), *map(_count_rows_before_clear_changes, columns)])
-    return bool(np.count_nonzero(counts >= 2) >= MAJORITY * len(counts))
 
 
 def _count_rows_before_clear_changes(values: Array) -> Rows:
@@ -252,24 +251,9 @@ def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -
     held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]
     for filter_s in _FILTERS_S:
         share = 1.0 - np.exp(-_LAGS_S[1] / filter_s) if filter_s > 0.0 else 1.0
-        smoothed = _smooth_values(held, share)
+        smoothed = lfilter([share], [1.0, share - 1.0], held, zi=[(1.0 - share) * held[0]])[0]
         for lag_s in _LAGS_S:
             late = np.interp(shown_s - lag_s, grid, smoothed)
             slope, level = np.polyfit(late, angle, 1) if float(np.ptp(late)) > 0.0 else (0.0, float(angle.mean()))
             left = min(left, float(np.var(angle - slope * late - level)))
     return left
-
-
-def _smooth_values(values: Array, share: float) -> Array:
-    """Return the first-order low pass of values (k,) that goes `share` of the way to its input in each step."""
-    out, level = np.empty(len(values)), values[0]
-    for index, value in enumerate(values):
-        level += (value - level) * share
-        out[index] = level
-    return out
-
-
-def measure_hold(time: Array, measured: Mask) -> tuple[float, float, float]:
-    """Return median and 90 % quantile of the time between measured rows (s), and the share of other rows."""
-    gaps = np.diff(time[measured])
-    return float(np.median(gaps)), float(np.quantile(gaps, 0.9)), 1.0 - float(np.mean(measured))

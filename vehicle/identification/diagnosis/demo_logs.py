@@ -13,6 +13,7 @@ import numpy as np
 
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.series import turn_path
 from vehicle.identification.replay.drive_programmes import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.rig import (
@@ -50,7 +51,6 @@ class NoiseLevels:
 DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
 WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
 DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
-# Chosen, s: how long a receiver drifts to one side, and a patch of soil pushes.
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,7 @@ def _simulate_noisy_log(
     for _ in range(3):
         states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
         drive = _replace_segment_poses(drive, states, np.zeros(2))
+    assert drive.command is not None
     rough = add_soil_noise(DEMO_NOISE, states, rng)
     measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
     frame = pd.DataFrame(
@@ -149,17 +150,12 @@ def _simulate_noisy_log(
             "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
             "speed_mps": np.round(np.maximum(speed + SPEED_NOISE_MPS * rng.standard_normal(drive.rows), 0.0), 2),
             "speed_command_mps": drive.target,
-            "steering_command_deg": np.round(np.degrees(_assert_not_none(drive.command)), 3),
+            "steering_command_deg": np.round(np.degrees(drive.command), 3),
             "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
             "implement": drive.working.astype(int),
         }
     )
     return build_log(frame, name)
-
-
-def _assert_not_none(values: Array | None) -> Array:
-    assert values is not None
-    return values
 
 
 def _replace_segment_poses(drive: DriveSegment, states: Array, shift: Array) -> DriveSegment:
@@ -208,10 +204,7 @@ def add_soil_noise(
     pushes = noise.soil * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
     extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S) + other_turns
     out = states.copy()
-    dx, dy = np.diff(states[:, X_COLUMN]), np.diff(states[:, Y_COLUMN])
-    c, s = np.cos(extra[:-1]), np.sin(extra[:-1])
-    out[1:, X_COLUMN] = states[0, X_COLUMN] + np.cumsum(dx * c - dy * s)
-    out[1:, Y_COLUMN] = states[0, Y_COLUMN] + np.cumsum(dx * s + dy * c)
+    out[:, [X_COLUMN, Y_COLUMN]] = turn_path(states[:, [X_COLUMN, Y_COLUMN]], extra)
     out[:, ANGLE_COLUMN] += extra
     return out
 

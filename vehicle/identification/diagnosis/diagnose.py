@@ -23,16 +23,10 @@ from vehicle.identification.diagnosis.log_notes import (
     describe_columns,
     list_diagnosis_notes,
     list_onset_faults,
-    mark_different_runs,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
-from vehicle.identification.diagnosis.noise_floor import (
-    ERROR_PIECE_S,
-    build_noise_limit,
-    compute_noise_floor,
-    measure_unexplained,
-)
+from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
@@ -42,7 +36,6 @@ from vehicle.identification.diagnosis.results import (
     REFUTED,
     Diagnosis,
     Finding,
-    ResidualPlot,
 )
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
@@ -54,11 +47,11 @@ from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
+    ERROR_PIECE_S,
     FEWEST_PIECE_ROWS,
-    HorizonSquares,
     compute_horizon_errors,
     find_piece_bounds,
-    sum_squared_errors_by_run,
+    measure_dataset,
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -135,12 +128,21 @@ class _Composer:
         """The diagnosis: causes from the windows, errors from all driving."""
         dataset, problem, result = self.dataset, self.problem, self.result
         extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, self.findings)
-        before, after = (self._sum_errors(one) for one in (self.tractor, extended))
+        before, after = (
+            measure_dataset(dataset, *build_rig_and_corrections(one, self.ground, dataset.origin))
+            for one in (self.tractor, extended)
+        )
         floor = compute_noise_floor(problem, result.fit, dataset)
-        limit = build_noise_limit(floor, dataset, problem.data.row_step_s)
-        unexplained = measure_unexplained(limit, before, [after])
-        named = order_names(self.findings)
-        certain = {*named, *(one.id for one in self.findings if one.status == EQUIVALENT)}
+        unexplained = measure_unexplained(dataset, problem.data.row_step_s, floor, before, after)
+        clearest = sorted(self.findings, key=lambda one: -(one.gain_pct or 0.0))  # by the error that returns without it
+        named = tuple(one.id for one in clearest if one.status == NAMED)
+        equivalents = [one for one in self.findings if one.status == EQUIVALENT]
+        blocks = [*(get_effect(name).block for name in named), *(one.block for one in equivalents)]
+        curves = [*named, *(str(one.hypothesis) for one in self.verdicts)]  # the first name, or the clearest verdict
+        patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
+        odd_runs = {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
+        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in one.hypothesis.terms]
+        certain = {*named, *(one.id for one in equivalents)}
         diagnosis = Diagnosis(
             names=dataset.names,
             rows_used=dataset.rows,
@@ -150,12 +152,14 @@ class _Composer:
             before=compute_horizon_errors(before),
             after=compute_horizon_errors(after),
             noise_floor=compute_horizon_errors(floor),
-            guilty_block=self._find_block(named),
+            guilty_block=blocks[0] if blocks else None,
             block_error=self._compute_block_errors(),
             findings=tuple(self.findings),
             named=named,
             unexplained_share=unexplained.share,
-            depends_on=self._list_dependences() if unexplained.share > 0.0 else (),
+            depends_on=tuple(dict.fromkeys(f"{one.effect} that depends on {one.regressor}" for one in terms))
+            if unexplained.share > 0.0
+            else (),
             next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
             calibration={
@@ -163,12 +167,12 @@ class _Composer:
                 for name, setting in extended.effects.items()
                 if name not in certain and name not in self.tractor.effects
             },
-            curve=self._build_curve(named),
+            curve=build_residual_plot(problem, result.base, result.fit, curves[0]) if curves else None,
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
-            along_judged=all(segment.speed_measured for segment in dataset.segments),
+            along_judged=dataset.has_speed,
             above_noise_s=unexplained.above_s,
             correlations=compute_value_correlations(problem, result.fit),
-            runs=mark_different_runs(check_runs(dataset, before, after), self._list_odd_runs()),
+            runs=check_runs(dataset, before, after, odd_runs),
             holdout=self.saved.holdout,
             hints=find_hints(problem, result.fit, result.judgements, unexplained) if unexplained.above_s else (),
             interval_note=INTERVAL_NOTE if any(one.interval for one in self.findings) else "",
@@ -177,11 +181,6 @@ class _Composer:
             columns=describe_columns(self.logs, self.findings),
         )
         return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
-
-    def _list_dependences(self) -> tuple[str, ...]:
-        """What the laws that are saved without a name depend on, in words."""
-        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in one.hypothesis.terms]
-        return tuple(dict.fromkeys(f"{term.effect} that depends on {term.regressor}" for term in terms))
 
     def _list_pairs(self) -> list[CompetingPair]:
         """What the next drive is to separate: alternatives of an equivalent set, or something likely from nothing."""
@@ -193,26 +192,6 @@ class _Composer:
             if verdict.status == LIKELY and not others:
                 pairs.append((own, None))
         return pairs
-
-    def _build_curve(self, named: Sequence[str]) -> ResidualPlot | None:
-        """The curve of the first name, or else of the clearest verdict."""
-        names = [*named, *(str(one.hypothesis) for one in self.verdicts)]
-        return build_residual_plot(self.problem, self.result.base, self.result.fit, names[0]) if names else None
-
-    def _list_odd_runs(self) -> dict[int, str]:
-        """Runs that are unlike the others, and the effect in which they are."""
-        patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
-        return {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
-
-    def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
-        dataset = self.dataset
-        rig, settings = build_rig_and_corrections(tractor, self.ground, dataset.origin)
-        return sum_squared_errors_by_run(dataset, rig, settings)
-
-    def _find_block(self, named: Sequence[str]) -> str | None:
-        """The block of the first name; without one, of the first alternative."""
-        equivalents = [finding.block for finding in self.findings if finding.status == EQUIVALENT]
-        return get_effect(named[0]).block if named else equivalents[0] if equivalents else None
 
     def _compute_block_errors(self) -> dict[str, tuple[float, float]]:
         """Per channel cut at the sensors, the root mean square residual before and after (1 is noise alone)."""
@@ -306,34 +285,24 @@ class FindingBuilder:
             value = converter.compute_values(main.hypothesis, main.amounts)
             interval = dict(converter.compute_interval(main.hypothesis, main.amounts, main.covariance))
         law = converter.describe_law(laws[0], constants[0].amounts if constants else None) if laws else None
-        if law is not None and not constants:
-            value, interval = self._average_law(laws[0], effect), None
-        if main.status == EQUIVALENT and interval is not None:
-            interval[effect.size.name] = self._extend_to_neutral(effect, interval[effect.size.name])
-        gain = self.saved.gains.get(effect.id)
+        if law is not None and not constants:  # the mean over the logs
+            hypothesis = laws[0].hypothesis
+            mean = float(laws[0].amounts @ self.problem.bases.compute_means(hypothesis))
+            value, interval = converter.compute_values(hypothesis.make_constant(), np.array([mean])), None
+        if main.status == EQUIVALENT and interval is not None:  # another could replace it
+            neutral = get_neutral_values(effect.id, self.problem.rig.tractor.steering)[effect.size.name]
+            low, high = interval[effect.size.name]
+            interval[effect.size.name] = min(low, neutral), max(high, neutral)
+        gain, ids = self.saved.gains.get(effect.id), self._list_ids(main.equivalent_to)
+        others = " or ".join(get_effect(one).label for one in ids)
         return Finding(
             effect.id, main.status, dict(value), interval, gain and gain[0], gain and gain[1], visible,
-            effect.size.unit, effect.block, effect.describe(value), self._list_ids(main.equivalent_to),
-            self._describe_exchange(main), law,
+            effect.size.unit, effect.block, effect.describe(value), ids,
+            f"these logs cannot tell it from {others}" if others else "", law,
         )  # fmt: skip
-
-    def _average_law(self, verdict: Verdict, effect: Effect) -> dict[str, float]:
-        """The mean value over the logs of an effect that follows a law."""
-        hypothesis = verdict.hypothesis
-        mean = float(verdict.amounts @ self.problem.bases.compute_means(hypothesis))
-        return self.converter.compute_values(hypothesis.make_constant(), np.array([mean]))
-
-    def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
-        """The interval of an effect that another could replace reaches to neutral."""
-        neutral = get_neutral_values(effect.id, self.problem.rig.tractor.steering)[effect.size.name]
-        return min(interval[0], neutral), max(interval[1], neutral)
 
     def _list_ids(self, ids: Sequence[str]) -> tuple[str, ...]:
         return tuple(one for one in ids if one in EFFECTS_BY_ID)
-
-    def _describe_exchange(self, verdict: Verdict) -> str:
-        names = [get_effect(one).label for one in self._list_ids(verdict.equivalent_to)]
-        return f"these logs cannot tell it from {' or '.join(names)}" if names else ""
 
     def _build_alternatives(self, verdict: Verdict, visible: Mapping[str, float]) -> list[Finding]:
         """Findings of the effects that could take the place of one."""
@@ -368,12 +337,6 @@ class FindingBuilder:
         status = REFUTED if is_refutable(effect, visible, self.problem) and not is_open else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
         return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")
-
-
-def order_names(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Ids of named findings, the most important first: by the error of left-out runs that returns without it."""
-    named = [finding for finding in findings if finding.status == NAMED]
-    return tuple(finding.id for finding in sorted(named, key=lambda one: -(one.gain_pct or 0.0)))
 
 
 def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) -> list[Verdict]:

@@ -137,15 +137,18 @@ def build_drive_data(dataset: DriveDataset) -> DriveData:
     path_starts = step_starts // STRIDE
     window_segments = np.array([number for number, _ in windows], dtype=np.int64)
     window_starts = path_starts[window_segments] + np.array([round(start / PATH_STEP_S) for _, start in windows])
-    command = [_pad(_get_command(segment), count) for segment, count in zip(kept, steps, strict=True)]
+    command, target = (
+        np.concatenate([_pad(_get_input(segment, name), count) for segment, count in zip(kept, steps, strict=True)])
+        for name in ("command", "target")
+    )
     return DriveData(
         dataset,
         tuple(kept),
         step_starts,
         path_starts,
-        np.concatenate(command),
-        np.array([_get_wheel(segment)[0] for segment in kept]),
-        np.concatenate([_pad(_get_target(segment), count) for segment, count in zip(kept, steps, strict=True)]),
+        command,
+        np.array([_get_input(segment, "wheel")[0] for segment in kept]),
+        target,
         np.concatenate([_pad(segment.grids["working"], count) for segment, count in zip(kept, steps, strict=True)]),
         _build_path(kept, steps),
         np.array([kept[number].run for number in window_segments], dtype=np.int64),
@@ -162,36 +165,26 @@ def _list_windows(segment: DriveSegment) -> list[float]:
     for start in WINDOW_S * np.arange(count):
         rows = (segment.time >= start) & (segment.time < start + WINDOW_S)
         cells = len(np.unique(segment.time[rows] // POSE_CELL_S))
-        if rows.any() and cells >= max(4, LEAST_CELL_SHARE * POSE_CELLS) and _is_driving(segment, rows):
-            starts.append(float(start))
+        if rows.any() and cells >= max(4, LEAST_CELL_SHARE * POSE_CELLS):
+            starts += [float(start)] if float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS else []
     return starts
-
-
-def _is_driving(segment: DriveSegment, rows: Mask) -> bool:
-    return float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS
 
 
 def _pad(values: Array, count: int) -> Array:
     return np.concatenate([values, np.full(count - len(values), values[-1])])
 
 
-def _get_command(segment: DriveSegment) -> Array:
-    return segment.grids["command"] if segment.command is not None else segment.grids["wheel"]
-
-
-def _get_wheel(segment: DriveSegment) -> Array:
-    return segment.grids["wheel"] if segment.wheel is not None else segment.grids["command"]
-
-
-def _get_target(segment: DriveSegment) -> Array:
-    return segment.grids["target"] if segment.target is not None else segment.grids["speed"]
+def _get_input(segment: DriveSegment, name: str) -> Array:
+    """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
+    other = {"command": "wheel", "wheel": "command", "target": "speed"}[name]
+    return segment.grids[name if getattr(segment, name) is not None else other]
 
 
 def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int]) -> dict[str, Array]:
     """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
     columns: dict[str, list[Array]] = {}
     for segment, count in zip(segments, steps, strict=True):
-        wheel = _get_wheel(segment)
+        wheel = _get_input(segment, "wheel")
         steady = segment.denoised_wheel_angle if segment.wheel is not None else wheel
         inputs = {
             **{name: segment.grids[name] for name in ("east", "north", "heading", "speed", "working")},

@@ -18,7 +18,7 @@ from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER
 from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.model.effect_kinds import CIRCLE, LIMIT, EffectKind, EffectParameter
+from vehicle.model.effect_kinds import CIRCLE, CoordinateBox, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,
     EFFECTS_BY_ID,
@@ -163,8 +163,12 @@ class Bases:
     def get(self, key: str) -> Array:
         """The basis of a key; that of a circle or of a run is made on the first call."""
         if key not in self.arrays:
-            own = self.data.path_runs == int(key.split(":")[1]) if key.startswith(BY_RUN) else None
-            self.arrays[key] = (self.find_circle(*parse_circle(key)) if own is None else own).astype(np.float64)
+            kind, *numbers = key.split(":")
+            if kind == BY_RUN:
+                inside = self.data.path_runs == int(numbers[0])
+            else:
+                inside = self.find_circle(*map(float, numbers))
+            self.arrays[key] = inside.astype(np.float64)
         return self.arrays[key]
 
     def compute_means(self, hypothesis: Hypothesis) -> Array:
@@ -177,25 +181,14 @@ class Bases:
         return np.asarray((path["east"] - east) ** 2 + (path["north"] - north) ** 2 < radius * radius)
 
 
-def format_circle(east: float, north: float, radius: float) -> str:
-    """The key of a circle."""
-    return f"by_place:{east:.2f}:{north:.2f}:{radius:.2f}"
-
-
-def parse_circle(key: str) -> tuple[float, float, float]:
-    """Centre and radius of the key of a circle."""
-    east, north, radius = map(float, key.split(":")[1:])
-    return east, north, radius
-
-
-def scale_parameter(parameter: EffectParameter, tractor: Tractor) -> EffectParameter:
-    """The parameter for the size of a tractor."""
-    return parameter.scale_to_wheelbase(tractor.wheelbase_m)
-
-
-def get_kind(effect: Effect, data: DriveData) -> EffectKind:
-    """The kind of an effect for what these logs hold, such as the slope of their ground."""
-    return effect.kind.get_kind_for_place(data.dataset.effect_places.get(effect.id, ()))
+def scale_effect(
+    effect: Effect, data: DriveData, tractor: Tractor
+) -> tuple[EffectKind, EffectParameter, CoordinateBox]:
+    """The kind of an effect for what these logs hold, such as the slope of their ground, its first parameter for the
+    size of a tractor, and the bounds of its coordinates."""
+    kind = effect.kind.get_kind_for_place(data.dataset.effect_places.get(effect.id, ()))
+    size = effect.size.scale_to_wheelbase(tractor.wheelbase_m)
+    return kind, size, kind.build_box(size, float(get_neutral_values(effect.id, tractor.steering)[size.name]))
 
 
 def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
@@ -205,16 +198,14 @@ def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
 
 def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothesis:
     """An effect as a constant: its coordinates about neutral, with the fields that they change."""
-    kind, size = get_kind(effect, data), scale_parameter(effect.size, tractor)
-    zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-    box = kind.build_box(size, zero, ())
+    kind, size, box = scale_effect(effect, data, tractor)
     coordinates = []
     for place, typical in enumerate(box.typical):
         slopes = _measure_slopes(effect, kind, np.array(box.neutral), place, typical)
         low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
         basis = DRIFT_BASIS if effect.id == GRIP_DRIFT else CONSTANT
         coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high, basis))
-    starts = tuple(start / coordinates[0].width for start in effect.starts) if kind is LIMIT else ()
+    starts = tuple(start / coordinates[0].width for start in effect.starts)
     return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, size.finest, starts=starts)
 
 

@@ -174,7 +174,9 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
             other = searcher.predict(problem.refit(model, np.concatenate([rest.amounts, gain.amounts]), 4))
             better = np.concatenate([(other[channel] - predicted[channel]).ravel() for channel in other])
             if better.sum() > CLEAR_SIGMAS * np.sqrt(np.sum((better - better.mean()) ** 2)):
-                return [_describe_law(tried[gain.hypothesis], gain.hypothesis.basis.removeprefix("hint_"))]
+                change, depends_on = tried[gain.hypothesis], QUANTITY_WORDS[gain.hypothesis.basis.removeprefix("hint_")]
+                words = f"The error looks like {change.words} that depends on {depends_on}."
+                return [Hint(depends_on, change.instrument, change.block, words)]
         return []
     finally:
         problem.bases.arrays = before
@@ -187,12 +189,6 @@ def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
                    change.least)
         for key in (f"hint_{key}" for key in change.keys) if key in arrays
     ]  # fmt: skip
-
-
-def _describe_law(change: Change, key: str) -> Hint:
-    depends_on = QUANTITY_WORDS[key]
-    return Hint(depends_on, change.instrument, change.block,
-                f"The error looks like {change.words} that depends on {depends_on}.")  # fmt: skip
 
 
 def measure_squares(problem: Problem, rest: Fit) -> dict[str, Array]:
@@ -225,14 +221,10 @@ def list_clues(problem: Problem, squares: dict[str, Array], quantities: dict[str
         clues = [one for one in clues if one[0] > SURE_SIGMAS and max(one[2], 1.0 / one[2]) >= CLUE_TIMES]
         if clues:
             _, key, times = max(clues)
-            yield _describe_clue(channel, key, times)
-
-
-def _describe_clue(channel: str, key: str, times: float) -> Hint:
-    instrument, words = CHANNEL_WORDS[channel]
-    more, less = WHERE_WORDS[key] if times > 1.0 else WHERE_WORDS[key][::-1]
-    return Hint(QUANTITY_WORDS[key], instrument, None, f"Errors of {words} are {max(times, 1.0 / times):.1f} times as "
-                f"large {more} as {less}: look for what differs there.")  # fmt: skip
+            instrument, name = CHANNEL_WORDS[channel]
+            more, less = WHERE_WORDS[key] if times > 1.0 else WHERE_WORDS[key][::-1]
+            size = f"Errors of {name} are {max(times, 1.0 / times):.1f} times as large {more} as {less}"
+            yield Hint(QUANTITY_WORDS[key], instrument, None, f"{size}: look for what differs there.")
 
 
 def compute_rank_sigmas(values: Array, squares: Array) -> float:

@@ -25,30 +25,33 @@ SCALES = {"wheel": math.radians(5.0), "speed": 0.5, "working": 0.5}  # usual cha
 
 def choose_informative_parts(dataset: DriveDataset) -> DriveDataset:
     """The dataset with at most MOST_PIECES pieces of PIECE_S, those that say most, in turn from every run."""
-    pieces = [(number, start) for number, one in enumerate(dataset.segments) for start in _list_starts(one)]
+    pieces = _list_pieces(dataset)
     if len(pieces) <= MOST_PIECES:
         return dataset
     scores = np.array([_score(dataset.segments[number], start) for number, start in pieces])
     runs = np.array([dataset.segments[number].run for number, _ in pieces])
     chosen = sorted(_choose_in_turn(scores, runs))
-    segments = [cut_segment(dataset.segments[pieces[one][0]], pieces[one][1]) for one in chosen]
-    return replace(dataset, segments=tuple(segments))
+    return _keep_pieces(dataset, [pieces[one] for one in chosen])
 
 
 def thin_evenly(dataset: DriveDataset, most_pieces: int) -> DriveDataset:
     """A long dataset with about `most_pieces` pieces of PIECE_S, evenly chosen, at least one of every run."""
-    pieces = [(number, start) for number, one in enumerate(dataset.segments) for start in _list_starts(one)]
+    pieces = _list_pieces(dataset)
     if len(pieces) <= most_pieces:
         return dataset
     runs = [dataset.segments[number].run for number, _ in pieces]
     chosen = {*range(0, len(pieces), math.ceil(len(pieces) / most_pieces)), *(runs.index(run) for run in set(runs))}
-    segments = [cut_segment(dataset.segments[pieces[one][0]], pieces[one][1]) for one in sorted(chosen)]
-    return replace(dataset, segments=tuple(segments))
+    return _keep_pieces(dataset, [pieces[one] for one in sorted(chosen)])
 
 
-def _list_starts(segment: DriveSegment) -> list[float]:
-    count = max(int(segment.time[-1] / PIECE_S), 1)
-    return [PIECE_S * number for number in range(count)]
+def _list_pieces(dataset: DriveDataset) -> list[tuple[int, float]]:
+    """The segment of every piece, and its start (s)."""
+    counts = [max(int(segment.time[-1] / PIECE_S), 1) for segment in dataset.segments]
+    return [(number, PIECE_S * piece) for number, count in enumerate(counts) for piece in range(count)]
+
+
+def _keep_pieces(dataset: DriveDataset, pieces: Sequence[tuple[int, float]]) -> DriveDataset:
+    return replace(dataset, segments=tuple(cut_segment(dataset.segments[number], start) for number, start in pieces))
 
 
 def _get_steps(segment: DriveSegment, start_s: float) -> slice:

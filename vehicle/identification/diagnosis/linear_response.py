@@ -17,7 +17,6 @@ from vehicle.identification.diagnosis.grammar import (
     WIDTH_PER_TYPICAL,
     Coordinate,
     Hypothesis,
-    format_circle,
 )
 from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
@@ -35,7 +34,7 @@ Circle = tuple[float, float, float]
 def build_patch(circle: Circle) -> Hypothesis:
     """A change of grip inside a circle."""
     size = get_effect("grip_patch").size
-    width, key = WIDTH_PER_TYPICAL * size.typical, format_circle(*circle)
+    width, key = WIDTH_PER_TYPICAL * size.typical, ":".join(["by_place", *(f"{one:.2f}" for one in circle)])
     coordinate = Coordinate((("bend", 1.0),), width, size.low - 1.0, size.high - 1.0, key)
     return Hypothesis("grip_patch", key, (coordinate,), PENALTIES["place"], size.finest, place=circle)
 

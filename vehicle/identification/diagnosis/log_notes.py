@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
     COLUMN_WORDS,
@@ -20,19 +19,18 @@ from vehicle.identification.diagnosis.results import (
     Diagnosis,
     Finding,
     Hint,
-    OnsetFault,
     RunCheck,
 )
+from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
-from vehicle.identification.faults.steering_evidence import HEADING_JUMP
 from vehicle.identification.logs.clocks import CLOCKS_FROM_S
 from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
-from vehicle.identification.logs.schema import Log, LogFault, Mask
+from vehicle.identification.logs.schema import Log, LogFault
 from vehicle.identification.logs.thresholds import MAJORITY, STANDING_FACTOR
 from vehicle.identification.replay.drive_segments import DriveDataset
-from vehicle.identification.replay.horizon_errors import HorizonSquares
+from vehicle.identification.replay.horizon_errors import Pieces, sum_by_run
 from vehicle.model.effects import PATH, POSITION, get_effect
 from vehicle.model.tractor import Tractor
 
@@ -61,7 +59,6 @@ _CORRECTED_COLUMNS = {
     "speed_mps reads": "speed",
     "steering_deg reads": "steering",
 }
-_SCALE_FACTORS = {"speed": "speed_factor", "steering": "steering_factor"}
 EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for nine years
 
 
@@ -79,18 +76,10 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
             sentences += _list_corrections(logs, column)
         if sentences:
             hold_s, share = (None, None) if hold is None else (hold[0], hold[2])
-            timings.append(
-                ColumnTiming(
-                    column,
-                    values.get("delay_s"),
-                    hold_s,
-                    values.get("filter_s"),
-                    values.get("clock_offset_s"),
-                    share,
-                    " ".join(sentences),
-                    _find_scale(logs, column),
-                )
-            )
+            factors = [log.speed_factor for log in logs if log.speed_factor != 1.0]
+            scale = factors[0] if factors and column == "speed" else None
+            ages_s = (values.get("delay_s"), hold_s, values.get("filter_s"), values.get("clock_offset_s"))
+            timings.append(ColumnTiming(column, *ages_s, share, " ".join(sentences), scale))
     return tuple(timings)
 
 
@@ -103,14 +92,6 @@ def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
             more = f"{name} and {count - 1} more" if count > 1 else name
             return [f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}."]
     return []
-
-
-def _find_scale(logs: Sequence[Log], column: str) -> float | None:
-    """Return what a column of the first log with a wrong scale was divided by; None where all scales are right."""
-    if column not in _SCALE_FACTORS:
-        return None
-    factors = (float(getattr(log, _SCALE_FACTORS[column])) for log in logs)
-    return next((factor for factor in factors if factor != 1.0), None)
 
 
 def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[float, str]]]:
@@ -134,7 +115,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
     gaps, rows, having = [], [], 0
     for log in logs:
         having += column == "position" or getattr(log, _LOG_COLUMNS[column]) is not None
-        measured = _get_measured_rows(log, column)
+        measured = log.place_rows.get(column) if column in _PLACES else log.measured_rows.get(_LOG_COLUMNS[column])
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
             rows.append(np.diff(np.flatnonzero(measured[log.used])))
@@ -145,10 +126,6 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
     if column not in _PLACES:
         all_rows = all_rows[all_gaps <= STANDING_FACTOR * hold_s]
     return hold_s, float(np.quantile(all_gaps, 0.9)), 1.0 - len(all_rows) / float(np.sum(all_rows))
-
-
-def _get_measured_rows(log: Log, column: str) -> Mask | None:
-    return log.place_rows.get(column) if column in _PLACES else log.measured_rows.get(_LOG_COLUMNS[column])
 
 
 def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
@@ -162,25 +139,23 @@ def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
     )
 
 
-def list_onset_faults(logs: Sequence[Log]) -> tuple[OnsetFault, ...]:
-    """Return the faults of all logs, in the order of the logs and of time."""
+def list_onset_faults(logs: Sequence[Log]) -> tuple[LogFault, ...]:
+    """Return the faults of all logs with their times in words, in the order of the logs and of time."""
     return tuple(
-        OnsetFault(fault.id, fault.run, fault.from_s, fault.to_s, _describe_fault(fault, float(log.time_s[0])))
+        replace(fault, words=_describe_fault(fault, float(log.time_s[0])))
         for log in logs
         for fault in sorted(log.faults, key=lambda one: one.from_s)
     )
 
 
 def _describe_fault(fault: LogFault, start_s: float) -> str:
+    at = format_time(fault.from_s, start_s)
     if fault.id == POSITION_JUMP:
-        at = format_time(fault.from_s, start_s)
         return f"{fault.words} (at {at}); what follows is compared on its own"
     if fault.id == HEADING_JUMP:
-        return (
-            f"{fault.words} (at {format_time(fault.from_s, start_s)}); the headings beside it are turned back and used"
-        )
+        return f"{fault.words} (at {at}); the headings beside it are turned back and used"
     end = "until the log ends" if fault.to_s is None else f"until {format_time(fault.to_s, start_s)}"
-    begin = f"from {format_time(fault.from_s, start_s)}"
+    begin = f"from {at}"
     if fault.between_s is not None:
         earliest, latest = (format_time(time_s, start_s) for time_s in fault.between_s)
         begin = f"from some time between {earliest} and {latest}"
@@ -228,14 +203,6 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
     )
 
 
-def mark_different_runs(runs: Sequence[RunCheck], odd_runs: Mapping[int, str]) -> tuple[RunCheck, ...]:
-    """The checks of all runs, with the effect in which a run is unlike the others."""
-    words = {run: f"its {get_effect(name).label} is unlike that of the other runs" for run, name in odd_runs.items()}
-    return tuple(
-        replace(check, unlike=True, words=words[run]) if run in words else check for run, check in enumerate(runs)
-    )
-
-
 def add_compass(diagnosis: Diagnosis, wrong_deg: float) -> Diagnosis:
     """The diagnosis with headings that are wrong by up to so many degrees, by the direction of travel."""
     words = (
@@ -258,20 +225,23 @@ def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
 
 
 def check_runs(
-    dataset: DriveDataset, before: Sequence[HorizonSquares], after: Sequence[HorizonSquares]
+    dataset: DriveDataset, before: Pieces, after: Pieces, odd_runs: Mapping[int, str]
 ) -> tuple[RunCheck, ...]:
-    """Return the distance errors of every run; those across only where not every log has a measured speed."""
-    kinds = 2 if all(segment.speed_measured for segment in dataset.segments) else 1
+    """Return the distance errors of every run; those across only where not every log has a measured speed.
+
+    `odd_runs` are runs that are unlike the others, and the effect in which they are.
+    """
+    kinds, count = 2 if dataset.has_speed else 1, len(dataset.names)
     errors = [
-        [
-            100.0 * math.sqrt(float(run[ERROR_PIECE_S][:kinds].sum() / run[ERROR_PIECE_S][3]))
-            if run[ERROR_PIECE_S][3] > 0.0
-            else None
-            for run in runs
-        ]
-        for runs in (before, after)
+        [100.0 * math.sqrt(float(run[:kinds].sum() / run[3])) if run[3] else None for run in sum_by_run(pieces, count)]
+        for pieces in (before, after)
     ]
-    return tuple(RunCheck(*row) for row in zip(dataset.names, *errors, strict=True))
+    words = {run: f"its {get_effect(name).label} is unlike that of the other runs" for run, name in odd_runs.items()}
+    rows = enumerate(zip(dataset.names, errors[0], errors[1], strict=True))
+    return tuple(
+        RunCheck(name, error_before, error_after, run in words, words.get(run, ""))
+        for run, (name, error_before, error_after) in rows
+    )
 
 
 # --- notes on logs, clocks and the tractor file ----------------------------------------------------------------------

@@ -95,13 +95,6 @@ def _build_explanation(problem: Problem, parts: Sequence[Alternative]) -> Explan
     return Explanation(model, amounts, linear.curvature)
 
 
-def compute_response(problem: Problem, model: Model, amounts: Array) -> Array:
-    """Whitened change of all predictions (rows, k) per width of each amount."""
-    residuals = problem.compute_residuals(model, amounts)
-    secants = problem.compute_secants(model, amounts, residuals, range(len(amounts)), FIT_STEP)
-    return np.concatenate([secants[channel].reshape(-1, len(amounts)) for channel in CHANNELS])
-
-
 def compute_separation(trial: Problem, first: Explanation, second: Explanation, can_both_adapt: bool = True) -> float:
     """Standard deviations between what two explanations show on a drive, whichever of them is right: the smaller value.
 
@@ -112,9 +105,11 @@ def compute_separation(trial: Problem, first: Explanation, second: Explanation, 
     difference = np.concatenate(
         [trial.noise[channel].whiten(shown[0][channel] - shown[1][channel]).ravel() for channel in CHANNELS]
     )
-    losses = []
-    for wrong in (first, second) if can_both_adapt else (second,):
-        response = compute_response(trial, wrong.model, wrong.amounts)
+    losses, both = [], list(zip((first, second), shown, strict=True))
+    for wrong, own in both if can_both_adapt else both[1:]:
+        count = len(wrong.amounts)
+        secants = trial.compute_secants(wrong.model, wrong.amounts, own, range(count), FIT_STEP)
+        response = np.concatenate([secants[channel].reshape(-1, count) for channel in CHANNELS])
         crossed = response.T @ difference
         taken = crossed @ np.linalg.solve(wrong.precision + response.T @ response, crossed)
         losses.append(float(difference @ difference - taken))

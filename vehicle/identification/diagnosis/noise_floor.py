@@ -40,18 +40,19 @@ from vehicle.identification.diagnosis.noise import (
 )
 from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array, Rows
+from vehicle.identification.logs.series import turn_path
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
-from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
-    HorizonSquares,
-    compute_relative_run_errors,
-    make_zero_squared_errors,
-    sum_squared_errors_by_horizon,
+    ERROR_PIECE_S,
+    Pieces,
+    compute_relative_error,
+    join_pieces,
+    measure_pieces,
 )
 from vehicle.identification.replay.rig import ReplayRig
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
-ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
 DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
 # Most of each part that is still noise, in the order of noise.ChannelNoise: one to two times what nine in ten of 53
 # sets of three truths by other hands stay under; of crab, which fits overstate, eight in ten. White noise of receivers
@@ -65,7 +66,6 @@ Model = Sequence[tuple[Hypothesis, Array]]
 # observed.
 ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
-KINDS = 3  # errors of a piece: across, along, heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +79,8 @@ class CommandedReplay:
     speed: Array
 
 
-def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> list[HorizonSquares]:
-    """Sums of squares per run and horizon that noise and nuisances leave where the causes of a fit are true.
+def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pieces:
+    """The errors that noise and nuisances leave where the causes of a fit are true, of DRAWS draws.
 
     `dataset` may hold more runs than those of the problem; of a long one pieces are looked at. The noise is that which
     the problem has now.
@@ -92,7 +92,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
     spread = math.sqrt(FREEDOM / (FREEDOM - 2.0))  # a Student t distribution has a larger variance than its scale
     sizes = {channel: spread * own for channel, own in limit_noise(problem).items()}
     ends, rng = np.cumsum([segment.rows for segment in data.segments]), np.random.default_rng(SEED)
-    totals = make_zero_squared_errors(len(dataset.names))
+    drawn: list[Pieces] = []
     for number, segment in enumerate(data.segments):
         rows = slice(ends[number] - segment.rows, ends[number])
         motion = _MotionDraw(problem, segment, sizes, *(
@@ -100,10 +100,8 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
             for one in (shown.wheel, shown.speed, data.path["heading"])))  # fmt: skip
         for _ in range(DRAWS):
             noisy = motion.draw(shown.antenna[rows], shown.heading[rows], rng)
-            squares = sum_squared_errors_by_horizon(noisy, expected.antenna[rows], expected.heading[rows])
-            for horizon, part in squares.items():
-                totals[segment.run][horizon] += part / DRAWS
-    return totals
+            drawn.append(measure_pieces(noisy, expected.antenna[rows], expected.heading[rows]))
+    return join_pieces(drawn)
 
 
 def limit_noise(problem: Problem) -> dict[str, Array]:
@@ -160,7 +158,7 @@ class _MotionDraw:
         """The segment with positions and headings as they might have been measured."""
         east, north, jitter, turned = (self._sample(one) for one in self._draw_ground(rng))
         cosine, sine = np.cos(heading), np.sin(heading)
-        places = _turn_path(antenna, turned)
+        places = turn_path(antenna, turned)
         places += jitter[:, None] * np.stack([cosine, sine], axis=1)
         places += self.ahead * turned[:, None] * np.stack([-sine, cosine], axis=1)
         position, direction = self._draw_receiver(rng)
@@ -226,16 +224,6 @@ def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
     return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]
 
 
-def _turn_path(antenna: Array, turned: Array) -> Array:
-    """A path (k, 2) whose steps are turned by angles (k,)."""
-    steps = np.diff(antenna, axis=0)
-    cosine, sine = np.cos(turned[:-1]), np.sin(turned[:-1])
-    out = np.repeat(antenna[:1], len(antenna), axis=0)
-    out[1:, 0] += np.cumsum(steps[:, 0] * cosine - steps[:, 1] * sine)
-    out[1:, 1] += np.cumsum(steps[:, 0] * sine + steps[:, 1] * cosine)
-    return out
-
-
 @dataclass(frozen=True)
 class Unexplained:
     """Share of the error over 5 s above the noise floor that remains, and the horizons (s) with an error above it."""
@@ -244,61 +232,40 @@ class Unexplained:
     above_s: tuple[float, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseLimit:
-    """What counts as noise in a dataset: errors are in units of its floor."""
-
-    floor: list[HorizonSquares]
-    seconds: float
-    row_step_s: float
-    along: bool
-
-    def compute_errors(self, squares: list[HorizonSquares], horizon: float = ERROR_PIECE_S) -> Array:
-        """The squared error of every run (runs,) in units of the floor; 0 for a run without a piece."""
-        return compute_relative_run_errors(squares, self.floor, self.along, horizon)
-
-    def get_floor_error(self, horizon: float) -> float:
-        """The floor of all runs in its own unit."""
-        return float(self.compute_errors(self.floor, horizon).sum())
-
-    def is_noise(self, squares: list[HorizonSquares], horizon: float) -> bool:
-        """Whether errors over a horizon are no more than noise, and motion between rows, would leave by chance."""
-        factor = max(ABOVE_FLOOR_FACTOR, 1.0 + compute_chance(self.seconds, horizon))
-        limit = (factor + ABOVE_FLOOR_PER_ROW_S * self.row_step_s) * self.get_floor_error(horizon)
-        return float(self.compute_errors(squares, horizon).sum()) < limit
-
-
-def build_noise_limit(floor: list[HorizonSquares], dataset: DriveDataset, row_step_s: float) -> NoiseLimit:
-    """What counts as noise in a dataset; the error along the path counts where all speeds were measured."""
-    return NoiseLimit(floor, dataset.seconds, row_step_s, all(one.speed_measured for one in dataset.segments))
-
-
 def measure_unexplained(
-    limit: NoiseLimit, before: list[HorizonSquares], after: Sequence[list[HorizonSquares]]
+    dataset: DriveDataset, row_step_s: float, floor: Pieces, before: Pieces, after: Pieces
 ) -> Unexplained:
-    """The error that the best of some models leaves: `before` is that of the tractor file, `after` those of models.
+    """The error that a model leaves: `before` is that of the tractor file, `after` that of the model.
 
-    The share is 0 while the error over 5 s is noise.
+    Errors are in units of the floor, and count along the path where all speeds were measured. Those over a horizon are
+    noise where they are no more than noise, and motion between rows, would leave by chance. The share is 0 while the
+    error over 5 s is noise.
     """
-    best = min(after, key=lambda squares: float(limit.compute_errors(squares).sum()))
-    above = tuple(horizon for horizon in list_horizons(best) if not limit.is_noise(best, horizon))
+
+    def compute_error(pieces: Pieces, horizon: float = ERROR_PIECE_S) -> float:
+        return compute_relative_error(pieces, floor, len(dataset.names), dataset.has_speed, horizon)
+
+    def compute_limit(horizon: float) -> float:
+        factor = max(ABOVE_FLOOR_FACTOR, 1.0 + compute_chance(dataset.seconds, horizon))
+        return (factor + ABOVE_FLOOR_PER_ROW_S * row_step_s) * compute_error(floor, horizon)
+
+    above = tuple(
+        horizon
+        for horizon, rows in after.items()
+        if len(rows) and not compute_error(after, horizon) < compute_limit(horizon)
+    )
     if ERROR_PIECE_S not in above:
         return Unexplained(0.0, above)
-    floor = limit.get_floor_error(ERROR_PIECE_S)
-    rest, whole = (float(limit.compute_errors(squares).sum()) - floor for squares in (best, before))
+    rest, whole = (compute_error(pieces) - compute_error(floor) for pieces in (after, before))
     share = rest / max(rest, whole)
     return Unexplained(share if share > LEAST_SHARE else 0.0, above)
-
-
-def list_horizons(squares: list[HorizonSquares]) -> list[float]:
-    """Horizons (s) of which some run has a piece."""
-    return [horizon for horizon in squares[0] if sum(of_run[horizon][3] for of_run in squares) > 0.0]
 
 
 def compute_chance(seconds: float, piece_s: float) -> float:
     """How far an error and its floor differ by chance for the pieces of this much driving, as a share.
 
-    A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors.
+    A mean of n squares has a variance of 2 / n, the floor is drawn DRAWS times, and a piece has three errors:
+    across, along and heading.
     """
     pieces = max(seconds / piece_s, 1.0)
-    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (KINDS * pieces))
+    return DOUBT_SIGMAS * math.sqrt(2.0 * (1.0 + 1.0 / DRAWS) / (3.0 * pieces))

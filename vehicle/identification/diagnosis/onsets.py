@@ -13,59 +13,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.onset_evidence import (
-    LEAST_GAIN,
-    MOST_GAIN,
+from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
+from vehicle.identification.faults.steering_evidence import (
     OFFSET_DEG,
-    SLIDING_MPS2,
+    STEP_S,
     BendScale,
     RunEvidence,
     build_run_evidence,
+    find_lock,
     fit_path_scales,
-    list_holds,
     measure_swing,
     shift,
+    slide_minimum,
 )
-from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
-from vehicle.identification.faults.steering_evidence import STEP_S, slide_minimum
-from vehicle.identification.logs.column_faults import POSITION_LOST
-from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
+from vehicle.identification.logs.column_faults import LOST_WORDS, POSITION_LOST
+from vehicle.identification.logs.schema import GAP_SAMPLES, Array, Log, LogFault, Mask
 from vehicle.identification.logs.standing_columns import (
-    HEADING_FROZEN,
-    POSITION_FROZEN,
-    SPEED_FROZEN,
     STEERING_LOOSE,
     STEERING_STUCK,
     STEERING_WORDS,
+    STILL_READINGS,
     WHEEL_SENSOR_FROZEN,
 )
 from vehicle.identification.logs.thresholds import (
     CLEARLY_APART_DEG,
     FEWEST_READINGS,
-    LOCK_QUANTILE,
+    MOMENT_S,
+    PATH_MPS,
     STEADY_SHARE,
     STEERING_SPREAD_DEG,
 )
 
+# Shares of an angle that a path may need: a patch without grip leaves half, and no cause doubles it.
+LEAST_GAIN, MOST_GAIN = 0.4, 1.7
+SLIDING_MPS2 = 0.3  # a path that turns less than its wheels at this lateral acceleration may be that of sliding tyres
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
-FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
-END_S = 2.0  # a fault that may last so near to the end of the log lasts until then
-LEAST_BETWEEN_S = 2.0  # onsets that are known better are told as one time
 MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
 WORDS = {
     **STEERING_WORDS,
+    **{reading.fault_id: reading.words for reading in STILL_READINGS.values()},
+    POSITION_LOST: LOST_WORDS,
     WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
-    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
-    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
-    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
-    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
 }
 
 
@@ -125,10 +120,10 @@ def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
 
 def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     """Find what begins in runs of a set; no two spans of a run overlap."""
-    lock_deg = _find_lock(logs)
+    lock_deg = find_lock(logs)
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
-    spans = [span for name in FROZEN_IDS for span in _find_frozen_spans(logs, name)]
+    spans = [span for name in STILL_READINGS for span in _find_frozen_spans(logs, name)]
     if runs:
         scales = fit_path_scales(runs)
         for entry in ENTRIES:
@@ -155,18 +150,6 @@ def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
         ):
             chosen.append(span)
     return chosen
-
-
-def _find_lock(logs: Sequence[Log]) -> float:
-    """How far the wheels of a set turn (deg), without a sensor how far they are steered to."""
-    has_sensor = any(log.steering_deg is not None for log in logs)
-    angles = [
-        np.abs(values[log.used])
-        for log in logs
-        if (values := log.steering_deg if has_sensor else log.steering_command_deg) is not None
-    ]
-    values = np.concatenate([np.empty(0), *angles])
-    return float(np.quantile(values, LOCK_QUANTILE)) if len(values) else math.inf
 
 
 # --- likelihood --------------------------------------------------------------------------------------------------
@@ -235,15 +218,6 @@ def _build_unknown(run: RunEvidence) -> _Channel:
     return _Channel(np.full(len(run.time_s), np.nan), np.full(len(run.time_s), np.nan))
 
 
-def _list_needed(run: RunEvidence, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
-    """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its curvatures."""
-    return [
-        (scale.find_angle(bends), bends)
-        for scale, bends in zip(scales, run.bends, strict=True)
-        if scale is not None and np.isfinite(bends).any()
-    ]
-
-
 def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """The wheel angle against what commands allow."""
     if run.wheel is None or run.command is None:
@@ -254,7 +228,7 @@ def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Cha
 
 def _measure_swing(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """How much less the wheels move to and fro than any steering with a dead band to both sides would."""
-    needed = _list_needed(run, scales)
+    needed = run.list_needed(scales)
     angle, gain = (run.wheel, 1.0) if run.wheel is not None else (needed[0][0] if needed else None, LEAST_GAIN)
     if angle is None or run.command is None:
         return _build_unknown(run)
@@ -269,11 +243,11 @@ def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Chan
     if run.wheel is not None:
         reach = round(1.0 / STEP_S)
         low, high = slide_minimum(run.wheel, reach) - OFFSET_DEG, -slide_minimum(-run.wheel, reach) + OFFSET_DEG
-    expected = run.usual if run.wheel is None else run.wheel
+    expected = run.angle
     low = np.where(low > 0.0, LEAST_GAIN, MOST_GAIN) * low
     high = np.where(high > 0.0, MOST_GAIN, LEAST_GAIN) * high
     channels = []
-    for needed, bends in _list_needed(run, scales):
+    for needed, bends in run.list_needed(scales):
         sliding = (np.abs(needed) < np.abs(expected)) & (run.pace**2 * np.abs(bends) > SLIDING_MPS2)
         excess = np.where(sliding, 0.0, _find_excess(needed, low, high))
         channels.append((excess, _find_following(needed, expected)))
@@ -283,18 +257,13 @@ def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Chan
     return _Channel(np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0))
 
 
-def _measure_positions(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
-    """Positions against their neighbours."""
-    return _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS))
-
-
 def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows: slice, lock_deg: float) -> str:
     """The name of steering that does not follow: what the wheels do if the path is theirs, else that of the sensor."""
-    needed = next((one for one, _ in _list_needed(run, scales)), None)
+    needed = next((one for one, _ in run.list_needed(scales)), None)
     angle = run.wheel if run.wheel is not None else needed
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
-        if apart[1] < apart[0] - FOLLOWING_DEG:
+        if apart[1] < apart[0] - LEAST_SIGMA_DEG:
             is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
     if angle is None:
@@ -319,12 +288,13 @@ ENTRIES = (
     _Entry(_measure_wheel, LEAST_SIGMA_DEG, _find_steering_id),
     _Entry(_measure_swing, LEAST_SIGMA_DEG, _find_steering_id),
     _Entry(_measure_path, LEAST_SIGMA_DEG, _find_steering_id),
-    _Entry(_measure_positions, LEAST_SIGMA_M, lambda *_: POSITION_LOST),
+    # Positions against their neighbours.
+    _Entry(
+        lambda run, _: _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS)),
+        LEAST_SIGMA_M,
+        lambda *_: POSITION_LOST,
+    ),
 )
-
-FROZEN_IDS = {
-    "position": POSITION_FROZEN, "heading": HEADING_FROZEN, "speed": SPEED_FROZEN, "wheel": WHEEL_SENSOR_FROZEN
-}  # fmt: skip
 
 
 def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
@@ -333,7 +303,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
     Holds of a value have a tail exp(-t / m), m from the longest of the other runs; as many as there are is the price
     of choosing the longest.
     """
-    holds = [list_holds(log, column) for log in logs]
+    holds = [_list_holds(log, column) for log in logs]
     spans = []
     for run, (firsts, lasts, seconds) in enumerate(holds):
         others = np.concatenate([np.empty(0), *(hold[2] for other, hold in enumerate(holds) if other != run)])
@@ -343,11 +313,47 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
         price = math.log(len(pool) + 1.0)
         nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
         spans += [
-            _build_span(FROZEN_IDS[column], run, np.array([first, first, last, last]), float(value))
+            _build_span(STILL_READINGS[column].fault_id, run, np.array([first, first, last, last]), float(value))
             for first, last, value in zip(firsts, lasts, nats, strict=True)
             if value > ADD_NATS
         ]
     return spans
+
+
+def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
+    """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
+    columns = {
+        "position": (log.easting_m, log.northing_m),
+        "heading": (log.heading_deg,),
+        "speed": (log.speed_mps,),
+        "wheel": (log.steering_deg,),
+    }
+    axes = [values for values in columns[column] if values is not None]
+    measured = log.place_rows.get(column, log.fresh if column == "position" else None)
+    rows = np.flatnonzero(log.used if measured is None else log.used & measured)
+    if not axes or len(rows) < FEWEST_READINGS:
+        return np.empty(0), np.empty(0), np.empty(0)
+    driven = _measure_driving_time(log)
+    changes = np.flatnonzero(np.append(True, (np.diff(np.stack(axes)[:, rows], axis=1) != 0.0).any(axis=0)))
+    ends = np.append(changes[1:], len(rows) - 1)
+    time = log.time_s[rows]
+    return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])
+
+
+def _measure_driving_time(log: Log) -> Array:
+    """Seconds (n,) driven up to each row, as most of positions, speed and commanded speed say."""
+    used = np.flatnonzero(log.used)
+    time = log.time_s[used]
+    place = np.stack([np.interp(time + shift_s, time, axis[used]) for axis in (log.easting_m, log.northing_m)
+                      for shift_s in (-1.0, 1.0)])  # fmt: skip
+    paces = [np.hypot(place[1] - place[0], place[3] - place[2]) / 2.0]
+    paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
+    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
+    step = np.diff(time, prepend=time[0])
+    step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
+    driven = np.zeros(len(log.time_s))
+    driven[used] = np.cumsum(step * moving)
+    return driven
 
 
 # --- what becomes of the logs ------------------------------------------------------------------------------------
@@ -360,22 +366,11 @@ def _mark_log(log: Log, spans: Sequence[OnsetSpan]) -> Log:
     kept = [one for one in log.faults if not any(span.first_s <= one.from_s <= span.latest_s for span in lost)]
     log = replace(log, faults=tuple(kept))  # what positions without a fix seemed to show
     for span in sorted(spans, key=lambda one: one.first_s):
-        to_s = None if span.latest_s >= end_s - END_S else span.last_s
-        is_unclear = span.first_s - span.earliest_s >= LEAST_BETWEEN_S
+        to_s = None if span.latest_s >= end_s - MOMENT_S else span.last_s
+        is_unclear = span.first_s - span.earliest_s >= MOMENT_S
         between_s = (span.earliest_s, span.first_s) if is_unclear else None
         from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
         fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
-        log = replace(_leave_out_rows(log, fault), faults=(*log.faults, fault))
+        bad: Mask = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
+        log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
     return log
-
-
-def _leave_out_rows(log: Log, fault: LogFault) -> Log:
-    from_s = fault.from_s if fault.between_s is None else fault.between_s[0]
-    bad: Mask = log.used & (log.time_s >= from_s) & (log.time_s <= (math.inf if fault.to_s is None else fault.to_s))
-    rows = np.flatnonzero(bad)
-    if not len(rows):
-        return log
-    used = log.used & ~bad
-    rule = f"{fault.id.replace('_', ' ')}: {fault.words}"
-    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)

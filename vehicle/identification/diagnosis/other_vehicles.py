@@ -19,11 +19,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.onset_evidence import RunEvidence, build_run_evidence, fit_robustly, shift
-from vehicle.identification.faults.steering_evidence import STEP_S, follow_command
+from vehicle.identification.faults.steering_evidence import (
+    STEP_S,
+    RunEvidence,
+    build_run_evidence,
+    fit_robustly,
+    follow_command,
+    shift,
+)
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, MEASURED_SIGMAS, SURE_SIGMAS
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
 from vehicle.model.tractor import Tractor
 
@@ -35,7 +41,7 @@ MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when t
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
 # Of 142 sets of two references, those without a joint show at most 0.04 rad per rad, those with one 0.35 to 0.65.
-JOINT_SHARES, CLEAR_SIGMAS, LEAST_NATS = (0.2, 0.85), 6.0, 20.0
+JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
 NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
@@ -89,11 +95,14 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
     share, antenna = measure.joint_share, measure.antenna_m
     if not measure.pace_mps * WINDOW_STEPS * STEP_S < MOST_WHEELBASES * base:
         return None
-    least = max(JOINT_SHARES[0], CLEAR_SIGMAS * measure.joint_error)
+    least = max(JOINT_SHARES[0], MEASURED_SIGMAS * measure.joint_error)
     if share is not None and least < abs(share) < JOINT_SHARES[1] and measure.nats > LEAST_NATS:
         is_still = antenna is not None and abs(antenna) < NEAR_STILL_SHARE * ahead_m
         words = _JOINT_WORDS.format(abs(share)) + (_COURSE_WORDS if is_still else "")
-        return OtherTurning(ARTICULATED, words, _list_faked_by_joint(logs))
+        # The effects between wheels and positions; without a wheel angle also those between command and wheels.
+        blocks = {PATH, POSITION} | ({STEERING} if any(log.steering_deg is None for log in logs) else set())
+        faked = frozenset(effect.id for effect in CATALOGUE if effect.block in blocks or effect.is_of_log_alone)
+        return OtherTurning(ARTICULATED, words, faked)
     if antenna is None or measure.antenna_error_m > KNOWN_SHARE * base:
         return None
     is_rear = abs(antenna - ahead_m + base) <= NEAR_SHARE * base
@@ -142,12 +151,6 @@ _FAKED_BY_REAR_WHEELS = frozenset(
     {"antenna_forward", "gnss_latency", "position_delay", "heading_delay", "heading_filter", "clock_offset_position",
      "clock_offset_heading"}
 )  # fmt: skip
-
-
-def _list_faked_by_joint(logs: Sequence[Log]) -> frozenset[str]:
-    """Return the effects between wheels and positions; without a wheel angle also those between command and wheels."""
-    blocks = {PATH, POSITION} | ({STEERING} if any(log.steering_deg is None for log in logs) else set())
-    return frozenset(effect.id for effect in CATALOGUE if effect.block in blocks or effect.is_of_log_alone)
 
 
 def measure_turning(logs: Sequence[Log]) -> TurningMeasure:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.schema import Array, LogFault
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.tractor import Tractor
@@ -68,23 +68,6 @@ class ColumnTiming:
     stale_share: float | None = None
     words: str = ""
     scale: float | None = None
-
-
-@dataclass(frozen=True)
-class OnsetFault:
-    """A fault that begins during a run: times are `time_s` of its log, `to_s` None where it lasts until the end."""
-
-    id: str
-    run: str
-    from_s: float
-    to_s: float | None
-    words: str
-
-    @property
-    def sentence(self) -> str:
-        """The run and what began when."""
-        words = self.words.rstrip(".")
-        return f"{words[:1].upper()}{words[1:]}." if self.run in words else f"{self.run}: {words}."
 
 
 @dataclass(frozen=True)
@@ -358,7 +341,7 @@ class Diagnosis:
     evidence: ReplayEvidence | None = None
     next_drive_plan: str | None = None
     columns: tuple[ColumnTiming, ...] = ()
-    faults: tuple[OnsetFault, ...] = ()
+    faults: tuple[LogFault, ...] = ()
     runs: tuple[RunCheck, ...] = ()
     holdout: HoldoutResult | None = None
     hints: tuple[Hint, ...] = ()

@@ -14,24 +14,24 @@ import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, Places
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
-from vehicle.identification.diagnosis.holdout import (
-    PiecesByHorizon,
-    compute_errors,
-    is_extension_harmful,
-    is_extension_helpful,
-    measure_pieces,
-)
+from vehicle.identification.diagnosis.holdout import compare_pieces, is_extension_harmful, is_extension_helpful
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
-from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S, SEED
-from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
+from vehicle.identification.diagnosis.noise_floor import SEED
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset, compute_half_numbers
-from vehicle.identification.replay.horizon_errors import HalfSettings
+from vehicle.identification.replay.horizon_errors import (
+    Pieces,
+    join_pieces,
+    measure_pieces,
+    simulate_instruments,
+    sum_by_run,
+)
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY
-from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Settings, Tractor
+from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Tractor
 
 LEAST_INFORMATION_SHARE = 0.02  # of what all runs know of an amount: with less the other runs say nothing of it
 DRAWS, GAIN_QUANTILES = 200, (0.05, 0.95)
@@ -54,7 +54,7 @@ class Saved:
 
 def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    problem = converter.problem
+    names = converter.problem.data.dataset.names
     trial = _LeftOutTrial(converter, fit)
     kept: list[Verdict] = []
     refused: list[Verdict] = []
@@ -77,8 +77,12 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
     gains = {}
     for verdict in kept:
         others = [one.hypothesis for one in kept if one is not verdict]
-        gains[verdict.hypothesis.id] = _compute_gain(trial.replay(others), now)
-    return Saved(tuple(kept), tuple(refused), gains, _build_holdout(problem, base, now) if kept else None)
+        gains[verdict.hypothesis.id] = _compute_gain(
+            *(sum_by_run(one, len(names)) for one in (trial.replay(others), now))
+        )
+    words = LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS
+    holdout = compare_pieces(names, base, now, trial.has_speed, words) if kept else None
+    return Saved(tuple(kept), tuple(refused), gains, holdout)
 
 
 @dataclass(eq=False)
@@ -90,21 +94,23 @@ class _LeftOutTrial:
 
     def __post_init__(self) -> None:
         self.problem = self.converter.problem
-        dataset = self.problem.data.dataset
-        self.has_speed = all(segment.speed_measured for segment in dataset.segments)
+        self.has_speed = self.problem.data.dataset.has_speed
         self.amounts = compute_left_out_amounts(self.problem, self.fit)
 
-    def replay(self, hypotheses: Sequence[Hypothesis]) -> PiecesByHorizon:
+    def replay(self, hypotheses: Sequence[Hypothesis]) -> Pieces:
         """Errors of all pieces with these hypotheses alone."""
-
-        def build(amounts: Array) -> Settings:
-            parts = [(one, own) for one, own in split_amounts(self.fit.model, amounts) if one in hypotheses]
-            return self.converter.build_settings(parts)
-
-        settings: dict[int, Settings | HalfSettings] = {
-            run: build(own[0]) if len(own) == 1 else (build(own[0]), build(own[1])) for run, own in self.amounts.items()
-        }
-        return measure_pieces(self.problem.data.dataset, self.problem.rig, settings)
+        parts: list[Pieces] = []
+        for segment in self.problem.data.dataset.segments:
+            every = self.amounts[segment.run]
+            for half, amounts in enumerate(every):
+                own = [part for part in split_amounts(self.fit.model, amounts) if part[0] in hypotheses]
+                settings = self.converter.build_settings(own)
+                pieces = measure_pieces(segment, *simulate_instruments(self.problem.rig, segment, settings)[:2])
+                parts.append({
+                    horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
+                    for horizon, rows in pieces.items()
+                })  # fmt: skip
+        return join_pieces(parts)
 
 
 def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array]]:
@@ -132,39 +138,16 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
     return {run: [centre @ leave_out(inside) for inside in own] for run, own in groups.items()}
 
 
-def _sum_by_run(pieces: PiecesByHorizon) -> Array:
-    """Squared errors over 5 s, cross and along together, and rows: (runs, 2)."""
-    rows = pieces.get(ERROR_PIECE_S)
-    if rows is None:
-        return np.zeros((0, 2))
-    runs = rows[:, 0].astype(np.int64)
-    return np.stack([np.bincount(runs, rows[:, 1] + rows[:, 2]), np.bincount(runs, rows[:, 4])], axis=1)
-
-
-def _compute_gain(without: PiecesByHorizon, with_it: PiecesByHorizon) -> tuple[float, tuple[float, float]]:
-    """Reduction (%) of the error over 5 s on left-out runs, and its 90 % interval by drawing runs again."""
-    before, after = _sum_by_run(without), _sum_by_run(with_it)
-    if not before.size:
-        return 0.0, (0.0, 0.0)
+def _compute_gain(before: Array, after: Array) -> tuple[float, tuple[float, float]]:
+    """Reduction (%) of the error over 5 s on left-out runs (runs, 4), and its 90 % interval by drawing runs again."""
     draws = np.random.default_rng(SEED).integers(0, len(before), (DRAWS, len(before)))
 
     def measure(chosen: Places) -> float:
-        first, last = before[chosen].sum(axis=0)[0], after[chosen].sum(axis=0)[0]
+        first, last = (float(one[chosen, :2].sum()) for one in (before, after))
         return 100.0 * (1.0 - math.sqrt(last / max(first, 1e-12)))
 
     low, high = np.quantile([measure(chosen) for chosen in draws], GAIN_QUANTILES)
     return measure(np.arange(len(before))), (float(low), float(high))
-
-
-def _build_holdout(problem: Problem, before: PiecesByHorizon, after: PiecesByHorizon) -> HoldoutResult:
-    names = problem.data.dataset.names
-    has_speed = all(segment.speed_measured for segment in problem.data.dataset.segments)
-    by_run = tuple(
-        HoldoutRun(name, compute_errors(before, run), compute_errors(after, run)) for run, name in enumerate(names)
-    )
-    return HoldoutResult(names, compute_errors(before), compute_errors(after),
-                         is_extension_helpful(before, after, has_speed), by_run,
-                         LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS)  # fmt: skip
 
 
 def build_extended_tractor(

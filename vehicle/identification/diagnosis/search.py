@@ -109,8 +109,9 @@ class Searcher:
             circle = CircleSearch(self.problem, fit).find_best()
         gains += [] if circle is None else [circle]
         self.step()
-        worth = [one for one in gains if _is_worth(one)]
-        return sorted(worth, key=lambda one: -one.nats)
+        # Those that would be large enough to matter.
+        worth = [one for one in gains if float(np.linalg.norm(one.amounts)) > one.hypothesis.finest]
+        return sorted((one for one in worth if one.nats > -PENALTIES["place"]), key=lambda one: -one.nats)
 
     def _list_laws(self, fit: Fit) -> list[Hypothesis]:
         """Laws of the effects in the model that are not among the hypotheses anyway."""
@@ -268,11 +269,6 @@ def number_folds(window_runs: Places) -> Places:
 def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
     """Whether the amounts of a hypothesis are at least the finest that may be claimed."""
     return float(np.linalg.norm(fit.get_amounts(hypothesis))) >= hypothesis.finest
-
-
-def _is_worth(gain: Gain) -> bool:
-    """Whether a hypothesis would be large enough to matter."""
-    return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
 
 
 def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:

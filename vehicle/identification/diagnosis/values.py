@@ -15,16 +15,15 @@ from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
     Hypothesis,
     collect_widths,
-    get_kind,
-    scale_parameter,
+    scale_effect,
 )
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.results import ParameterCorrelations, ParameterLaw
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
-from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
-from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect, get_neutral_values
+from vehicle.model.effect_kinds import Interval
+from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
@@ -32,7 +31,6 @@ Values = dict[str, float]
 FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
 PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
 RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
-FEWEST_VALUES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +47,8 @@ class ValueConverter:
     def compute_interval(self, hypothesis: Hypothesis, amounts: Array, covariance: Array) -> dict[str, Interval]:
         """95 % intervals of the values; none for the place of a circle."""
         effect = get_effect(hypothesis.id)
-        tractor = self.problem.rig.tractor
-        size = scale_parameter(effect.size, tractor)
-        zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-        if effect.kind is CIRCLE:
-            half = INTERVAL_SIGMAS * math.sqrt(float(covariance[0, 0]))
-            value = zero + float(amounts[0])
-            return {size.name: (value - half, value + half)}
-        kind = get_kind(effect, self.problem.data)
-        box = kind.build_box(size, zero, ())
-        return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance, 0.0)
+        kind, _, box = scale_effect(effect, self.problem.data, self.problem.rig.tractor)
+        return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance)
 
     def build_settings(self, parts: Sequence[tuple[Hypothesis, Array]]) -> Settings:
         """What a tractor file would hold of these hypotheses; those that none can hold are left out."""
@@ -141,11 +131,10 @@ def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, trac
         if effect is not None and hypothesis.size == 1:
             names = [effect.size.name]
         return dict(zip(names, map(float, amounts), strict=True))
-    kind, zero = get_kind(effect, data), get_neutral_values(effect.id, tractor.steering)[effect.size.name]
-    neutral = kind.build_box(scale_parameter(effect.size, tractor), float(zero), ()).neutral
+    kind, _, box = scale_effect(effect, data, tractor)
     origin, place = data.dataset.origin, hypothesis.place
     circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
-    return kind.compute_values(effect.params, np.array(neutral) + amounts, circle)
+    return kind.compute_values(effect.params, np.array(box.neutral) + amounts, circle)
 
 
 def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
@@ -247,7 +236,7 @@ def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelati
     of_values = slopes @ covariance @ slopes.T
     spread = np.sqrt(np.maximum(np.diag(of_values), 0.0))
     known = spread > 0.0
-    if known.sum() < FEWEST_VALUES:
+    if known.sum() < 2:
         return None
     matrix = of_values[np.ix_(known, known)] / np.outer(spread[known], spread[known])
     kept = tuple(name for name, is_known in zip(names, known, strict=True) if is_known)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,7 @@ from vehicle.identification.diagnosis.grammar import (
     Hypothesis,
     build_constant,
     collect_widths,
-    get_kind,
-    scale_parameter,
+    scale_effect,
     split_amounts,
 )
 from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
@@ -26,7 +24,7 @@ from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Predict
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
-from vehicle.model.effects import CATALOGUE, Effect, get_effect
+from vehicle.model.effects import CATALOGUE, Effect
 
 LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
 EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
@@ -196,12 +194,12 @@ def _list_model_variances(problem: Problem, fit: Fit) -> Array:
     return np.array(variances)
 
 
-def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] = CATALOGUE) -> dict[str, float]:
+def find_smallest_visible(problem: Problem, fit: Fit) -> dict[str, float]:
     """The smallest size of every effect (unit of its first parameter) that these logs would have shown; effects that no
     size of up to twice the typical one would show are left out."""
     linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
     visible = {}
-    for effect in effects:
+    for effect in CATALOGUE:
         hypothesis = (
             build_patch(find_middle_circle(problem.data))
             if effect.kind is CIRCLE
@@ -220,7 +218,7 @@ def _find_smallest(
 ) -> float | None:
     model, size = (*fit.model, hypothesis), len(fit.amounts)
     amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-    kind, parameter = get_kind(effect, problem.data), scale_parameter(effect.size, problem.rig.tractor)
+    kind, parameter, _ = scale_effect(effect, problem.data, problem.rig.tractor)
     coordinate = hypothesis.coordinates[0]
     sign = -1.0 if coordinate.high <= 0.0 or effect.is_worse_when_less else 1.0
     for share in TRIED_SHARES:
@@ -248,5 +246,5 @@ def is_refutable(effect: Effect, visible: float | None, problem: Problem) -> boo
     """Whether an effect that was not found is refuted: a usual size would have been seen."""
     if visible is None:
         return False
-    kind = get_kind(effect, problem.data)
-    return kind.is_no_larger_fault(visible, scale_parameter(get_effect(effect.id).size, problem.rig.tractor).typical)
+    kind, size, _ = scale_effect(effect, problem.data, problem.rig.tractor)
+    return kind.is_no_larger_fault(visible, size.typical)

@@ -8,7 +8,7 @@ once, last until the run ends, and be the same on straights and bends and wherev
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,45 +16,46 @@ import numpy as np
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     TURN_S,
-    PathScale,
-    SteeringEvidence,
-    average_over_turn,
-    build_evidence_segments,
-    find_largest_angles,
-    fit_path_scale,
+    BendScale,
+    RunEvidence,
+    build_run_evidence,
+    find_lock,
+    fit_path_scales,
+    shift,
 )
-from vehicle.identification.logs.schema import (
-    Array,
-    Log,
-    LogFault,
-    Mask,
-    Rows,
-)
+from vehicle.identification.logs.schema import Array, Log, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_spread
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, PART_S, READING_S, STEADY_SHARE
+from vehicle.identification.logs.thresholds import (
+    DOUBT_SIGMAS,
+    FEW_SHARE,
+    FEWEST_LINE_ROWS,
+    LASTING_S,
+    MOMENT_S,
+    PART_S,
+    READING_S,
+    STEADY_SHARE,
+    SURE_SIGMAS,
+    WINDOW_S,
+)
 
 STEERING_JUMP = "steering_jump"
-_THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
-_LEAST_STEP_DEG, _LEAST_FLATNESSES = 1.0, 4.0  # chosen: times what levels of parts scatter on both sides
-_LEAST_SIDE_S = 15.0  # chosen: driving on each side, and parts of it that have a level each
+_THIN_S = 2.0 * STEP_S  # between rows of the search; nearer ones say about the same
+_LEAST_STEP_DEG = 1.0  # chosen
+_LEAST_SIDE_S = 3.0 * PART_S  # driving on each side, and parts of it that have a level each
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
-_PART_FROM_LEVEL = 0.4  # chosen, share of the step: most parts are so near to the level of their side
-# Chosen: smaller angles for so long show a step at once; and the time that may be without.
-_CLEAR_DEG, _CLEAR_S, _UNCLEAR_S = 12.0, 2.0, 3.0
-_SHARP_S, _SHARP_SHARE = 8.0, 0.35  # chosen: time next to the step that has the level of its side already
-_SLOPE_SHARE = 0.3  # chosen: of the step, by which levels of a side may change from its begin to its end
-_STRATUM_S, _LEAST_SHARE, _MOST_SHARE = 6.0, 0.55, 1.6  # chosen: driving alike on both sides that shows the step
+# Chosen, shares of the step: how near to the level of its side most parts and what is next to the step are, and how
+# large the best steps of other runs may be; the same of a path that follows the wheels on straights.
+_NEAR_SHARE = 0.4
+# Chosen: of the step, by which levels of a side may change from its begin to its end; of the rows of each side, those
+# that are driven as those of the other side.
+_DRIFT_SHARE = 0.3
+_CLEAR_DEG = 12.0  # chosen: smaller angles for a moment show a step at once
+_LEAST_SHARE, _MOST_SHARE = 0.55, 1.6  # chosen: of the step, as driving alike on both sides shows it
 _STRAIGHT_DEG = 4.0  # chosen: smaller angles are those of straights
-_OVERLAP_SHARE = 0.3  # chosen: of the rows of each side that are driven as those of the other side
-_PLACE_M = 25.0  # chosen: squares of the field
-_SQUARE_S = 3.0  # chosen: time in a square that shows its level
-_BEYOND_M, _BEYOND_SHARE = 10.0, 0.15  # chosen: driving on the other side of the place of a step, and its share
-_OTHERS_SHARE = 0.4  # chosen: of the step, that the best steps of other runs may have
-_MOST_GAIN_CHANGE = 0.4  # chosen: of a path that follows the wheels on straights
+_PLACE_M, _BEYOND_M = 25.0, 10.0  # chosen: squares of the field; driving on the other side of the place of a step
 _GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
-_PASSES = 5
-_ROUNDS = 3  # chosen: of a search without, and with the step of the round before
-_REFINE_S, _MOST_PARTS = 20.0, 400  # chosen: about the coarse place of a step; limits the time of long runs
+_PASSES, _ROUNDS = 5, 3  # of a fit; of a search without, and with the step of the round before
+_MOST_PARTS = 400  # chosen: limits the time of long runs
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,12 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
 
     Left out are the rows that are unlike the other runs; of a single run, those of the shorter side.
     """
-    locks = find_largest_angles(logs)
-    segments = [build_evidence_segments(log, locks) for log in logs]
-    step = find_level_step(logs, segments)
+    lock_deg = find_lock(logs)
+    runs = [build_run_evidence(log, lock_deg) for log in logs]
+    step = find_level_step(logs, runs)
     if step is None:
         return list(logs)
-    marked = _mark_log(logs[step.run], step, _is_of_sensor(segments[step.run], step))
+    marked = _mark_log(logs[step.run], step, _is_of_sensor(runs[step.run], step))
     return [marked if run == step.run else log for run, log in enumerate(logs)]
 
 
@@ -132,25 +133,19 @@ def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:
     )
 
 
-def _is_of_sensor(parts: Sequence[SteeringEvidence], step: LevelStep) -> bool:
+def _is_of_sensor(run: RunEvidence | None, step: LevelStep) -> bool:
     """Whether the sensor steps against the commands, and the path does not."""
-    sides: tuple[list[Array], list[Array]] = ([], [])
-    for part in parts:
-        if part.wheel is None or part.command is None:
-            return False
-        for side, chosen in zip(sides, (part.time_s < step.time_s, part.time_s >= step.time_s), strict=True):
-            side.append((part.wheel - part.usual)[chosen])
-    before, after = (float(np.median(np.concatenate(side))) for side in sides)
+    if run is None or run.wheel is None or run.command is None:
+        return False
+    apart, is_after = run.wheel - run.usual, run.time_s >= step.time_s
+    before, after = (float(np.median(apart[run.known & side])) for side in (~is_after, is_after))
     return _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE
 
 
-def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]]) -> LevelStep | None:
+def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> LevelStep | None:
     """Return the one step of a set of logs, given with their evidence; None where no run or more than one seems to have
     any."""
-    scale = fit_path_scale([segment for parts in segments for segment in parts])
-    if scale is None:
-        return None
-    rows = _collect_rows(logs, segments, scale)
+    rows = _collect_rows(logs, runs)
     if rows is None:
         return None
     nuisance = _build_nuisance(rows)
@@ -165,7 +160,7 @@ def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvi
         step = ((rows.run == run) & (np.arange(len(rows.run)) >= best[run][0])).astype(np.float64)
     others = [abs(size) for other, (_, size) in best.items() if other != run]
     first, size = best[run]
-    if others and max(others) > _OTHERS_SHARE * abs(size):
+    if others and max(others) > _NEAR_SHARE * abs(size):
         return None
     sides = _split_run(rows, run, first)
     if len(others) < _FEWEST_OTHERS and min(np.count_nonzero(side) for side in sides) * _THIN_S < _ALONE_SIDE_S:
@@ -178,7 +173,7 @@ def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvi
     time_s = float(rows.time_s[first])
     clear = rows.time_s[before][_find_clear(rows.needed[before])]
     last_clear_s = float(clear[-1]) if len(clear) else time_s
-    earliest_s = last_clear_s if time_s - last_clear_s > _UNCLEAR_S else time_s
+    earliest_s = last_clear_s if time_s - last_clear_s > LASTING_S else time_s
     # Small angles often bend a path less than large ones do; the scale is that of all angles.
     turned_deg = size / float(np.clip(np.median(gain[before | after]), *_GAINS))
     return LevelStep(run, time_s, turned_deg, odd is after, earliest_s)
@@ -186,25 +181,19 @@ def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvi
 
 def _find_clear(needed: Array) -> Mask:
     """Return which rows of a side (k,) end a time in which the path needs small angles only."""
-    width = round(_CLEAR_S / _THIN_S)
+    width = round(MOMENT_S / _THIN_S)
     small = np.pad((np.abs(needed) < _CLEAR_DEG).astype(np.float64), (width - 1, 0))
     mask: Mask = np.convolve(small, np.ones(width), mode="valid") > width - 0.5
     return mask
 
 
-def _collect_rows(
-    logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]], scale: PathScale
-) -> _LevelRows | None:
-    """Collect the rows of all runs whose path is known, every _THIN_S."""
-    columns = [
-        {name: getattr(log, name)[log.used] for name in ("time_s", "easting_m", "northing_m", "implement", "shuttle")}
-        for log in logs
-    ]
+def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _LevelRows | None:
+    """Collect the rows of all runs whose path is known, every _THIN_S; None where they are too few."""
+    scales = fit_path_scales([run for run in runs if run is not None])
     tables = [
-        _collect_segment(own, run, part, scale)
-        for run, (own, parts) in enumerate(zip(columns, segments, strict=True))
-        for part in parts
-        if part.hold_s <= READING_S
+        _collect_run(log, number, run, scales)
+        for number, (log, run) in enumerate(zip(logs, runs, strict=True))
+        if run is not None and run.hold_s <= READING_S
     ]
     table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
     if table.shape[1] < FEWEST_LINE_ROWS:
@@ -212,23 +201,18 @@ def _collect_rows(
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
 
-def _collect_segment(columns: Mapping[str, Array], run: int, part: SteeringEvidence, scale: PathScale) -> Array:
-    angle = average_over_turn(part.usual if part.wheel is None else part.wheel)
-    chosen = np.arange(0, len(angle), round(_THIN_S / STEP_S))
-    chosen = chosen[np.isfinite(part.curvature[chosen])]
-    time = part.time_s[chosen]
-
-    def read(name: str, shift_s: float = 0.0) -> Array:
-        """Return a column in the chosen rows, so much later."""
-        return np.asarray(np.interp(time + shift_s, columns["time_s"], columns[name]), dtype=np.float64)
-
-    east, north = (read(name, 1.0) - read(name, -1.0) for name in ("easting_m", "northing_m"))
-    course = np.arctan2(east, north)
-    return np.stack([
-        np.full(len(chosen), float(run)), time, angle[chosen], scale.compute_needed_angle(part.curvature[chosen]),
-        part.pace[chosen], np.round(read("implement")), course, np.round(read("shuttle")),
-        read("easting_m"), read("northing_m"),
-    ])  # fmt: skip
+def _collect_run(log: Log, number: int, run: RunEvidence, scales: Sequence[BendScale | None]) -> Array:
+    """Return the columns of _LevelRows (10, k) of one run: by its headings, or its course where it has none."""
+    needed = next((angle for angle, _ in run.list_needed(scales)), np.full(len(run.time_s), np.nan))
+    width = 2 * round(0.5 * TURN_S / STEP_S) + 1
+    angle = np.convolve(np.pad(run.angle, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+    rows = np.arange(0, len(needed), round(_THIN_S / STEP_S))
+    rows = rows[np.isfinite(needed[rows])]
+    second = round(1.0 / STEP_S)
+    course = np.arctan2(*(shift(run.place, second) - shift(run.place, -second)))
+    implement = np.interp(run.time_s, log.time_s[log.used], log.implement[log.used])
+    columns = (angle, needed, run.pace, np.round(implement), course, np.round(run.gear), *run.place)
+    return np.stack([np.full(len(rows), float(number)), run.time_s[rows], *(column[rows] for column in columns)])
 
 
 def _build_nuisance(rows: _LevelRows) -> Array:
@@ -283,7 +267,7 @@ def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float]
     split = least + int(np.argmin(costs))
     before, after = float(np.median(levels[:split])), float(np.median(levels[split:]))
     first = parts[split].start
-    reach = round(max(_REFINE_S, 2.0 * part_s) / _THIN_S)
+    reach = round(max(2.0 * WINDOW_S, 2.0 * part_s) / _THIN_S)
     window = np.arange(max(first - reach, 0), min(first + reach, len(own)))
     gain = np.abs(residual[own[window]] - before) - np.abs(residual[own[window]] - after)
     # Where the sum of what the level before explains worse begins to grow for good.
@@ -331,7 +315,7 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
         likeness = int(np.count_nonzero(before) - np.count_nonzero(after))
     odd, usual = (after, before) if likeness >= 0 else (before, after)
     level = float(np.median(residual[usual]))
-    alike = [run for run in levels if abs(levels[run] - level) < _OTHERS_SHARE * abs(size)]
+    alike = [run for run in levels if abs(levels[run] - level) < _NEAR_SHARE * abs(size)]
     return odd, usual | np.isin(rows.run, alike)
 
 
@@ -342,9 +326,9 @@ def _is_flat(side: Array, size: float) -> bool:
     scatter = measure_spread(apart)
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
     return (
-        abs(size) > _LEAST_FLATNESSES * scatter
-        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= STEADY_SHARE
-        and abs(slope) < _SLOPE_SHARE * abs(size)
+        abs(size) > SURE_SIGMAS * scatter
+        and float(np.mean(apart < _NEAR_SHARE * abs(size))) >= STEADY_SHARE
+        and abs(slope) < _DRIFT_SHARE * abs(size)
     )
 
 
@@ -355,9 +339,9 @@ def _clip(side: Array, size: float) -> tuple[float, float]:
 
 def _is_sharp(before: Array, after: Array, size: float) -> bool:
     """Whether what is next to a step is at the level of its side."""
-    near = round(_SHARP_S / _THIN_S)
+    near = round(WINDOW_S / _THIN_S)
     return all(
-        abs(float(np.median(part) - np.median(side))) < _SHARP_SHARE * abs(size)
+        abs(float(np.median(part) - np.median(side))) < _NEAR_SHARE * abs(size)
         for part, side in ((before[-near:], before), (after[:near], after))
     )
 
@@ -379,8 +363,8 @@ def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: f
     cells = np.stack([quarter, rows.implement, bend == 0.0, rows.gear]).T
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.ravel()
-    common = [value for value in np.unique(cell[odd]) if np.sum(usual & (cell == value)) * _THIN_S >= _STRATUM_S]
-    if float(np.mean(np.isin(cell[odd], common))) < _OVERLAP_SHARE:
+    common = [value for value in np.unique(cell[odd]) if np.sum(usual & (cell == value)) * _THIN_S >= PART_S]
+    if float(np.mean(np.isin(cell[odd], common))) < _DRIFT_SHARE:
         return False
     # A bend to one side alone may be bent by another gain.
     return len(shown) > 1 or (shown == [0.0] and _is_followed(rows.angle[odd], residual[odd]))
@@ -396,12 +380,12 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     left = residual - np.mean(residual) - slope * about
     # Curvature is an average over TURN_S, so only so many rows are independent.
     error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
-    return abs(slope) + DOUBT_SIGMAS * error < _MOST_GAIN_CHANGE
+    return abs(slope) + DOUBT_SIGMAS * error < _NEAR_SHARE
 
 
 def _measure_share(residual: Array, usual: Mask, odd: Mask, size: float) -> float | None:
     """Return the share of a step that rows alike on both sides show; None where they are too few."""
-    if min(np.count_nonzero(usual), np.count_nonzero(odd)) * _THIN_S < _STRATUM_S:
+    if min(np.count_nonzero(usual), np.count_nonzero(odd)) * _THIN_S < PART_S:
         return None
     return float(np.median(residual[odd]) - np.median(residual[usual])) / size
 
@@ -411,8 +395,8 @@ def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd:
     square = np.stack([np.floor(rows.east / _PLACE_M), np.floor(rows.north / _PLACE_M)]).T
     _, number = np.unique(square, axis=0, return_inverse=True)
     number = number.ravel()
-    seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= _SQUARE_S]
-    least = max(_OVERLAP_SHARE * np.count_nonzero(odd), _STRATUM_S / _THIN_S)
+    seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= LASTING_S]
+    least = max(_DRIFT_SHARE * np.count_nonzero(odd), PART_S / _THIN_S)
     if np.count_nonzero(odd & np.isin(number, seen)) < least:
         return False
     apart = np.concatenate(
@@ -424,7 +408,7 @@ def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd:
 def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) -> bool:
     """Whether a step begins on a straight, and no border of ground across it is between before and after."""
     first = int(np.flatnonzero(after)[0])
-    near = (before | after) & (np.abs(rows.time_s - rows.time_s[first]) < _SHARP_S)
+    near = (before | after) & (np.abs(rows.time_s - rows.time_s[first]) < WINDOW_S)
     if float(np.quantile(np.abs(rows.needed[near]), 0.9)) > _STRAIGHT_DEG:
         return False
     course = rows.course[first]
@@ -438,6 +422,6 @@ def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) ->
 
 def _is_seen_beyond(residual: Array, side: Mask, beyond: Mask, level: float, other: float) -> bool:
     """Whether a side has enough rows `beyond` the place of a step, and its level (deg) there, not that of the other."""
-    if np.count_nonzero(beyond) < _BEYOND_SHARE * np.count_nonzero(side):
+    if np.count_nonzero(beyond) < FEW_SHARE * np.count_nonzero(side):
         return False
     return _LEAST_SHARE < (float(np.median(residual[beyond])) - other) / (level - other) < _MOST_SHARE

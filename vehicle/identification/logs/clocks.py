@@ -24,20 +24,23 @@ from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     CLEAR_SIGMAS,
+    FEW_SHARE,
     FEWEST_CHORDS,
     FEWEST_EVENTS,
     FEWEST_LINE_ROWS,
+    GAP_STEPS,
     MAJORITY,
     MOVING_MPS,
     NEARLY_SHARE,
+    READING_S,
     WINDOW_S,
 )
 
 _SEARCH_S, _GRID_S, _FINE_S = 2.5, 0.1, 0.02
-_HALF_CHORD_S = 0.5  # one centimetre of antenna noise is 1.4 cm/s over one second
+_HALF_CHORD_S = 0.5 * READING_S  # one centimetre of antenna noise is 1.4 cm/s over one second
 _LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
-CLOCKS_FROM_S = 100.0
+CLOCKS_FROM_S = 10.0 * WINDOW_S
 # Chosen: the rate of each half as a share of the whole; with a fifth of a window of error either way.
 _HALF_RATE_SHARES = (0.5, 1.5)
 _NULL_ORDERS = 100  # chosen, other orders of the windows, all of which must gain less than the true one
@@ -127,7 +130,9 @@ def measure_heading_lags(log: Log) -> LagTable | None:
     if grid is None:
         return None
     cosine, sine = np.cos(grid.heading), np.sin(grid.heading)
-    lever = _estimate_lever(grid)
+    # How far the antenna is ahead of the point without side slip (m), from all of the log at no lag.
+    aside_mps, square = grid.east_mps * cosine - grid.north_mps * sine, float(grid.turning @ grid.turning)
+    lever = float(aside_mps @ grid.turning) / square if square > 0.0 else 0.0
 
     def compute_losses(window: Rows, moved: Rows) -> Array:
         east, north = grid.east_mps[moved], grid.north_mps[moved]
@@ -176,13 +181,6 @@ def _resample_motion(log: Log) -> _Motion | None:
         grid, compute_slope(log.easting_m[rows]), compute_slope(log.northing_m[rows]), compute_mean(speed),
         compute_mean(heading), compute_slope(heading), moving.astype(np.float64),
     )  # fmt: skip
-
-
-def _estimate_lever(grid: _Motion) -> float:
-    """Estimate how far ahead of the point without side slip the antenna is (m), from all of the log at no lag."""
-    aside = grid.east_mps * np.cos(grid.heading) - grid.north_mps * np.sin(grid.heading)
-    square = float(grid.turning @ grid.turning)
-    return float(aside @ grid.turning) / square if square > 0.0 else 0.0
 
 
 def _sum_unexplained_squares(values: Array, regressor: Array) -> Array:
@@ -308,12 +306,10 @@ def _find_columns(lag: Array, count: int) -> Rows:
 
 
 _WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
-_LEAST_JITTER_SHARE = 0.1  # chosen, of a step: less is worth no more than the noise of a receiver
-_GAP_STEPS = 3.0  # chosen: so many steps are rows that are lost
 _LEAST_MOVED_M = 0.03  # chosen, between rows: beyond the noise of a receiver
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
-_AT_ONCE_SHARE, _LOST_STEPS, _MOST_BREAKS_SHARE = 0.2, 0.75, 0.2
+_AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
 _EVEN_SHARE = 0.3  # between 0 (evenly taken) and 1 (taken when stamped)
 
 
@@ -330,7 +326,7 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if evened is None or np.any(np.diff(evened) <= 0.0):
         return columns, ()
     jitter_s = float(np.std(time - evened))
-    if not bundled and not jitter_s > _LEAST_JITTER_SHARE * step_s:
+    if not bundled and not jitter_s > FEW_SHARE * step_s:
         return columns, ()
     share, error = measure_followed_share(time, evened, np.hypot(np.diff(east), np.diff(north)))
     if not share + CLEAR_SIGMAS * error < _EVEN_SHARE:
@@ -370,7 +366,7 @@ def spread_bundles(time: Array) -> Array | None:
     step_s = float(np.median(np.diff(time[last]) / np.diff(last)))
     late = time[last] - step_s * last
     breaks = np.flatnonzero(np.abs(np.diff(late)) > _LOST_STEPS * step_s) + 1
-    if len(breaks) > _MOST_BREAKS_SHARE * len(last):
+    if len(breaks) > _AT_ONCE_SHARE * len(last):
         return None
     evened, first_row = np.empty(len(time)), 0
     for part in np.split(np.arange(len(last)), breaks):
@@ -386,7 +382,7 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
     evened = time.copy()
     if not step_s > 0.0:
         return evened
-    for part in _split_at_gaps(time, step_s):
+    for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > GAP_STEPS * step_s) + 1):
         if len(part) >= _WINDOW_ROWS:
             even = step_s * np.arange(len(part))
             evened[part] = even + _fit_lines(time[part] - even)
@@ -399,11 +395,6 @@ def _fit_lines(values: Array) -> Array:
     middle = np.convolve(values, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
     first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in (values[: len(rows)], values[-len(rows) :]))
     return np.concatenate([first[:half], middle, last[half + 1 :]])
-
-
-def _split_at_gaps(time: Array, step_s: float) -> list[Rows]:
-    gaps = np.flatnonzero(np.diff(time) > _GAP_STEPS * step_s) + 1
-    return np.split(np.arange(len(time)), gaps)
 
 
 def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,12 +42,12 @@ from vehicle.identification.logs.thresholds import (
 )
 
 POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
-_LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
+LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
-_TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS = 0.15, 0.15, 6
+_CALM_SHARE, _USUAL_WINDOWS = 0.15, 6
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -57,7 +57,7 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
         return []
     motion = build_raw_motion(columns, rows)
     lost = _find_lost_positions(motion)
-    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _LOST_WORDS) for span in lost]
+    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, LOST_WORDS) for span in lost]
     found = [] if lost else _find_still_faults(name, motion, rows, "position")
     motion = motion.without_positions([*lost, *_list_spans(found, rows)])
     faults += found
@@ -123,7 +123,7 @@ def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
     """Return the rows of the faults by the rule that excludes them."""
     rows: dict[str, Rows] = {}
     for column_fault in faults:
-        rule = f"{column_fault.fault.id.replace('_', ' ')}: {column_fault.fault.words}"
+        rule = column_fault.fault.rule
         rows[rule] = np.concatenate([rows.get(rule, np.empty(0, dtype=np.int64)), column_fault.rows])
     return rows
 
@@ -178,9 +178,9 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     if len(windows) < (FEWEST_TIMES if is_long else _USUAL_WINDOWS) or width < FEWEST_EVENTS:
         return False
     shares = (
-        float(np.quantile([np.mean(what[window]) for window in windows], _CALM_QUANTILE)) for what in (changed, turned)
+        float(np.quantile([np.mean(what[window]) for window in windows], _CALM_SHARE)) for what in (changed, turned)
     )
-    return all(share >= least for share, least in zip(shares, (MAJORITY, _TURNED_SHARE), strict=True))
+    return all(share >= least for share, least in zip(shares, (MAJORITY, _CALM_SHARE), strict=True))
 
 
 # --- a fix that is lost ------------------------------------------------------------------------------------------
@@ -189,10 +189,10 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 # Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
 # Rayleigh distribution, because a fix may be lost for most of a log.
-_USUAL_FACTOR, _USUAL_QUANTILE = 8.0, 0.15
-_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _USUAL_QUANTILE))
+_LEAST_NOISES = 8.0
+_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _CALM_SHARE))
 _SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
-_WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far
+_WANDER_S = 0.5 * READING_S  # in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
 def _find_lost_positions(motion: RawMotion) -> list[Span]:
@@ -201,29 +201,24 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
     A receiver may wander smoothly from row to row; half a second shows that no tractor drives so.
     """
     near, wide = find_scattered_rows(motion, 1), find_scattered_rows(motion, motion.count_rows(_WANDER_S))
-    rows = np.union1d(near, wide)
-    if not len(rows):
-        return []
-    groups = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
-    return [
-        _extend_to_end(motion, (int(group[0]), int(group[-1])))
-        for group in groups
-        if _is_lost(motion, group[np.isin(group, near)]) or _is_lost(motion, group[np.isin(group, wide)])
-    ]
+    spans = []
+    for group in _group_rows(motion, np.union1d(near, wide)):
+        if any(_is_lost(motion, group[np.isin(group, rows)]) for rows in (near, wide)):
+            is_near_end = motion.time_s[-1] - motion.time_s[group[-1]] < _SAME_FAULT_S
+            spans.append((int(group[0]), len(motion.time_s) - 1 if is_near_end else int(group[-1])))
+    return spans
+
+
+def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
+    """Return rows in groups of those that are near each other in time."""
+    parts = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
+    return [part for part in parts if len(part)]
 
 
 def _is_lost(motion: RawMotion, rows: Rows) -> bool:
     if len(rows) < FEWEST_TIMES:
         return False
     return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= MOMENT_S
-
-
-def find_scattered_groups(motion: RawMotion) -> list[Rows]:
-    """Return the rows whose position is far from the middle of its neighbours, those near each other in one group."""
-    bad = find_scattered_rows(motion, 1)
-    if not len(bad):
-        return []
-    return np.split(bad, np.flatnonzero(np.diff(motion.time_s[bad]) > _SAME_FAULT_S) + 1)
 
 
 def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
@@ -240,8 +235,8 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
     aside = place[:, lag:-lag] - middle
     apart = np.hypot(*aside)
     step_s = 0.5 * (time[2 * lag :] - time[: -2 * lag])
-    usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _USUAL_QUANTILE))
-    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _USUAL_FACTOR * usual)
+    usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _CALM_SHARE))
+    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _LEAST_NOISES * usual)
     # Across a gap any bend is far from the middle of its neighbours.
     far = (apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))
     if far.any():
@@ -264,23 +259,8 @@ def _measure_undriven(motion: RawMotion, fresh: Rows, lag: int, weight: Array, a
     return np.asarray(np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))))
 
 
-def _extend_to_end(motion: RawMotion, span: Span) -> Span:
-    """Return the span up to the end of the log where that is nearer than jumps of one fault are to each other."""
-    is_near_end = motion.time_s[-1] - motion.time_s[span[1]] < _SAME_FAULT_S
-    return (span[0], len(motion.time_s) - 1) if is_near_end and span[1] > span[0] else span
-
-
 POSITION_JUMP = "position_jump"
-_LEAST_STEP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
-
-
-@dataclass(frozen=True, eq=False)
-class _Jump:
-    """A jump between two rows (indices of the log) by `size_m` (2,) to the east and the north."""
-
-    last_before: int
-    first_after: int
-    size_m: Array
+_LEAST_STEP_M = 2.0 * _LEAST_JUMP_M  # smaller steps are those of clods and of a poor receiver
 
 
 def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[ColumnFault]]:
@@ -290,16 +270,14 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
     jumps = _find_jumps(columns, rows)
-    if not jumps:
-        return columns, []
-    moved, faults = dict(columns), []
-    for jump in jumps:
-        for axis, size_m in zip(("easting_m", "northing_m"), jump.size_m, strict=True):
+    moved, faults = dict(columns) if jumps else columns, []
+    for last_before, first_after, size_m in jumps:
+        for axis, metres in zip(("easting_m", "northing_m"), size_m, strict=True):
             values = moved[axis].copy()
-            values[jump.first_after :] -= size_m
+            values[first_after:] -= metres
             moved[axis] = values
-        fault = LogFault(POSITION_JUMP, name, float(time[jump.first_after]), None, _describe_jump(jump.size_m))
-        faults.append(ColumnFault(fault, list_gap_rows(jump.last_before, jump.first_after, len(time))))
+        fault = LogFault(POSITION_JUMP, name, float(time[first_after]), None, _describe_jump(size_m))
+        faults.append(ColumnFault(fault, list_gap_rows(last_before, first_after, len(time))))
     return moved, faults
 
 
@@ -314,19 +292,20 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
     return [*left, *joined]
 
 
-def _find_jumps(columns: Columns, rows: Rows) -> list[_Jump]:
+def _find_jumps(columns: Columns, rows: Rows) -> list[tuple[int, int, Array]]:
+    """Return the last row before each jump, the first after it, and its size (2,) to the east and the north (m)."""
     motion = build_raw_motion(columns, rows)
     fresh = motion.find_fresh_positions()
     time, place = motion.time_s[fresh], motion.positions[:, fresh]
     jumps = []
-    for group in find_scattered_groups(motion):
+    for group in _group_rows(motion, find_scattered_rows(motion, 1)):
         first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
         if time[last] - time[first] > READING_S:
             continue
         # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
-        jump = _measure_jump(time, place, first, last)
-        if jump is not None:
-            jumps.append(_Jump(int(rows[fresh[first]]), int(rows[fresh[last]]), jump))
+        size_m = _measure_jump(time, place, first, last)
+        if size_m is not None:
+            jumps.append((int(rows[fresh[first]]), int(rows[fresh[last]]), size_m))
     return jumps
 
 

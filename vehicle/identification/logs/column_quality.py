@@ -9,6 +9,7 @@ refused, and one of a set left out.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -46,14 +47,15 @@ def drop_constant_columns(log: Log) -> Log:
     chords = compute_path_chords(log)
     if chords is None or len(chords.row) < FEWEST_CHORDS:
         return log
-    log = _drop_constant_column(
-        log, "heading_deg", _measure_course_range_deg(chords) > _LEAST_TURN_DEG, "the path turns"
-    )
-    course_deg = _compute_mean_course_deg(chords)
+    turned_deg = float(np.degrees(np.ptp(np.unwrap(chords.course))))
+    log = _drop_constant_column(log, "heading_deg", turned_deg > _LEAST_TURN_DEG, "the path turns")
+    course_deg = math.degrees(cmath.phase(complex(np.exp(1j * chords.course).sum()))) % 360.0
     log = _drop_constant_column(
         log, "heading_deg", _is_heading_off_course(log, course_deg), f"the path runs towards {course_deg:.0f} degrees"
     )
-    log = _drop_constant_column(log, "speed_mps", _has_pace_change(log, chords), "the tractor's pace changes")
+    is_zero = log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0  # though positions move
+    is_other = is_zero or has_pace_change(chords.speed)
+    log = _drop_constant_column(log, "speed_mps", is_other, "the tractor's pace changes")
     return _drop_constant_steering(log, chords)
 
 
@@ -128,17 +130,6 @@ def _is_constant(values: Array, log: Log) -> bool:
     return float(np.ptp(values[log.used])) == 0.0
 
 
-def _measure_course_range_deg(chords: PathChords) -> float:
-    """Return the range of the course (deg)."""
-    return float(np.degrees(np.ptp(np.unwrap(chords.course))))
-
-
-def _compute_mean_course_deg(chords: PathChords) -> float:
-    """Return the mean direction of travel (deg clockwise from north)."""
-    east, north = float(np.sin(chords.course).sum()), float(np.cos(chords.course).sum())
-    return math.degrees(math.atan2(east, north)) % 360.0
-
-
 def _is_heading_off_course(log: Log, course_deg: float) -> bool:
     """Whether a constant heading is no direction of this drive, in any convention in degrees."""
     if log.heading_deg is None:
@@ -153,13 +144,6 @@ def _measure_bend_course_range_rad(chords: PathChords) -> float:
     distance = np.cumsum(chords.speed) * chords.span_s * 0.5
     course = np.unwrap(chords.course)
     return float(np.ptp(course - np.polyval(np.polyfit(distance, course, 1), distance)))
-
-
-def _has_pace_change(log: Log, chords: PathChords) -> bool:
-    """Whether the pace of the positions changes, or they move although the sensor says 0."""
-    if log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0:
-        return True
-    return has_pace_change(chords.speed)
 
 
 class FreshColumns(NamedTuple):
@@ -186,14 +170,14 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     fresh_sets, converted, doubts = dict[str, Rows](), dict(columns), list[str]()
     position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
     if position_rows is not None:
-        every_s = _measure_interval_s(time[rows], position_rows)
+        every_s = float(np.median(np.diff(time[rows][position_rows])))
         if every_s > MOMENT_S:
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
         fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
     heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
     if fresh_headings is not None:
-        every_s = _measure_interval_s(time[heading_rows], fresh_headings)
+        every_s = float(np.median(np.diff(time[heading_rows][fresh_headings])))
         if every_s > MOMENT_S:
             del converted["heading_deg"]
             doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
@@ -254,11 +238,6 @@ def _add_standing_rows(new_rows: Rows, rows: int, is_standing: Mask, row_step: i
         if is_still
     ]
     return np.unique(np.concatenate([new_rows, *between]))
-
-
-def _measure_interval_s(time: Array, fresh_rows: Rows) -> float:
-    """Return the median time between measurements (s)."""
-    return float(np.median(np.diff(time[fresh_rows])))
 
 
 def _describe_held_values(what_held: str, instrument: str, every_s: float, time: Array) -> str:
@@ -357,7 +336,7 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
 
 STANDING_M = 0.3  # spread of antenna noise
 _WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
-_SAME_S, _SAME_M = 2e-3, 2e-3  # chosen: one digit of rounding; no drive repeats another one this closely
+_SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another one this closely
 
 
 def is_parked(log: Log) -> bool:
@@ -413,9 +392,9 @@ def _is_same_drive(log: Log, other: Log) -> bool:
     """Whether nearly all rows of the shorter log are in the longer one: same time, same place."""
     shorter, longer = sorted((log, other), key=lambda one: one.rows_used)
     rows, longer_rows = np.flatnonzero(shorter.used), np.flatnonzero(longer.used)
-    near = np.searchsorted(longer.time_s[longer_rows], shorter.time_s[rows] - _SAME_S)
+    near = np.searchsorted(longer.time_s[longer_rows], shorter.time_s[rows] - _SAME)
     near_rows = longer_rows[np.minimum(near, len(longer_rows) - 1)]
-    is_same = np.abs(longer.time_s[near_rows] - shorter.time_s[rows]) <= _SAME_S
+    is_same = np.abs(longer.time_s[near_rows] - shorter.time_s[rows]) <= _SAME
     for axis in ("easting_m", "northing_m"):
-        is_same &= np.abs(getattr(longer, axis)[near_rows] - getattr(shorter, axis)[rows]) <= _SAME_M
+        is_same &= np.abs(getattr(longer, axis)[near_rows] - getattr(shorter, axis)[rows]) <= _SAME
     return float(np.mean(is_same)) >= ALMOST_ALL_SHARE

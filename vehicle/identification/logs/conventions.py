@@ -13,11 +13,18 @@ from vehicle.identification.logs.directions import (
     compute_heading_agreements,
     find_direction_errors,
 )
-from vehicle.identification.logs.motion import PathChords, compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.motion import (
+    PathChords,
+    compute_bends,
+    compute_path_chords,
+    find_largest_steering,
+    fit_chords,
+)
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, Suspicion, convert_log
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import (
+    ALMOST_ALL_SHARE,
     BEND_PER_M,
     FEWEST_CHORDS,
     FEWEST_EVENTS,
@@ -34,7 +41,7 @@ _LEAST_STEERING_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and no
 _ROW_PER_M = 0.02
 _WRAP_RAD = 3.0
 # Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
-_LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
+_LARGEST_CHANGE_RAD = 7.0
 _LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
 _ALIKE_SHARES = (0.75, 1.67)  # of a commanded speed to the measured one in the same unit
 
@@ -53,7 +60,9 @@ def find_convention_errors(
         for fix, why in check(log, wheelbase_m, other_logs):
             suspicions.append(Suspicion(fix, why))
             log, other_logs = convert_log(log, fix), [convert_log(other_log, fix) for other_log in other_logs]
-    return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *_check_steering_names(log)]
+    swapped = find_swapped_steering(log)
+    names = [] if swapped is None else [Suspicion(LogConvention.STEERING_SWAPPED, swapped)]
+    return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *names]
 
 
 def _check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
@@ -183,7 +192,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
         all_turns.append(turns[near])
         all_changes.append(changes[near])
     turns, changes = np.concatenate(all_turns), np.concatenate(all_changes)
-    if np.count_nonzero(np.abs(changes) > _LARGEST_CHANGE_RAD) > _MOST_LARGER_SHARE * len(changes):
+    if np.count_nonzero(np.abs(changes) > _LARGEST_CHANGE_RAD) > (1.0 - ALMOST_ALL_SHARE) * len(changes):
         return None
     small = np.abs(changes) < _WRAP_RAD
     turns, changes = turns[small], changes[small]
@@ -219,12 +228,6 @@ def _check_steering_unit(
     return [(LogConvention.STEERING_RADIANS, why)]
 
 
-def _check_steering_names(log: Log) -> list[Suspicion]:
-    """Check for a wheel angle under the name of the command, and the command under that of the wheel angle."""
-    why = find_swapped_steering(log)
-    return [] if why is None else [Suspicion(LogConvention.STEERING_SWAPPED, why)]
-
-
 def _check_implement(log: Log) -> list[Suspicion]:
     """Check for rows driven with the implement up and headland turns with it down."""
     chords = compute_path_chords(log)
@@ -247,14 +250,9 @@ def _fit_slope(x: Array, y: Array) -> tuple[float, float]:
     inliers = np.ones(len(x), dtype=np.bool_)
     slope, error = 0.0, math.inf
     for _ in range(2):
-        a, b = x[inliers] - x[inliers].mean(), y[inliers] - y[inliers].mean()
-        spread = float(a @ a)
-        if spread <= 0.0 or np.count_nonzero(inliers) < FEWEST_CHORDS:
+        if np.count_nonzero(inliers) < FEWEST_CHORDS or float(np.ptp(x[inliers])) == 0.0:
             break
-        slope = float(a @ b) / spread
-        residuals = b - slope * a
-        # Chords overlap by half, so two count as one observation.
-        error = math.sqrt(2.0 * float(residuals @ residuals) / (len(a) - 2) / spread)
+        slope, error = fit_chords(x[inliers], y[inliers])
         all_residuals = (y - y[inliers].mean()) - slope * (x - x[inliers].mean())
         inliers = np.abs(all_residuals) <= 4.0 * measure_spread(all_residuals) + 1e-12
     return slope, error

@@ -159,8 +159,15 @@ def _describe_flipped_heading(log: Log) -> str:
     """Return what else than the gear may be wrong where the heading turns round between rows, "" where it does not."""
     if log.heading_deg is None:
         return ""
-    flips = describe_flips(log.time_s, log.heading_deg, np.flatnonzero(log.used))
-    return f", or leave heading_deg out if it is the heading that is wrong: {flips}" if flips else ""
+    rows = np.flatnonzero(log.used)
+    changes, _ = find_flips(log.time_s[rows], log.heading_deg[rows])
+    if not len(changes):
+        return ""
+    times = "once" if len(changes) == 1 else f"{len(changes)} times"
+    return (
+        ", or leave heading_deg out if it is the heading that is wrong: it turns by 180 degrees between two rows "
+        f"{times}, first in line {find_file_line(rows[changes])}"
+    )
 
 
 def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspicion:
@@ -177,7 +184,9 @@ def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspic
 # convention is wrong when another one fits better than any effect could explain.
 HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
 MOST_LEVER_M = 3.0  # largest distance of an antenna from the rear axle
-_NEAR_DEG = 20.0  # from the angle of a convention: the largest heading_bias of the catalogue
+_NEAR_DEG = get_effect(
+    "heading_bias"
+).size.high  # from the angle of a convention: the largest heading_bias of the catalogue
 # Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
 _UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
 
@@ -296,11 +305,7 @@ def _find_heading_misfit(log: Log) -> _HeadingMisfit | None:
     sums = _build_heading_sums(travel, heading)
     offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
     fits = sums.turned.real >= HEADING_FITS * sums.count or sums.is_constantly_offset()
-    return None if fits and abs(offset) <= _get_largest_heading_bias() + slack else _HeadingMisfit(sums, offset)
-
-
-def _get_largest_heading_bias() -> float:
-    return next(param.high for param in get_effect("heading_bias").params if param.name == "angle_deg")
+    return None if fits and abs(offset) <= _NEAR_DEG + slack else _HeadingMisfit(sums, offset)
 
 
 def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
@@ -407,15 +412,6 @@ def find_flipped_headings(columns: Columns) -> Rows:
         return rows[:0]
     flipped[between] = True
     return rows[flipped | _find_held_before(time, heading, changes)]
-
-
-def describe_flips(time: Array, heading: Array, rows: Rows) -> str:
-    """Return words on flips in these rows of a log, "" without any."""
-    changes, _ = find_flips(time[rows], heading[rows])
-    if not len(changes):
-        return ""
-    times = "once" if len(changes) == 1 else f"{len(changes)} times"
-    return f"it turns by 180 degrees between two rows {times}, first in line {find_file_line(rows[changes])}"
 
 
 def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:

@@ -19,6 +19,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_BEND_CHORDS,
     FEWEST_READINGS,
     FEWEST_ROWS,
+    FEWEST_TIMES,
     GAP_STEPS,
     LASTING_S,
     MOST_SHARE,
@@ -28,7 +29,6 @@ from vehicle.identification.logs.thresholds import (
 
 _SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long chords have less noise, short ones follow the bends of small fast vehicles
 _LEAST_STRAIGHTNESS = 0.93  # chord over two half chords: an arc of about 86 degrees
-_FEWEST_CHORDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +64,12 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     tenth."""
     parts = [_compute_segment_chords(log, number, span) for number in range(log.segment_count)]
     row, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
-    if len(row) < _FEWEST_CHORDS:
+    if len(row) < FEWEST_TIMES:
         return None
     length = np.hypot(*(first + second).T)
     halves = np.hypot(*first.T) + np.hypot(*second.T)
     moving = length > MOVING_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
-    if np.count_nonzero(moving) < _FEWEST_CHORDS:
+    if np.count_nonzero(moving) < FEWEST_TIMES:
         return None
     row, first, second, length, halves = row[moving], first[moving], second[moving], length[moving], halves[moving]
     turn = np.arctan2(first[:, 1] * second[:, 0] - first[:, 0] * second[:, 1], (first * second).sum(axis=1))
@@ -188,6 +188,20 @@ def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
     return turned / chords.span_s, chords.curvature * gear, gear
 
 
+def fit_chords(regressor: Array, response: Array) -> tuple[float, float]:
+    """Return by how much the values (k,) of chords change with others, and the standard error of that.
+
+    Chords overlap by half, so two count as one observation.
+    """
+    centred = regressor - regressor.mean()
+    square = float(centred @ centred)
+    if square == 0.0:
+        return 0.0, math.inf
+    slope = float(centred @ response) / square
+    residuals = response - response.mean() - slope * centred
+    return slope, math.sqrt(2.0 * float(residuals @ residuals) / (len(regressor) - 2) / square)
+
+
 def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Array, Array]:
     """Return steering and curvature of the chords with clear steering, of one gear if it is not 0."""
     angles, curvatures = [np.empty(0)], [np.empty(0)]
@@ -211,7 +225,7 @@ def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
     return correlation <= -0.5 and float(np.mean(angle * curvature < 0.0)) >= MOST_SHARE
 
 
-_CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
+_CHORDS_S, _NOISE_LENGTHS = (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
 LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
@@ -338,7 +352,7 @@ class RawMotion:
     def curvature(self) -> Array:
         """The curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
         angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
-        half = max(self.count_rows(0.5 * _CHORD_S), 1)
+        half = max(self.count_rows(0.5 * _CHORDS_S[0]), 1)
         out = np.full(len(angle), np.nan)
         turn = angle[2 * half :] - angle[: -2 * half]
         turn = (turn + math.pi) % (2.0 * math.pi) - math.pi

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -79,12 +79,11 @@ def list_remarks(log: Log) -> list[str]:
     Rows counted as "left out" or "not used" are all rows of the file that no replay uses, apart from repeated values of
     a slower instrument.
     """
-    messages = [
-        *_describe_repeated_files(log),
-        *_describe_ignored_columns(log),
-        *log.corrections,
-        *_describe_bad_tilt(log),
-    ]
+    messages = []
+    if log.other_names:
+        names = ", ".join(log.other_names)
+        messages.append(f"the file was given {len(log.other_names) + 1} times (also as {names}) and counts once")
+    messages += [*_describe_ignored_columns(log), *log.corrections, *_describe_bad_tilt(log)]
     messages += [
         f"{_format_row_count(message.rows)} left out: {message.rule} (first in line {message.first_line})"
         for message in log.gated
@@ -124,13 +123,6 @@ def _join_names(names: Sequence[str]) -> str:
 
 def _format_row_count(count: int) -> str:
     return "1 row" if count == 1 else f"{count} rows"
-
-
-def _describe_repeated_files(log: Log) -> list[str]:
-    if not log.other_names:
-        return []
-    names = ", ".join(log.other_names)
-    return [f"the file was given {len(log.other_names) + 1} times (also as {names}) and counts once"]
 
 
 def _describe_ignored_columns(log: Log) -> list[str]:
@@ -213,7 +205,9 @@ def read_logs(
     logs: list[Log] = []
     reference = None
     files = find_log_files([paths] if isinstance(paths, str | Path) else paths)
-    for (path, other_paths), name in zip(files.items(), _name_logs(list(files)), strict=True):
+    stems = [path.stem for path in files]
+    for path, other_paths in files.items():
+        name = path.stem if stems.count(path.stem) == 1 else str(path)
         frame = map_columns(read_table(path), columns, name)
         if reference is None and LogConvention.POSITION_DEGREES in fix_set:
             positions = extract_columns(frame, name)[0]
@@ -247,15 +241,22 @@ def build_log(
     converted, gaps = _drop_command_with_gaps(_hold_commands(converted))
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
-    columns = _clip_negative_speeds(columns)
+    # Of negative speeds only the noise of sensors at rest was not excluded.
+    columns = columns | {key: np.maximum(values, 0.0) for key, values in columns.items() if key.startswith("speed")}
     _refuse_unusable_rows(columns, rules, name)
-    faults = tuple(column_fault.fault for column_fault in column_faults if not column_fault.is_limit)
-    log = replace(
-        _assemble_log(columns, rules, name, ignored),
+    defaults = {"shuttle": np.ones(len(rules.used)), "implement": np.zeros(len(rules.used))}
+    values: dict[str, Any] = {key: columns.get(key, defaults.get(key)) for key in COLUMNS}
+    log = Log(
+        name=name,
+        **values,
+        used=rules.used,
+        segment=number_segments(columns["time_s"], rules.used),
+        gated=tuple(rules.gated),
+        ignored_columns=ignored,
         fresh=fresh,
         place_rows=place_rows,
         corrections=(*stamps, *gaps, *doubts),
-        faults=faults,
+        faults=tuple(column_fault.fault for column_fault in column_faults if not column_fault.is_limit),
         origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,
     )
     log = drop_coarse_columns(log)
@@ -294,12 +295,6 @@ def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]
         f"{find_file_line(empty)}); the column is ignored and the rows are used"
     )
     return {name: values for name, values in columns.items() if name != "speed_command_mps"}, (message,)
-
-
-def _clip_negative_speeds(columns: Columns) -> Columns:
-    """Clip the noise of speed sensors at rest to zero; larger negative speeds are excluded later."""
-    speeds = {name: np.maximum(columns[name], 0.0) for name in columns if name.startswith("speed")}
-    return columns | speeds
 
 
 def parse_conventions(
@@ -354,12 +349,6 @@ def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
     return {first: tuple(map(str, other_paths)) for first, *other_paths in files.values()}
 
 
-def _name_logs(files: list[Path]) -> list[str]:
-    """Return stems, or whole paths where two files share a stem."""
-    stems = [path.stem for path in files]
-    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, files, strict=True)]
-
-
 def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
     backwards = next((gated_rows for gated_rows in rules.gated if gated_rows.rule == "time not increasing"), None)
     if backwards is not None and backwards.rows > MAJORITY * len(rules.used):
@@ -382,30 +371,6 @@ def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
             f"{gated_rows.rule}: {gated_rows.rows} rows from line {gated_rows.first_line}" for gated_rows in largest
         )
         raise LogError(f"{name} has fewer than two usable rows of {len(rules.used)} ({why}); correct the log.")
-
-
-def _assemble_log(columns: Columns, rules: RowRules, name: str, ignored_columns: tuple[str, ...]) -> Log:
-    rows = len(rules.used)
-    return Log(
-        name=name,
-        time_s=columns["time_s"],
-        easting_m=columns["easting_m"],
-        northing_m=columns["northing_m"],
-        heading_deg=columns.get("heading_deg"),
-        speed_mps=columns.get("speed_mps"),
-        speed_command_mps=columns.get("speed_command_mps"),
-        steering_command_deg=columns.get("steering_command_deg"),
-        steering_deg=columns.get("steering_deg"),
-        shuttle=columns.get("shuttle", np.ones(rows)),
-        implement=columns.get("implement", np.zeros(rows)),
-        roll_deg=columns.get("roll_deg"),
-        pitch_deg=columns.get("pitch_deg"),
-        elevation_m=columns.get("elevation_m"),
-        used=rules.used,
-        segment=number_segments(columns["time_s"], rules.used),
-        gated=tuple(rules.gated),
-        ignored_columns=ignored_columns,
-    )
 
 
 def _check_log(

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.identification.logs.thresholds import PART_S
+
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
@@ -45,6 +47,22 @@ class LogFault:
     words: str
     between_s: tuple[float, float] | None = None
 
+    @property
+    def rule(self) -> str:
+        """The rule under which its rows are left out."""
+        return f"{self.id.replace('_', ' ')}: {self.words}"
+
+    @property
+    def earliest_s(self) -> float:
+        """From when on it may have been."""
+        return self.from_s if self.between_s is None else self.between_s[0]
+
+    @property
+    def sentence(self) -> str:
+        """The run and what began when."""
+        words = self.words.rstrip(".")
+        return f"{words[:1].upper()}{words[1:]}." if self.run in words else f"{self.run}: {words}."
+
 
 @dataclass(frozen=True, eq=False)
 class ColumnFault:
@@ -67,7 +85,7 @@ class Log:
     -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file has no such
     column; `implement` is then 0 throughout. `other_names` are further paths under which the same file was given;
     `corrections` are sentences on instrument errors that were corrected. The measured speed was divided by
-    `speed_factor`, the wheel angle by `steering_factor`; `stray_steering_deg` is the standard deviation of a wheel
+    `speed_factor`; `stray_steering_deg` is the standard deviation of a wheel
     angle that was dropped because it is unrelated to the path. Positions and heading were measured in the `fresh` rows
     (None: in all) and are interpolated between them; `place_rows` has the rows of `position` and `heading`, each where
     it is slower than the log; `measured_rows` has the same for other columns that are slower
@@ -99,7 +117,6 @@ class Log:
     other_names: tuple[str, ...] = ()
     corrections: tuple[str, ...] = ()
     speed_factor: float = 1.0
-    steering_factor: float = 1.0
     stray_steering_deg: float = 0.0
     fresh: Mask | None = None
     place_rows: Mapping[str, Mask] = field(default_factory=dict)
@@ -139,13 +156,13 @@ class Log:
     def exclude_rows(self, rule: str, bad: Mask, **changed: Any) -> Log:
         """Return the log without the `bad` ones of the used rows, counted under a rule."""
         rows, used = np.flatnonzero(bad & self.used), self.used & ~bad
-        gated = (*self.gated, GatedRows(rule, len(rows), find_file_line(rows)))
-        return replace(self, used=used, segment=number_segments(self.time_s, used), gated=gated, **changed)
+        if len(rows):
+            changed["gated"] = (*self.gated, GatedRows(rule, len(rows), find_file_line(rows)))
+        return replace(self, used=used, segment=number_segments(self.time_s, used), **changed)
 
 
 GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
-FIRST_ROW_LINE = 2  # after the header
-SHORTEST_SEGMENT_S = 5.0  # one piece of the 5 s horizon, over which errors are compared
+SHORTEST_SEGMENT_S = PART_S  # one piece of the 5 s horizon, over which errors are compared
 
 
 def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:
@@ -156,8 +173,8 @@ def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:
 
 
 def find_file_line(rows: Rows) -> int:
-    """Return the line of the first of these rows in the file."""
-    return int(rows[0]) + FIRST_ROW_LINE
+    """Return the line of the first of these rows in the file, of which the header is line 1."""
+    return int(rows[0]) + 2
 
 
 def number_segments(time: Array, used: Mask) -> Rows:
@@ -175,7 +192,8 @@ def number_segments(time: Array, used: Mask) -> Rows:
 def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
     """Split a log into segments in one gear without a gap.
 
-    Returns the rows of the segments that are long enough to replay, and the rows of the others.
+    Returns the rows of the segments that are long enough to replay, and the rows of the others, all from the first to
+    the last in which the position was measured.
     """
     long_segments: list[Rows] = []
     short_segments: list[Rows] = []
@@ -183,19 +201,12 @@ def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
     # A few excluded rows are no gap, unless the gear changed in them.
     change = (np.diff(log.segment[rows]) != 0) | (np.diff(_number_gear_changes(log)[rows]) != 0)
     for segment_rows in np.split(rows, np.flatnonzero(change) + 1):
-        measured_rows = _trim_to_measured(log, segment_rows)
-        if len(measured_rows):
+        measured = np.flatnonzero(np.ones(len(segment_rows)) if log.fresh is None else log.fresh[segment_rows])
+        if len(measured):
+            measured_rows = segment_rows[measured[0] : measured[-1] + 1]
             enough = log.time_s[measured_rows[-1]] - log.time_s[measured_rows[0]] >= SHORTEST_SEGMENT_S
             (long_segments if enough else short_segments).append(measured_rows)
     return long_segments, short_segments
-
-
-def _trim_to_measured(log: Log, rows: Rows) -> Rows:
-    """Return the rows from the first to the last in which the position was measured."""
-    if log.fresh is None:
-        return rows
-    fresh = np.flatnonzero(log.fresh[rows])
-    return rows[fresh[0] : fresh[-1] + 1] if len(fresh) else rows[:0]
 
 
 def _number_gear_changes(log: Log) -> Rows:

@@ -21,6 +21,7 @@ from vehicle.identification.logs.motion import (
     PathChords,
     compute_bends,
     compute_path_chords,
+    fit_chords,
     has_pace_change,
     measure_steady_time_s,
 )
@@ -174,8 +175,8 @@ def _is_wheel_angle_bypassed(log: Log) -> bool:
     if by_sensor is None or by_command is None or len(by_command[0]) < 2 * FEWEST_LINE_CHORDS:
         return False
     command, path, wheel = by_command[0], _compute_heading_curvature(log, by_command[2]), by_sensor[0]
-    command_share, command_error = _compute_response_share(command, by_command[1] if path is None else path)
-    sensor_share, sensor_error = _compute_response_share(command, wheel)
+    command_share, command_error = fit_chords(command, by_command[1] if path is None else path)
+    sensor_share, sensor_error = fit_chords(command, wheel)
     rows = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
     from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
     noise = from_row_to_row > max(NEARLY_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
@@ -195,17 +196,6 @@ def _compute_heading_curvature(log: Log, gear: Array) -> Array | None:
     start, end = (log.time_s[chords.row] + shift * chords.span_s for shift in (-0.5, 0.5))
     curvature: Array = gear * compute_change(time, heading, start, end) / (chords.speed * chords.span_s)
     return curvature
-
-
-def _compute_response_share(regressor: Array, response: Array) -> tuple[float, float]:
-    """How much of `one` the `other` moves by, and the standard error of that; chords overlap by half."""
-    centred = regressor - regressor.mean()
-    square = float(centred @ centred)
-    if square == 0.0:
-        return 0.0, math.inf
-    share = float(centred @ response) / square
-    residuals = response - response.mean() - share * centred
-    return share, math.sqrt(2.0 * float(residuals @ residuals) / (len(regressor) - 2) / square)
 
 
 def _correlate_with_bends(log: Log) -> float:

@@ -80,6 +80,16 @@ def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Ar
     return change
 
 
+def turn_path(path: Array, turned: Array) -> Array:
+    """Return a path (k, 2) whose steps are turned by angles (k,), rad to the left."""
+    steps = np.diff(path, axis=0)
+    cosine, sine = np.cos(turned[:-1]), np.sin(turned[:-1])
+    out = np.repeat(path[:1], len(path), axis=0)
+    out[1:, 0] += np.cumsum(steps[:, 0] * cosine - steps[:, 1] * sine)
+    out[1:, 1] += np.cumsum(steps[:, 0] * sine + steps[:, 1] * cosine)
+    return out
+
+
 DIGITS = 9  # decimals used: below them is rounding of the computation
 # Chosen, times the least change: smaller changes may be those of the last digit.
 _CLEAR_CHANGE_FACTOR = 3.0

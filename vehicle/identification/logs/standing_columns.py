@@ -29,25 +29,27 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_READINGS,
     FEWEST_TIMES,
     LASTING_S,
+    MAJORITY,
+    MOMENT_S,
     MOST_SHARE,
     MOVING_MPS,
     NEARLY_SHARE,
     READING_S,
     STEERING_SPREAD_DEG,
+    WINDOW_S,
 )
 
 POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
-_LEAST_STANDING_S = 6.0  # chosen, of a standstill
+_LEAST_STANDING_S = 2.0 * LASTING_S  # of a standstill
 HOLDS = 4.0  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 _LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
 _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
 # Chosen, deg: an antenna swings by half of this. From LEAST_TURN_DEG on a heading is doubted.
-_COURSE_APART_DEG, _MOST_BIAS_DEG = 20.0, 10.0
-# Chosen: a pace (m/s) that is a halt, and how long.
-_STOPPED_MPS, _STOPPED_S = 0.15, 1.5
+_COURSE_APART_DEG = 20.0
+_STOPPED_MPS = 0.5 * MOVING_MPS  # a pace that is a halt
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,10 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
         return []
     if column == "heading":
         values = np.degrees(np.unwrap(np.radians(values)))
-    starts = _find_block_starts(motion.time_s)
-    limit, hold_s = _measure_limit(motion, values, reading.wanders), _measure_hold_s(motion, values)
+    # The first row of each second that has rows, and how far means of a value that stands may be from each other.
+    starts = np.append(0, np.flatnonzero(np.diff(np.floor((motion.time_s - motion.time_s[0]) / READING_S)) > 0.0) + 1)
+    limit = reading.wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(READING_S))
+    hold_s = _measure_hold_s(motion, values)
     if len(starts) < FEWEST_READINGS or limit > reading.most:
         return []
     blocks = _build_blocks(motion, starts)
@@ -111,21 +115,10 @@ def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int]
     return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else first_shown)
 
 
-def _find_block_starts(time: Array) -> Rows:
-    """Return the first row of each second that has rows."""
-    number = np.floor((time - time[0]) / READING_S)
-    return np.append(0, np.flatnonzero(np.diff(number) > 0.0) + 1)
-
-
 def _average(values: Array, starts: Rows) -> Array:
     counts = np.diff(np.append(starts, len(values)))
     mean: Array = np.add.reduceat(values, starts) / counts
     return mean
-
-
-def _measure_limit(motion: RawMotion, values: Array, wanders: float) -> float:
-    """Return how far means of a value that stands may be from each other."""
-    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(READING_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:
@@ -228,7 +221,7 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     folded = np.exp(2j * np.radians(blocks.apart))
     middle = complex(np.median(folded[outside].real), np.median(folded[outside].imag))
     apart = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(middle))))
-    if float(np.median(apart[outside])) > _MOST_BIAS_DEG:
+    if float(np.median(apart[outside])) > 0.5 * _COURSE_APART_DEG:
         return None
     left = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(folded[first]))))  # a crab's course stays as it is
     with np.errstate(invalid="ignore"):
@@ -258,7 +251,7 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
 def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
     """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
     halts = np.flatnonzero(pace < _STOPPED_MPS)
-    if len(halts) * READING_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
+    if len(halts) * READING_S < MOMENT_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
         return False
     return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
 
@@ -309,11 +302,6 @@ STEERING_WORDS = {
     STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
 }
 
-# Chosen: readings one after the other, how long (s) they last and how far the wheels move in them.
-_LEAST_STILL_S = 20.0
-# Chosen: commands that differ by so much (deg) in these readings, and from which share of them the wheels are apart.
-_COMMANDS_DEG, _APART_SHARE = 10.0, 0.6
-_JOIN_READINGS = 3  # chosen: nearer faults are one
 Span = tuple[int, int]  # first and last reading
 
 
@@ -330,16 +318,15 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     inside = np.zeros(len(readings), dtype=np.bool_)
     for first, last in spans:
         inside[first : last + 1] = True
-    if not spans or not _follows(command[~inside], wheel[~inside]):
+    others = np.stack([command[~inside], wheel[~inside]])
+    if not spans or others.shape[1] < FEWEST_READINGS or (np.std(others, axis=1) == 0.0).any():
         return []
-    end_s = float(np.nanmax(columns["time_s"]))
-    faults = [_build_fault(name, time, wheel, inside, span, end_s) for span in spans]
-    return [ColumnFault(fault, _find_fault_rows(columns["time_s"], fault)) for fault in faults]
-
-
-def _find_fault_rows(time: Array, fault: LogFault) -> Rows:
-    from_s = fault.from_s if fault.between_s is None else fault.between_s[0]
-    return np.flatnonzero((time > from_s) & (time <= (np.inf if fault.to_s is None else fault.to_s)))
+    if float(np.corrcoef(others[0], others[1])[0, 1]) <= CLEAR_CORRELATION:
+        return []
+    every_s = columns["time_s"]
+    faults = [_build_fault(name, time, wheel, inside, span, float(np.nanmax(every_s))) for span in spans]
+    is_bad = [(every_s > one.earliest_s) & (every_s <= (np.inf if one.to_s is None else one.to_s)) for one in faults]
+    return [ColumnFault(fault, np.flatnonzero(bad)) for fault, bad in zip(faults, is_bad, strict=True)]
 
 
 def _find_readings(columns: Columns) -> Rows:
@@ -364,23 +351,17 @@ def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
         is_fault = (
             count >= FEWEST_TIMES
             and abs(command[first] - wheel[first]) > CLEARLY_APART_DEG
-            and time[first + count - 1] - time[first] >= _LEAST_STILL_S
-            and float(np.ptp(command[part])) > _COMMANDS_DEG
-            and float(np.mean(np.abs(command[part] - wheel[part]) > CLEARLY_APART_DEG)) >= _APART_SHARE
+            and time[first + count - 1] - time[first] >= 2.0 * WINDOW_S
+            and float(np.ptp(command[part])) > 2.0 * CLEARLY_APART_DEG
+            and float(np.mean(np.abs(command[part] - wheel[part]) > CLEARLY_APART_DEG)) >= MAJORITY
         )
         if is_fault:
-            if spans and first - spans[-1][1] <= _JOIN_READINGS:
+            if spans and first - spans[-1][1] <= FEWEST_TIMES:
                 spans[-1] = spans[-1][0], first + count - 1
             else:
                 spans.append((first, first + count - 1))
         first += count if is_fault else 1
     return spans
-
-
-def _follows(command: Array, wheel: Array) -> bool:
-    if len(wheel) < FEWEST_READINGS or np.std(command) == 0.0 or np.std(wheel) == 0.0:
-        return False
-    return float(np.corrcoef(command, wheel)[0, 1]) > CLEAR_CORRELATION
 
 
 def _build_fault(name: str, time: Array, wheel: Array, inside: Mask, span: Span, end_s: float) -> LogFault:

@@ -36,7 +36,7 @@ MappingSource = Mapping[str, str] | Sequence[str] | str | Path | None
 """A mapping, texts such as "time_s=Zeit", the path of a mapping file (TOML), or nothing."""
 _LIKENESS = 0.85  # chosen, of difflib's: one letter wrong in a short name, and not another word in it
 SHOWN_HEADER_CHARS = 1000  # of a refusal, which has to leave room for the mapping
-_EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a")
+_EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a", "inf", "-inf", "<na>")
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -134,7 +134,7 @@ def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:
 
     values: Array = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
     if not np.isfinite(values).any():
-        text = [str(cell).strip() for cell in cells if not _is_empty(cell)]
+        text = [cell for cell in map(str.strip, map(str, cells)) if cell.lower() not in _EMPTY_CELLS]
         if text and column == "time_s":
             values = _parse_times(cells)
         elif text and column in (numbers := load_vocabulary().tables["values"]):
@@ -156,10 +156,6 @@ def _parse_times(cells: pd.Series) -> Array:
     stamps = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce") - pd.Timestamp(0, tz="UTC")
     since = pd.to_timedelta(text, errors="coerce") if stamps.isna().all() else stamps
     return np.asarray(since / pd.Timedelta(seconds=1), dtype=np.float64)
-
-
-def _is_empty(cell: object) -> bool:
-    return str(cell).strip().lower() in (*_EMPTY_CELLS, "inf", "-inf", "<na>")
 
 
 # --- columns under other names --------------------------------------------------------------------------------

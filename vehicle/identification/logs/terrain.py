@@ -34,7 +34,7 @@ SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor driv
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
 _SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
-_EXPECTED_MOUNTING, _EXPECTED_LEAN, _EXPECTED_GROUND = 0.1, 0.1, 0.15
+_EXPECTED_SENSOR, _EXPECTED_GROUND = 0.1, 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ def _estimate_mounting(rows: _TiltRows) -> tuple[float, float] | None:
     columns = np.concatenate(
         [np.ones((len(rows.shown_fall), 1)), rows.push[:, None], _build_ground_columns(rows)], axis=1
     )
-    spread = np.concatenate([[_EXPECTED_MOUNTING, _EXPECTED_LEAN], np.full(columns.shape[1] - 2, _EXPECTED_GROUND)])
+    spread = np.concatenate([[_EXPECTED_SENSOR, _EXPECTED_SENSOR], np.full(columns.shape[1] - 2, _EXPECTED_GROUND)])
     blocks = len(np.unique(rows.block))
     noise = float(np.var(rows.shown_fall))
     for _ in range(3):

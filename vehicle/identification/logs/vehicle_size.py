@@ -17,12 +17,12 @@ from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import compute_bends, compute_path_chords, find_largest_steering
 from vehicle.identification.logs.schema import Array, Log
-from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, STEERING_SPREAD_DEG, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, NEARLY_SHARE, STEERING_SPREAD_DEG, SURE_SIGMAS
 from vehicle.model.effects import get_effect
-from vehicle.model.tractor import PowerLaw, Tractor
+from vehicle.model.tractor import Tractor
 
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
-_ROUGH_ERROR_SHARE = 0.1  # chosen, relative standard error of a ratio from such chords alone: surely within 40 %
+_ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio from such chords: surely within 40 %
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
 _LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
@@ -124,7 +124,8 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
     misfit = explain_other_vehicle(logs, tractor, ground)
     if not misfit:
         return
-    suggested = scale_to_logs(logs, tractor, ground)
+    suggested, speeds = scale_to_logs(logs, tractor, ground), measure_size(logs, tractor, ground).speed_mps
+    slow_and_fast = dict.fromkeys(f"{speed:.2g}" for speed in speeds)
     radius = 1.0 / float(compute_file_curvature(np.array([suggested.max_steering_deg]), suggested, ground)[0])
     make = (
         "make a tractor file of this size with `headland tractor new`"
@@ -132,18 +133,12 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
         else ("write a tractor file of this size")
     )
     raise LogError(
-        f"These logs are not of this tractor: {misfit}. Driven at "
-        f"{_format_range(measure_size(logs, tractor, ground).speed_mps)} m/s, "
-        f"they suggest a wheelbase of {suggested.wheelbase_m:.2g} m and a turning radius of {radius:.2g} m at "
+        f"These logs are not of this tractor: {misfit}. Driven at {' to '.join(slow_and_fast)} m/s, they suggest a "
+        f"wheelbase of {suggested.wheelbase_m:.2g} m and a turning radius of {radius:.2g} m at "
         f"{suggested.max_steering_deg:.0f} degrees, the largest angle driven; {make}, name the right tractor, or give "
         f"{mark_parameter('as_driven')} to use this size.",
         parameter="tractor",
     )
-
-
-def _format_range(values: tuple[float, float]) -> str:
-    low, high = (f"{value:.2g}" for value in values)
-    return low if low == high else f"{low} to {high}"
 
 
 def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor:
@@ -158,38 +153,24 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
     scale = 1.0 / size.bend_ratio if size.bend_ratio else 1.0
     scale = min(max(scale, 0.01 / tractor.rear_axle_m), 30.0 / tractor.length_m)
     lengths = (
-        "front_axle_m",
-        "rear_axle_m",
-        "track_m",
-        "length_m",
-        "width_m",
-        "rear_overhang_m",
-        "antenna_forward_m",
+        "front_axle_m", "rear_axle_m", "track_m", "length_m", "width_m", "rear_overhang_m", "antenna_forward_m",
         "antenna_right_m",
-    )
+    )  # fmt: skip
     changed: dict[str, object] = {name: getattr(tractor, name) * scale for name in lengths}
     mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
     changed["mass_kg"] = mass
     changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
-    changed["radius"] = {name: _scale_power_law(law, scale) for name, law in tractor.radius.items()}
+    sides = {name: {"right": law.right, "left": law.left} for name, law in tractor.radius.items()}
+    changed["radius"] = {
+        name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
+    }
     forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
-    changed["speed"] = tractor.speed.model_copy(
-        update={name: getattr(tractor.speed, name) * mass / tractor.mass_kg for name in forces}
-    )
+    changed["speed"] = tractor.speed.model_dump() | {
+        name: getattr(tractor.speed, name) * mass / tractor.mass_kg for name in forces
+    }
     lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")
-    changed["guidance"] = tractor.guidance.model_copy(
-        update={name: getattr(tractor.guidance, name) * scale for name in lengths_ahead}
-    )
+    changed["guidance"] = tractor.guidance.model_dump() | {
+        name: getattr(tractor.guidance, name) * scale for name in lengths_ahead
+    }
     values = tractor.model_dump() | {"name": f"{tractor.name} as driven", "effects": {}, "discrepancy_model": None}
-    return Tractor.model_validate(values | {key: _convert_models_to_dicts(value) for key, value in changed.items()})
-
-
-def _scale_power_law(law: PowerLaw, scale: float) -> PowerLaw:
-    sides = {side: (factor / scale, power) for side, (factor, power) in (("right", law.right), ("left", law.left))}
-    return PowerLaw(**sides)
-
-
-def _convert_models_to_dicts(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _convert_models_to_dicts(element) for key, element in value.items()}
-    return value.model_dump() if hasattr(value, "model_dump") else value
+    return Tractor.model_validate(values | changed)

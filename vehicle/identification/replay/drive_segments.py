@@ -87,8 +87,11 @@ class DriveSegment:
 
     @cached_property
     def steps_s(self) -> Array:
-        """Times of the steps of the grid (n, s)."""
-        return compute_step_times(len(self.grids["speed"]))
+        """Times of the steps of the grid (n, s).
+
+        Divided by 60 instead of multiplied by DT_S: the last bit differs, and the last digits of a diagnosis with it.
+        """
+        return np.arange(len(self.grids["speed"]), dtype=np.float64) / STEP_HZ
 
     @cached_property
     def denoised_wheel_angle(self) -> Array:
@@ -130,7 +133,7 @@ class DriveDataset:
 
     @property
     def effect_places(self) -> dict[str, tuple[float, ...]]:
-        """Known places of effects, by effect (see vehicle.identification.fit.effect_parameters)."""
+        """Known places of effects, by effect (see EffectKind.get_kind_for_place)."""
         places: dict[str, tuple[float, ...]] = {}
         if self.cross_slope.is_usable:
             places[SLOPE_DRIFT] = self.cross_slope.mean_plane
@@ -153,9 +156,10 @@ class DriveDataset:
         """Driving time used."""
         return float(sum(segment.time[-1] - segment.time[0] for segment in self.segments))
 
-    def get_segments(self, run: int) -> list[DriveSegment]:
-        """Return the segments of one run."""
-        return [segment for segment in self.segments if segment.run == run]
+    @property
+    def has_speed(self) -> bool:
+        """Whether all speeds were measured."""
+        return all(segment.speed_measured for segment in self.segments)
 
 
 _STANDING_S, _STANDING_DEG = 0.2, 1.0  # chosen: wheels that follow a command move faster, and noise is less
@@ -178,14 +182,6 @@ def measure_wheel_lag(segments: Sequence[DriveSegment]) -> float:
             late = np.interp(steps_s[inside][::6] + lag, steps_s, wheel)
             misfits[place] += float(np.abs(late - command[inside][::6]).sum())
     return float(_WHEEL_LAGS_S[int(np.argmin(misfits))]) if known else math.inf
-
-
-def compute_step_times(steps: int) -> Array:
-    """Return the times (s) of `count` steps.
-
-    Divided by 60 instead of multiplied by DT_S: the last bit differs, and the last digits of a diagnosis with it.
-    """
-    return np.arange(steps, dtype=np.float64) / STEP_HZ
 
 
 def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDataset:
@@ -381,17 +377,11 @@ def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str,
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # over which errors are compared: from a moment to a short swath at 5 km/h
 WINDOW_S = HORIZONS_S[-1]  # so that no error piece lies in two windows
-WindowNumbers = npt.NDArray[np.int64]
 
 
-def compute_window_numbers(seconds: Array) -> WindowNumbers:
-    """Return the windows, counted from 0, of times since the start of a segment."""
-    return (seconds / WINDOW_S).astype(np.int64)
-
-
-def compute_half_numbers(seconds: Array) -> WindowNumbers:
-    """Return the half (0 or 1) of times since the start of a segment: its windows alternate."""
-    return compute_window_numbers(seconds) % 2
+def compute_half_numbers(seconds: Array) -> npt.NDArray[np.int64]:
+    """Return the half (0 or 1) of times since the start of a segment: its windows, counted from 0, alternate."""
+    return (seconds / WINDOW_S).astype(np.int64) % 2
 
 
 def _estimate_position_noise(east: Array, north: Array) -> float:

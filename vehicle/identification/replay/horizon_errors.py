@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,24 +103,13 @@ def write_anchored_errors(starts, ends, east, north, heading, x, y, angle, out) 
             out[k, 2] = heading_error - 2.0 * math.pi * round_number(heading_error / (2.0 * math.pi))
 
 
-@compile_function
-def add_centred_values(starts, ends, values, out) -> None:  # type: ignore[no-untyped-def]
-    """Add values (k,) to `out` (k,), centred in every piece of write_anchored_errors."""
-    for piece in range(len(starts)):
-        first, end = starts[piece], ends[piece]
-        total = 0.0
-        for k in range(first, end):
-            total += values[k]
-        middle = total / (end - first)
-        for k in range(first, end):
-            out[k] += values[k] - middle
-
-
 LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
 FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
+ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
 InstrumentColumns = tuple[Array, Array, Array, Array]
-HorizonSquares = dict[float, Array]
-HalfSettings = tuple[Settings, Settings]
+Pieces = Mapping[float, Array]
+"""By horizon (s) a row per piece (p, 6): its run, its middle (s since the start of its segment), squares of the errors
+across and along (m2) and of the heading (rad2; nan without one) summed over its rows, and its rows."""
 PieceBounds = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 
 
@@ -132,11 +122,6 @@ class HorizonError:
     heading_deg: float
 
 
-def compute_anchored_errors(segment: DriveSegment, antenna: Array, heading: Array, rows: slice) -> Array:
-    """Return cross, along (m) and heading (rad) errors per row (k, 3) after the best rotation and shift of a piece."""
-    return compute_piece_errors(segment, antenna, heading, (np.array([rows.start]), np.array([rows.stop])))[rows]
-
-
 def compute_piece_errors(segment: DriveSegment, antenna: Array, heading: Array, bounds: PieceBounds) -> Array:
     """Return the errors of all pieces, in the rows of the segment (k, 3); headings are nan where none was measured."""
     out = np.zeros((segment.rows, 3))
@@ -145,11 +130,6 @@ def compute_piece_errors(segment: DriveSegment, antenna: Array, heading: Array, 
     if not segment.heading_measured:
         out[:, 2] = np.nan
     return out
-
-
-def split_pieces(time: Array, horizon: float) -> list[slice]:
-    """Split a segment into whole pieces of a horizon."""
-    return [slice(int(i), int(j)) for i, j in zip(*find_piece_bounds(time, horizon), strict=True)]
 
 
 def find_piece_bounds(time: Array, horizon: float) -> PieceBounds:
@@ -177,70 +157,66 @@ def list_covering_bounds(time: Array, horizon: float) -> list[PieceBounds]:
     return [(starts, ends), (np.array([first]), np.array([len(time)]))]
 
 
-def simulate_instruments(
-    rig: ReplayRig, segment: DriveSegment, settings: Settings, by_speed: bool = False
-) -> InstrumentColumns:
-    """Simulate the instruments when the commands are driven with these effects.
-
-    With `by_speed` at the measured speed, if any, so that errors of the speed do not show in the path.
-    """
-    states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=by_speed and segment.speed_measured)
+def simulate_instruments(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> InstrumentColumns:
+    """Simulate the instruments when the commands are driven with these effects."""
+    states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=False)
     return simulate_logged_values(rig, segment, states, settings)
 
 
-def sum_squared_errors_by_horizon(segment: DriveSegment, antenna: Array, heading: Array) -> HorizonSquares:
-    """Return sums of squares (cross, along, heading) and rows per horizon, (4,) each."""
-    sums = {horizon: np.zeros(4) for horizon in HORIZONS_S}
+def measure_pieces(segment: DriveSegment, antenna: Array, heading: Array) -> Pieces:
+    """Return the errors of all pieces of a segment, whose antenna (k, 2) and heading (k,) were simulated."""
+    pieces = {}
     for horizon in HORIZONS_S:
+        rows = [np.zeros((0, 6))]
         for starts, ends in list_covering_bounds(segment.time, horizon):
-            errors = compute_piece_errors(segment, antenna, heading, (starts, ends))
-            rows = int((ends - starts).sum())
-            if rows:
-                sums[horizon] += np.array([*(errors * errors).sum(axis=0), rows])
-    return sums
+            squares = compute_piece_errors(segment, antenna, heading, (starts, ends)) ** 2
+            middles = 0.5 * (segment.time[starts] + segment.time[ends - 1])
+            rows += [
+                np.array([[segment.run, middle, *squares[first:end].sum(axis=0), end - first]])
+                for middle, first, end in zip(middles, starts, ends, strict=True)
+            ]
+        pieces[horizon] = np.concatenate(rows)
+    return pieces
 
 
-def make_zero_squared_errors(runs: int) -> list[HorizonSquares]:
-    """Return empty sums of squares per run."""
-    return [{horizon: np.zeros(4) for horizon in HORIZONS_S} for _ in range(runs)]
+def join_pieces(parts: Iterable[Pieces]) -> Pieces:
+    """Return all pieces of several segments."""
+    every = list(parts)
+    return {horizon: np.concatenate([one[horizon] for one in every]) for horizon in HORIZONS_S}
 
 
-def sum_squared_errors_by_run(
-    dataset: DriveDataset, rig: ReplayRig, settings: Settings, by_speed: bool = False
-) -> list[HorizonSquares]:
-    """Return the sums of squares of every run; `by_speed` is that of simulate_instruments."""
-    totals = make_zero_squared_errors(len(dataset.names))
-    for segment in dataset.segments:
-        antenna, heading, _, _ = simulate_instruments(rig, segment, settings, by_speed)
-        for horizon, part in sum_squared_errors_by_horizon(segment, antenna, heading).items():
-            totals[segment.run][horizon] += part
-    return totals
+def measure_dataset(dataset: DriveDataset, rig: ReplayRig, settings: Settings) -> Pieces:
+    """Replay all segments with these effects."""
+    return join_pieces(
+        measure_pieces(segment, *simulate_instruments(rig, segment, settings)[:2]) for segment in dataset.segments
+    )
 
 
-def compute_horizon_errors(totals: list[HorizonSquares]) -> dict[float, HorizonError]:
-    """Return the error of all runs together per horizon, without horizons that no run is long enough for."""
+def sum_by_run(pieces: Pieces, runs: int, horizon: float = ERROR_PIECE_S) -> Array:
+    """Return the squares of every run (runs, 4): across, along (m2), heading (rad2), and rows."""
+    numbers = pieces[horizon][:, 0].astype(np.int64)
+    return np.stack([np.bincount(numbers, column, runs) for column in pieces[horizon][:, 2:].T], axis=1)
+
+
+def compute_horizon_errors(pieces: Pieces, run: int | None = None) -> dict[float, HorizonError]:
+    """Return the error of all pieces, or of those of one run, per horizon; horizons without a piece are left out."""
     errors = {}
-    for horizon in HORIZONS_S:
-        total = np.sum([run_sums[horizon] for run_sums in totals], axis=0)
-        if total[3] > 0:
-            cross, along, heading = np.sqrt(total[:3] / total[3])
+    for horizon, every in pieces.items():
+        rows = every if run is None else every[every[:, 0] == run]
+        if len(rows):
+            cross, along, heading = np.sqrt(rows[:, 2:5].sum(axis=0) / rows[:, 5].sum())
             errors[horizon] = HorizonError(100.0 * float(cross), 100.0 * float(along), math.degrees(float(heading)))
     return errors
 
 
-def compute_relative_run_errors(
-    totals: list[HorizonSquares], noise_floor: list[HorizonSquares], along: bool = True, horizon: float = 5.0
-) -> Array:
-    """Return the error of every run (runs,): squares over those of noise alone, averaged over the three kinds.
+def compute_relative_error(pieces: Pieces, noise_floor: Pieces, runs: int, along: bool, horizon: float) -> float:
+    """Return the error of all runs: squares over those of noise alone, averaged over the three kinds, run by run.
 
     Without `along` the error along the path is left out, as where speeds were only derived from positions.
     """
-    scale = np.sum([run_sums[horizon] for run_sums in noise_floor], axis=0)
-    noise_unit = scale[:3] / max(scale[3], 1.0)
-    errors = []
-    for run_sums in totals:
-        rows = max(run_sums[horizon][3], 1.0)
-        shares = run_sums[horizon][:3] / rows / np.maximum(noise_unit, 1e-12)
-        shares = shares if along else np.delete(shares, 1)
-        errors.append(float(np.nanmean(shares)) if np.isfinite(shares).any() else 0.0)
-    return np.array(errors)
+    kinds = [0, 1, 2] if along else [0, 2]
+    floor, sums = noise_floor[horizon][:, 2:].sum(axis=0), sum_by_run(pieces, runs, horizon)
+    noise_unit = np.maximum(floor[:3] / max(floor[3], 1.0), 1e-12)
+    shares = (sums[:, :3] / np.maximum(sums[:, 3:], 1.0) / noise_unit)[:, kinds]
+    counts = np.isfinite(shares).sum(axis=1)
+    return float((np.nansum(shares, axis=1) / np.maximum(counts, 1)).sum())

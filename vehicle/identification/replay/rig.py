@@ -155,7 +155,7 @@ def replay_segment(
     # A sensor cuts the chain: effects before it have no influence. Antenna and clocks never move the tractor.
     blocks = {PATH, *(() if from_sensor else (STEERS,)), *(() if at_measured_speed else (SPEED,))}
     acting = split_settings_by_block(settings, frozenset(blocks))
-    segment = restore_true_inputs(segment, compute_timing(settings))
+    segment = restore_true_inputs(segment, compute_timing(compute_effect_fields(settings)))
     grids, (model, slope) = segment.grids, _extract_measured_slope_drift(rig, segment, acting)
     out = np.empty((len(grids["speed"]), 5), order="F")
     out[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, segment, acting, from_sensor, model)
@@ -199,28 +199,16 @@ def _extract_measured_slope_drift(
     return rig.build_effective_model(others)[0], share * across
 
 
-def simulate_wheel_angles(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
-    """Return the wheel angle (n,) that the commands of a segment produce on the grid, as in a replay but without
-    driving."""
-    return _simulate_steering(rig, restore_true_inputs(segment, compute_timing(settings)), settings)[:-1]
-
-
 def _simulate_steering(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
     """Return the wheel angle (n + 1,) that the commands of a segment produce before each step and after the last."""
     model = rig.build_effective_model(split_settings_by_block(settings, frozenset({STEERS})))[0]
-    command, wheel = _select_steering_inputs(segment)
+    # One column replaces the other where it is missing.
+    command = segment.grids["command" if "command" in segment.grids else "wheel"]
+    wheel = segment.grids.get("wheel", command)
     out = np.empty(len(command) + 1)
     state = make_settled_state(command, segment.earlier_commands)[0]
     simulate_steering_steps(command, wheel[0], DT_S, state, model, out)
     return out
-
-
-def _select_steering_inputs(segment: DriveSegment) -> tuple[Array, Array]:
-    """Return commands and wheel angles on the grid; one replaces the other where it is missing."""
-    command = segment.grids.get("command", segment.grids.get("wheel"))
-    wheel = segment.grids.get("wheel", command)
-    assert command is not None and wheel is not None
-    return command, wheel
 
 
 @dataclass(frozen=True)
@@ -246,12 +234,7 @@ class InstrumentTiming:
         return self.speed_s == self.steering_s == self.command_s == 0.0 and self.speed_scale == 1.0
 
 
-def compute_timing(settings: Settings) -> InstrumentTiming:
-    """Return the timing of the instruments with these effects."""
-    return extract_timing(compute_effect_fields(settings))
-
-
-def extract_timing(fields: Mapping[str, float]) -> InstrumentTiming:
+def compute_timing(fields: Mapping[str, float]) -> InstrumentTiming:
     """Return the timing of the instruments from the fields of MODEL."""
     return InstrumentTiming(
         (fields["latency"] + fields["position_late"]) / STEP_HZ + fields["position_clock"],
@@ -305,18 +288,6 @@ def compute_shown_headings(segment: DriveSegment, angles: Array, timing: Instrum
     return shown
 
 
-def simulate_logged_wheel_angles(segment: DriveSegment, angles: Array, timing: InstrumentTiming) -> Array:
-    """Return what the wheel sensor would log (k,) of angles (n,) on the grid."""
-    logged: Array = np.interp(segment.time - timing.steering_s, np.arange(len(angles), dtype=np.float64) * DT_S, angles)
-    return logged
-
-
-def simulate_logged_speeds(segment: DriveSegment, speeds: Array, timing: InstrumentTiming) -> Array:
-    """Return what the speed sensor would log (k,) of speeds (n,) on the grid."""
-    logged: Array = np.interp(segment.time - timing.speed_s, np.arange(len(speeds), dtype=np.float64) * DT_S, speeds)
-    return logged if timing.speed_scale == 1.0 else timing.speed_scale * logged
-
-
 def compute_antenna_lever(rig: ReplayRig, fields: Mapping[str, float]) -> tuple[float, float]:
     """Return the antenna's position ahead of and to the right of the centre of mass, effects included (m)."""
     tractor = rig.tractor
@@ -328,32 +299,17 @@ def simulate_logged_values(
     rig: ReplayRig, segment: DriveSegment, states: Array, settings: Settings
 ) -> tuple[Array, Array, Array, Array]:
     """Return what instruments would log of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
-    timing = compute_timing(settings)
-    wheel = simulate_logged_wheel_angles(segment, states[:, STEERING_COLUMN], timing)
-    speed = simulate_logged_speeds(segment, states[:, FORWARD_COLUMN], timing)
-    return *simulate_logged_antenna(rig, segment, states, settings), wheel, speed
-
-
-def simulate_logged_antenna(
-    rig: ReplayRig, segment: DriveSegment, states: Array, settings: Settings
-) -> tuple[Array, Array]:
-    """Return antenna (k, 2) and heading (k,) of simulate_logged_values."""
     fields, out = compute_effect_fields(settings), np.empty((6, segment.rows))
-    timing = extract_timing(fields)
+    timing, steps_s = compute_timing(fields), np.arange(len(states), dtype=np.float64) * DT_S
+    wheel = np.interp(segment.time - timing.steering_s, steps_s, states[:, STEERING_COLUMN])
+    speed = timing.speed_scale * np.interp(segment.time - timing.speed_s, steps_s, states[:, FORWARD_COLUMN])
     write_instrument_poses(
-        segment.time,
-        segment.steps_s,
-        states[:, X_COLUMN],
-        states[:, Y_COLUMN],
-        states[:, ANGLE_COLUMN],
-        timing.position_s,
-        *compute_antenna_lever(rig, fields),
-        fields["heading_bias"],
-        out,
-    )
+        segment.time, segment.steps_s, states[:, X_COLUMN], states[:, Y_COLUMN], states[:, ANGLE_COLUMN],
+        timing.position_s, *compute_antenna_lever(rig, fields), fields["heading_bias"], out,
+    )  # fmt: skip
     if not timing.is_heading_as_old:
         out[SHOWN_HEADING] = compute_shown_headings(segment, states[:, ANGLE_COLUMN], timing) + fields["heading_bias"]
-    return out[SHOWN_EAST : SHOWN_NORTH + 1].T, out[SHOWN_HEADING]
+    return out[SHOWN_EAST : SHOWN_NORTH + 1].T, out[SHOWN_HEADING], wheel, speed
 
 
 def make_settled_state(command: Array, earlier: Array) -> Any:

@@ -261,7 +261,7 @@ def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     quiet = _drive_quiet(tractor)
     noisy = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed)
     bare = _drive_noisy(tractor, UNLIMITED_M, seed)
-    rows = _compare_table_3_1(quiet) + _compare_table_3_2(quiet) + _compare_table_3_3(noisy, bare)
+    rows = _compare_trajectories(quiet) + _compare_table_3_3(noisy, bare)
     words = _describe_results(quiet, noisy, bare, tractor.guidance.lateral_limit_m)
     tables = (_build_path_length_table(tractor, noisy, seed), _build_weaving_table(tractor))
     title, panels = "Step response (Tables 3.1 to 3.3)", _build_panels(quiet)
@@ -313,27 +313,22 @@ def _build_path_length_table(tractor: Tractor, noisy: Steps, seed: int) -> TextT
     return TextTable(title, ("Path 2", "Between 2 and 6 cm", "Smallest", "Largest"), tuple(rows))
 
 
-def _compare_table_3_1(steps: Steps) -> list[ThesisComparison]:
+def _compare_trajectories(steps: Steps) -> list[ThesisComparison]:
+    """Tables 3.1 and 3.2: of the real tractor there is no log, so the notes compare our simulators."""
+    bare = "our path differs by {:.1f} cm from one without simulator"
+    apart = "our proposed and traditional simulators are {:.1f} cm apart"
+    tables = [(f"3.1 {key[0]} km/h", *key, "asphalt", "none", bare, values) for key, values in TABLE_3_1.items()]
+    tables += [
+        (f"3.2 {key[0]} {key[1]} km/h", *key[1:], "soil", "traditional", apart, values)
+        for key, values in TABLE_3_2.items()
+    ]
     rows = []
-    for (speed, kind), values in TABLE_3_1.items():
+    for name, speed, kind, ground, other, words, values in tables:
         for offset, thesis in zip(OFFSETS_CM, values, strict=True):
-            bare = steps["asphalt", "none", speed, offset]
-            difference_cm = steps["asphalt", "proposed", speed, offset].compute_difference_cm(bare)
-            note = f"{NO_LOG}; our path differs by {difference_cm[kind == 'average']:.1f} cm from one without simulator"
-            name = f"3.1 {speed} km/h {offset:+d} cm"
-            rows.append(ThesisComparison(name, f"trajectory difference, {kind}", "cm", thesis, None, note))
-    return rows
-
-
-def _compare_table_3_2(steps: Steps) -> list[ThesisComparison]:
-    rows = []
-    for (steering, speed, kind), values in TABLE_3_2.items():
-        for offset, thesis in zip(OFFSETS_CM, values, strict=True):
-            traditional = steps["soil", "traditional", speed, offset]
-            gap_cm = steps["soil", "proposed", speed, offset].compute_difference_cm(traditional)[kind == "average"]
-            note = f"{NO_LOG}; our proposed and traditional simulators are {gap_cm:.1f} cm apart"
-            name = f"3.2 {steering} {speed} km/h {offset:+d} cm"
-            rows.append(ThesisComparison(name, f"trajectory difference, {kind}", "cm", thesis, None, note))
+            proposed, compared = (steps[ground, steering, speed, offset] for steering in ("proposed", other))
+            note = f"{NO_LOG}; {words.format(proposed.compute_difference_cm(compared)[kind == 'average'])}"
+            label = f"{name} {offset:+d} cm"
+            rows.append(ThesisComparison(label, f"trajectory difference, {kind}", "cm", thesis, None, note))
     return rows
 
 
