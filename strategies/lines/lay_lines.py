@@ -23,7 +23,7 @@ from strategies.lines.work_line import (
     locate_at,
 )
 from strategies.site.ground import measure_rooms
-from strategies.site.site import Site
+from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
 
@@ -37,11 +37,13 @@ MOST_MITRE = 1.5  # half widths by which a side is drawn out into a corner
 EXTENSION_STEP_M, BAR_POINTS = 0.5, 9  # places on the bar where it is asked what is covered
 MOST_EXTENSION_WIDTHS = 6.0  # beyond the end of a swath
 WORTH_SHARE = 0.3  # of the bar over uncovered ground: there a swath goes on
+RING = "ring"  # group of lines round obstacles
 LEFTOVER = "left"  # group of lines on ground that sides and swaths leave
 MIN_LEFT_HALF_M = 0.5  # half of the least width of such ground
 MIN_LEFT_AREA_WIDTHS = 0.5  # its least area, in widths squared
 LAST_WIDTH_SHARE = 0.25  # a piece this much wider than its lines gets no further one
-MIN_OWN_SHARE = 0.12  # of its strip: a line that alone covers less is not driven
+RING_TOLERANCE_M = 0.05  # between a ring and its chords
+MIN_OWN_SHARE = 1.0 / MISSED_FACTOR  # of its strip: driving a line that alone covers less costs more than it is worth
 SLIVER_M2 = 1e-6  # strips beside one another share no more
 Span = tuple[float, float]
 
@@ -65,14 +67,25 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     """The lines worth driving, each with the ground that it alone covers.
 
     Headland sides come first, as they were laid if they are given; swaths go on beyond their ends as long as they cover
-    what neither sides nor other swaths do, and lines of their own follow the ground that is still left. A headland that
-    is only room for turning counts as covered.
+    what neither sides nor other swaths do, obstacles that they are driven round have a ring, and lines of their own
+    follow the ground that is still left. A headland that is only room for turning counts as covered.
     """
     lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
-    lines += _settle_all(site, _list_swaths(site, subtract_area(due, unite_strips(site, lines))))
-    lines += _settle_all(site, _list_leftover(site, subtract_area(due, unite_strips(site, lines)), lines))
-    return keep_uncovered(site, lines)
+    drafts = list(_list_swaths(site, subtract_area(due, unite_strips(site, lines))))
+    laid = _settle_all(site, [*drafts, *_list_obstacle_rings(site)])
+    groups = {draft.group for draft in drafts}
+    lines += [line for line in laid if line.group in groups]
+    left = subtract_area(due, unite_strips(site, lines))
+    rings = [replace(line, own_m2=_measure_covered_m2(site, line, left)) for line in laid if line.group not in groups]
+    rings = [ring for ring in rings if ring.own_m2 > MIN_OWN_SHARE * site.width_m * ring.length_m]
+    lines += _settle_all(site, _list_leftover(site, subtract_area(left, unite_strips(site, rings)), lines))
+    return keep_uncovered(site, lines) + rings
+
+
+def _measure_covered_m2(site: Site, line: WorkLine, left: shapely.Geometry) -> float:
+    """How much of the ground that is left a line covers (m2)."""
+    return float(shapely.intersection(line.build_strip(site.width_m), left).area)
 
 
 def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
@@ -115,6 +128,17 @@ def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]
         points = swath.points_m
         more = [_measure_extension_m(site, points[::-1], uncovered), _measure_extension_m(site, points, uncovered)]
         yield LineDraft(SWATH, swath.line, (SWATH, swath.line), extend_line(points, *more))
+
+
+def _list_obstacle_rings(site: Site) -> Iterator[LineDraft]:
+    """A ring round every obstacle that swaths are driven round, as round as tractors turn; one of the nearest swath."""
+    swaths = site.layout.swaths
+    lines = [shapely.LineString(swath.points_m) for swath in swaths]
+    away_m = max(0.5 * site.width_m + PULL_BACK_M, site.rules.radius_m)
+    for obstacle in site.layout.field.small_obstacles:
+        ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(RING_TOLERANCE_M)
+        number = swaths[int(np.argmin(shapely.distance(lines, obstacle.centroid)))].line
+        yield LineDraft(SWATH, number, (RING, number), np.asarray(ring.coords)[:, :2])
 
 
 def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry) -> float:

@@ -25,8 +25,7 @@ from vehicle.jit import compile_function
 Floats = npt.NDArray[np.float64]
 
 COARSE = 3  # cells of the ground to a cell of the way that remains
-STEP_M = 1.25  # of the search, longer than a cell
-SEARCH_CELL_M = 0.8
+STEP_RADII, CELL_RADII = 0.28, 0.18  # step and cell of the search: a step leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
@@ -78,9 +77,9 @@ def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untype
 
 
 @compile_function
-def _find_cell(x, y, heading, way):  # type: ignore[no-untyped-def]
+def _find_cell(x, y, heading, way, radius):  # type: ignore[no-untyped-def]
     """The cell, sector of headings and gear by which poses of a search are told apart."""
-    column, row = math.floor(x / SEARCH_CELL_M), math.floor(y / SEARCH_CELL_M)
+    column, row = math.floor(x / (CELL_RADII * radius)), math.floor(y / (CELL_RADII * radius))
     return np.int64(column), np.int64(row), np.int64(math.floor((heading % TAU) / TAU * SECTORS)), np.int64(way)
 
 
@@ -108,6 +107,7 @@ def search_move(  # type: ignore[no-untyped-def]
     `most` the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
+    step_m = STEP_RADII * radius
     forward, back = costs[0], costs[1]
     slow = min(forward, math.sqrt(costs[4] * radius))
     size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
@@ -126,23 +126,23 @@ def search_move(  # type: ignore[no-untyped-def]
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
             link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
             if link_s < np.inf:
-                return _trace_rows(node, came, bends, ways, link), spent_s[node] + link_s
+                return _trace_rows(node, came, bends, ways, link, step_m), spent_s[node] + link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
-            behind = back_up(backed[node], STEP_M, gear)
+            behind = back_up(backed[node], step_m, gear)
             if behind > max_reverse:
                 continue
             for side in range(-1, 2):
                 bend = side / radius
-                step[0, 0], step[0, 1], step[0, 2] = STEP_M, bend, gear
+                step[0, 0], step[0, 1], step[0, 2] = step_m, bend, gear
                 room = measure_path_room(poses[node], step, guide, points, len(points), reach, grid, frame, margin)
                 if room < margin:
                     continue
-                u, v, after = advance_pose(x, y, heading, STEP_M, bend, gear)
+                u, v, after = advance_pose(x, y, heading, step_m, bend, gear)
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
-                step_s = STEP_M / (back if gear < 0.0 else slow if side else forward)
+                step_s = step_m / (back if gear < 0.0 else slow if side else forward)
                 if room < margin + AMPLE_M:
                     step_s *= TIGHT_FACTOR
                 seconds = spent_s[node] + step_s
@@ -150,7 +150,7 @@ def search_move(  # type: ignore[no-untyped-def]
                     seconds += costs[2] + costs[3] * abs(bend - bends[node])
                 elif bend != bends[node]:
                     seconds += BEND_S
-                key = _find_cell(u, v, after, way)
+                key = _find_cell(u, v, after, way, radius)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
                 best_s[key] = seconds
@@ -166,18 +166,18 @@ def search_move(  # type: ignore[no-untyped-def]
 @compile_function
 def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """Whether at least `most` places are reached from pose a by arcs and straights in the gears given."""
-    size = 6 * most + 8
+    size, step_m = 6 * most + 8, STEP_RADII * radius
     poses, seen = np.empty((size, 3)), {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0))}
     poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
     count, at, step = 1, 0, np.empty((1, 3))
     while at < count and count <= most:
         for gear in gears:
             for side in range(-1, 2):
-                step[0, 0], step[0, 1], step[0, 2] = STEP_M, side / radius, gear
+                step[0, 0], step[0, 1], step[0, 2] = step_m, side / radius, gear
                 if not has_room_on_path(poses[at], step, guide, points, len(points), reach, grid, frame, margin):
                     continue
-                u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], STEP_M, side / radius, gear)
-                key = _find_cell(u, v, after, 0)
+                u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], step_m, side / radius, gear)
+                key = _find_cell(u, v, after, 0, radius)
                 if key not in seen:
                     seen.add(key)
                     poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
@@ -187,7 +187,7 @@ def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin
 
 
 @compile_function
-def _trace_rows(node, came, bends, ways, link):  # type: ignore[no-untyped-def]
+def _trace_rows(node, came, bends, ways, link, step):  # type: ignore[no-untyped-def]
     """The steps that led to a node, and the closed form from there."""
     steps, at = 0, node
     while came[at] >= 0:
@@ -195,7 +195,7 @@ def _trace_rows(node, came, bends, ways, link):  # type: ignore[no-untyped-def]
         at = came[at]
     rows, at = np.empty((steps + len(link), 3)), node
     for k in range(steps - 1, -1, -1):
-        rows[k, 0], rows[k, 1], rows[k, 2] = STEP_M, bends[at], ways[at]
+        rows[k, 0], rows[k, 1], rows[k, 2] = step, bends[at], ways[at]
         at = came[at]
     copy_table(link, rows[steps:])
     return rows

@@ -19,7 +19,7 @@ from strategies.site.site import Site
 Floats = npt.NDArray[np.float64]
 
 USUAL_SHARE = 0.75  # of moves: tours use those whose cost is expected too low
-MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up
+MOST_VAIN = 8  # searches from or to a place that found nothing, before it is given up
 
 
 @dataclass(eq=False)

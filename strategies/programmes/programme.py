@@ -180,11 +180,10 @@ def pose_problem(
     site, lines = moves.site, moves.lines
     may, stage = _place_starts(moves, may, stage)
     own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
-    has_lane = site.lane is not None
     is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
     ends_s = [
-        np.repeat(np.where(is_barred, NO_MOVE_S, row[:-1] * has_lane)[None], len(may), axis=0)
-        for row in (costs[-1], costs[:, -1])
+        np.repeat(np.where(is_barred, NO_MOVE_S, row)[None], len(may), axis=0)
+        for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)
     ]
     starts = list(moves.starts)
     ends_s[0][:, starts], ends_s[0][: len(starts)] = NO_MOVE_S, NO_MOVE_S

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import WorkLine, cut_line
@@ -73,6 +75,15 @@ class SiteMoves:
         self.ends.append((0.0, 0.0, 0.0) if lane is None else lane.inner_pose)
         self.begins.append((0.0, 0.0, 0.0) if lane is None else lane.build_path_out().start)
         self.estimates = MoveEstimates(self.site, self.lines, self.finder, self.ends, self.begins, self.starts)
+
+    @cached_property
+    def edge_ways_s(self) -> tuple[Floats, Floats]:
+        """Without an entrance, the charge (n,) for coming in over the nearest edge to each node, and for leaving so."""
+        outline = (self.site.layout.field.original_boundary or self.site.layout.field.boundary).exterior
+        s_per_m = 1.0 / self.site.rules.turn_speed_mps + self.site.wheels_s_per_m
+        ways = [np.array(poses[:-1]).reshape(-1, 3)[:, :2] for poses in (self.begins, self.ends)]
+        begins, ends = (s_per_m * shapely.distance(shapely.points(places), outline) for places in ways)
+        return begins, ends
 
     @property
     def gate(self) -> int:

@@ -116,7 +116,7 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     assert best.finished_s - best.time_s == pytest.approx((whole.finished_s or 0.0) - (whole.time_s or 0.0), abs=20.0)
     estimate = GroundEstimates(prepare_context(WorkOrder(PlanRequest(**BASE), field=FIELD))).estimate(order)
     assert estimate.finished_s == pytest.approx(best.finished_s, rel=0.06)
-    assert estimate.works_enough and estimate.worked_pct == pytest.approx(best.worked_pct, abs=0.5)
+    assert estimate.works_enough and estimate.worked_pct == pytest.approx(best.worked_pct, abs=0.6)
 
 
 def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:

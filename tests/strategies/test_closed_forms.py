@@ -114,7 +114,8 @@ def test_a_search_leads_round_a_wall() -> None:
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
         assert has_room_on_path(start, path, *body[:2], len(BODY.points), *body[2:5], MARGIN_M - 1e-9)
-    assert shorter[:, 0].sum() <= rows[:, 0].sum() + 1e-9
+    bends, fewer = (np.count_nonzero(np.diff(path[path[:, 0] > 0.0, 1])) for path in (rows, shorter))
+    assert fewer < bends and shorter[:, 0].sum() <= 1.01 * rows[:, 0].sum()  # bends cost time as well
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
 
 

@@ -38,7 +38,7 @@ MAX_TURN_M = 60.0  # a longer one is a route, whatever its shape
 MIN_U_TURN_RAD, MIN_BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
 MIN_LENGTH_M = 1e-3
 
-MIN_CROSSED_M = 5.0  # on finished ground of one kind: less is the end of a turn
+MIN_CROSSED_M = 5.0  # on finished ground: less is the end of a turn, and what is not named is less together
 HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
 
 Rows = npt.NDArray[np.int64]
@@ -104,10 +104,9 @@ def _measure_finished_crossing(
     for strip in np.flatnonzero(near & is_finished).tolist():
         name = worked_ground.names[strip]
         metres[name] = metres.get(name, 0.0) + float(shapely.intersection(line, worked_ground.strips[strip]).length)
-    crossed = sorted(
-        (name for name in metres if metres[name] >= min(MIN_CROSSED_M, 0.5 * sum(metres.values()))),
-        key=lambda name: (len(name), name),
-    )
+    by_metres = sorted(metres, key=lambda name: (metres[name], len(name), name))
+    slight = np.cumsum([metres[name] for name in by_metres]) < MIN_CROSSED_M
+    crossed = sorted((name for name in by_metres[slight.sum() :]), key=lambda name: (len(name), name))
     total_m = math.fsum(metres.values())
     return (tuple(crossed), total_m) if total_m >= MIN_CROSSED_M else ((), 0.0)
 
