@@ -402,7 +402,7 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
         for place, number in enumerate(ranked, start=1)
         if place != number + 1
     ]
-    placed = tuple(_shift_stand(stand, shift) for number in ranked if (stand := stands[number]) is not None)
+    placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
     return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
 
 
@@ -494,10 +494,3 @@ def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
     """What legs have used of a load since it was filled last."""
     served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
     return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
-
-
-def _shift_stand(stand: Stand, shift: np.ndarray) -> Stand:
-    def move(pose: Pose) -> Pose:
-        return pose[0] + float(shift[0]), pose[1] + float(shift[1]), pose[2]
-
-    return replace(stand, pose=move(stand.pose), ahead=tuple(map(move, stand.ahead)))
