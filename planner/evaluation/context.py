@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from dataclasses import field as member
 from functools import cached_property
 from typing import Any
@@ -48,6 +48,11 @@ class Stand:
     used: float = 0.0
     ahead: tuple[Pose, ...] = ()
     number: int = 0
+
+    def move_by(self, east_m: float, north_m: float) -> Stand:
+        """The same stand in metres from another origin."""
+        pose, *ahead = ((x + east_m, y + north_m, heading) for x, y, heading in (self.pose, *self.ahead))
+        return replace(self, pose=pose, ahead=tuple(ahead))
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from planner.evaluation.layout_choice import (
     list_layouts,
 )
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
+from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.evaluation.work_order import (
     WorkOrder,
@@ -121,7 +122,7 @@ def prepare_context(
         time_share=time_share,
     )
     context = _lay_out_field(
-        create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts
+        create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout
     )
     check_capacity(supply, context.layout)
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
@@ -176,8 +177,9 @@ def _lay_out_field(
     reach: TurnReach,
     time_share: TimeShare,
     report_layouts: Report | None,
+    planned: PlannedLayout | None,
 ) -> PlanningContext:
-    """The context of the quickest layout; `create` makes one of what the layout adds."""
+    """The context of the layout that was `planned`, or the quickest; `create` makes one of what the layout adds."""
     field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
     check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
@@ -212,7 +214,8 @@ def _lay_out_field(
                 refusals.append(refusal)
         if not contexts:
             raise refusals[0]
-        context = contexts[choose_quickest_index(contexts, report_layouts, weigh)]
+        index = None if planned is None else planned.find_index([one.layout for one in contexts])
+        context = contexts[choose_quickest_index(contexts, report_layouts, weigh) if index is None else index]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context

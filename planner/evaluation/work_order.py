@@ -16,6 +16,7 @@ from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.context import Stand
+from planner.evaluation.planned_layout import PlannedLayout
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
@@ -58,7 +59,7 @@ class WorkOrder:
 
     `done` is what is worked already, as it is or by its source (planner.pipeline.going_on). The machines of a saved
     plan among it go on from where they stand, but for those `without` (numbers from 1); with `from_road` they come in
-    from outside.
+    from outside. Of the layouts that the field could have `layout` is taken, if it is one of them, else the quickest.
     """
 
     request: PlanRequest
@@ -73,6 +74,7 @@ class WorkOrder:
     done: tuple[DoneSource, ...] = ()
     without: tuple[int, ...] = ()
     from_road: bool = False
+    layout: PlannedLayout | None = None
 
     @property
     def begins_on_field(self) -> bool:

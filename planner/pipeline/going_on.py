@@ -26,12 +26,14 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import DoneSource, DoneWork, WorkOrder, match_plan_time
 from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import (
     has_unknown_tank,
     read_done_ground,
     read_machines,
+    read_planned_layout,
     read_request,
     read_supply,
     rerun_plan,
@@ -127,7 +129,7 @@ def continue_order(order: WorkOrder) -> WorkOrder:
     continued = None if order.from_road else read_continued_plan(order.done, order.without)
     if continued is None:
         return order
-    order = replace(order, supply=continued.choose_supply(order.supply))
+    order = replace(order, supply=continued.choose_supply(order.supply), layout=continued.layout)
     request = order.request
     given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
     if order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
@@ -189,7 +191,7 @@ def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
 
 @dataclass(frozen=True)
 class ContinuedPlan:
-    """What a saved plan asked for, from the time on at which it is left, its machines, and what these carry.
+    """What a saved plan asked for, from the time on at which it is left, its machines with what they carry, its layout.
 
     Earlier Headlands saved that there is a tank, but not how large: then `has_unknown_tank`.
     """
@@ -200,6 +202,7 @@ class ContinuedPlan:
     implement: Implement
     supply: Supply | None
     has_unknown_tank: bool
+    layout: PlannedLayout
 
     def complete_request(self, request: PlanRequest, given: Collection[str]) -> PlanRequest:
         """The request of this plan, with the `given` parameters of another in place of its own."""
@@ -234,7 +237,7 @@ def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = 
     start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
     later = replace(request, tractors=(left,), start_s=start_s)
     machines, is_unknown = read_machines(saved, request), has_unknown_tank(saved, request)
-    return ContinuedPlan(match["file"], later, *machines, read_supply(saved), is_unknown)
+    return ContinuedPlan(match["file"], later, *machines, read_supply(saved), is_unknown, read_planned_layout(saved))
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -399,7 +402,7 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
         for place, number in enumerate(ranked, start=1)
         if place != number + 1
     ]
-    placed = tuple(_shift_stand(stand, shift) for number in ranked if (stand := stands[number]) is not None)
+    placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
     return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
 
 
@@ -491,10 +494,3 @@ def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
     """What legs have used of a load since it was filled last."""
     served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
     return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
-
-
-def _shift_stand(stand: Stand, shift: np.ndarray) -> Stand:
-    def move(pose: Pose) -> Pose:
-        return pose[0] + float(shift[0]), pose[1] + float(shift[1]), pose[2]
-
-    return replace(stand, pose=move(stand.pose), ahead=tuple(map(move, stand.ahead)))

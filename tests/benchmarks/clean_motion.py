@@ -5,10 +5,12 @@ python -m tests.benchmarks.clean_motion --hours 1 --lie    # one that stands by 
 
 Each tractor drives swaths of 200 m and half circles of 5 m at 1 to 3 m/s with stops, reports ten times a second, and
 steers by what its receiver shows. Positions have white noise; corrections are lost six times an hour for half a minute
-on average, in which the error wanders from a value of its own; each hour the receiver is without a fix for 5 s three
-times, in which the tractor counts wheel turns, and three times the link is away for 5 s and all states come after it.
-Speed is measured at the wheels, which slip by up to a tenth; headings are oblique and noisy. Without doubts there can
-be no false alarm of one that drives on by its positions: such an alarm begins with a doubt.
+on average, in which half of the receivers have an error that wanders from a value of its own, and the others a fix that
+floats and leaps as in honest_robots, raw or smoothed; each hour the receiver is without a fix for 5 s three times, in
+which the tractor counts wheel turns, and three times the link is away for 5 s and all states come after it. Progress is
+by raw or by smoothed places. Speed is measured at the wheels, which slip by up to a tenth; headings are oblique and
+noisy. Without doubts there can be no false alarm of one that drives on by its positions: such an alarm begins with a
+doubt.
 """
 
 import argparse
@@ -26,6 +28,7 @@ from planner.fleet.safety.credible_motion import (
     add_motion_step,
     measure_motion_step,
 )
+from tests.benchmarks.honest_robots import FARTHEST_M, FLOAT_M, FLOAT_S, LEAP_M, LEAPS_PER_H
 from vehicle.jit import compile_function
 
 STEP_S, ANTENNA_M, OFF_LEG_M = 0.1, 0.0, 3.0
@@ -51,6 +54,25 @@ def find_pose(at_m: float, pose: Any) -> None:
     pose[2] = way * (0.5 * math.pi - angle)
 
 
+SMOOTHS_S, PROGRESS_SMOOTHS_S, SLOW_SHARE = (STEP_S, 1.0, 2.5), (STEP_S, 1.0), 0.3
+
+
+@compile_function
+def float_on(error: Any, is_lost: bool, leaps: bool) -> None:
+    """Move the error (2,) of a fix that floats while corrections are lost, with a leap or without."""
+    if not is_lost:
+        error[:] = 0.0
+        return
+    keep = math.exp(-STEP_S / FLOAT_S)
+    for axis in range(2):
+        error[axis] = keep * error[axis] + np.random.normal(0.0, FLOAT_M * math.sqrt(1.0 - keep * keep))
+    if leaps:
+        way_rad, leap_m = np.random.uniform(0.0, 2.0 * math.pi), np.random.uniform(LEAP_M[0], LEAP_M[1])
+        x_m, y_m = leap_m * math.cos(way_rad), leap_m * math.sin(way_rad)
+        sign = -1.0 if math.hypot(error[0] + x_m, error[1] + y_m) > FARTHEST_M else 1.0
+        error[0], error[1] = error[0] + sign * x_m, error[1] + sign * y_m
+
+
 @compile_function
 def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     """The doubts of one tractor in so many steps, and the first step of one (-1 for none)."""
@@ -59,17 +81,22 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     sums, kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
     counts, found = np.zeros(2, dtype=np.int64), np.full(PAIR_COUNT, -1)
     biases_m, pose = np.array([0.0, OFF_LEG_M, OFF_LEG_M]), np.zeros(3)
-    error, shown, steered = np.zeros(2), np.zeros(2), np.zeros(2)
-    truth, moved = np.zeros(2), np.zeros(2)
+    error, shown_error, shown, steered = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    truth, moved, progress, along_m = np.zeros(2), np.zeros(2), np.zeros(3), 0.0
+    floats, is_slow = np.random.random() < 0.5, np.random.random() < SLOW_SHARE
+    share = STEP_S / SMOOTHS_S[np.random.randint(3)] if floats else 1.0
+    progress_share = STEP_S / PROGRESS_SMOOTHS_S[np.random.randint(2)]
     counted = np.zeros(2)
     slip, oblique = np.random.uniform(0.0, SLIP), np.random.uniform(-OBLIQUE_RAD, OBLIQUE_RAD)
     goal_mps, speed_mps, at_m = np.random.uniform(1.0, 3.0), 0.0, 0.0
     lost_s = dark_s = away_s = stands_s = 0.0
     keep, doubts, first = math.exp(-STEP_S / WANDER_S), 0, -1
     for number in range(steps):
+        leaps = np.random.random() < LEAPS_PER_H * STEP_S / 3600.0
         if lost_s <= 0.0 and np.random.random() < LOST_PER_H * STEP_S / 3600.0:
-            lost_s = np.random.exponential(LOST_S)
-            error[0], error[1] = np.random.normal(0.0, WANDER_M), np.random.normal(0.0, WANDER_M)
+            lost_s, leaps = np.random.exponential(LOST_S), True
+            if not floats:
+                error[0], error[1] = np.random.normal(0.0, WANDER_M), np.random.normal(0.0, WANDER_M)
         if np.random.random() < OUTAGES_PER_H * STEP_S / 3600.0:
             dark_s = OUTAGE_S
         if np.random.random() < OUTAGES_PER_H * STEP_S / 3600.0:
@@ -81,19 +108,27 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
         speed_mps = min(max(speed_mps + change * STEP_S, 0.0), goal_mps)
         at_m += speed_mps * STEP_S
         find_pose(at_m, pose)
+        if floats:
+            float_on(error, lost_s > 0.0, leaps)
         for axis in range(2):
-            if lost_s > 0.0:
+            if floats:
+                pass
+            elif lost_s > 0.0:
                 spread = WANDER_M * math.sqrt(1.0 - keep * keep)
                 error[axis] = keep * error[axis] + np.random.normal(0.0, spread)
             else:
                 error[axis] = 0.0
             # guidance steers what is shown back onto the path, within the metres that it takes to do so
-            offset = error[axis] - steered[axis]
+            shown_error[axis] += share * (error[axis] - shown_error[axis])
+            offset = shown_error[axis] - steered[axis]
             steered[axis] += offset * min(speed_mps * STEP_S / 5.0, 1.0)
             moved[axis] = pose[axis] - steered[axis] - truth[axis]
             truth[axis] += moved[axis]
-            fix = truth[axis] + error[axis] + np.random.normal(0.0, WHITE_M)
-            shown[axis] = counted[axis] if dark_s > 0.0 else fix
+            fix = truth[axis] + shown_error[axis] + np.random.normal(0.0, WHITE_M)
+            if dark_s > 0.0:
+                shown[axis] = counted[axis]
+            elif not is_slow or number % 2 == 0:
+                shown[axis] = fix
         course = (
             math.atan2(moved[1], moved[0]) if speed_mps > 0.0 and number > 0 else pose[2]
         )  # it drives where it looks
@@ -105,7 +140,10 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
         if lies_from >= 0 and number >= lies_from:
             said_mps = 0.0
         report[0], report[1], report[2], report[3], report[4] = number * STEP_S, shown[0], shown[1], heading, said_mps
-        report[5], report[6], report[7] = pose[0], pose[1], pose[2]
+        ahead_m = (shown[0] - truth[0]) * math.cos(pose[2]) + (shown[1] - truth[1]) * math.sin(pose[2])
+        along_m += progress_share * (ahead_m - along_m)
+        find_pose(max(at_m + along_m, 0.0), progress)
+        report[5], report[6], report[7] = progress[0], progress[1], progress[2]
         if away_s > 0.0 and number % 2 == 0:
             continue  # of the states that waited for the link only every second is kept
         if counts[0] == 0:

@@ -282,6 +282,11 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
             order("resume")
             gone_on = [each[-1] for each in legs]
             await_answer(look, lambda _: any(each[-1] > 3 + first for each, first in zip(legs, gone_on, strict=True)))
+            second = subprocess.run(
+                [*COMMAND, "serve", "--port", "0", "--data", str(tmp_path / "data")], capture_output=True, text=True
+            )
+            assert second.returncode != 0 and "Another headland serve has the folder" in second.stderr
+            assert look()["fleet"]["state"] == "running"
             service.process.send_signal(signal.SIGKILL)
             service.process.wait()
         with run_service(tmp_path / "data", "--port", str(service.port)):

@@ -21,12 +21,17 @@ def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, 
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
     page.click("button:text-is('Send to the tractors')")
+    page.click("text=Go on from here")
+    page.select_option("select[aria-label='Who goes on']", "2")
+    page.click("text=Go on from here")
     wanted = [
         {"kind": "acknowledge", "alarm": 1},
         {"kind": "stop_all"},
         {"kind": "fail", "tractor": 3},
         {"kind": "replan", "without": [3]},
         {"kind": "accept", "proposal": 7},
+        {"kind": "replan", "without": []},
+        {"kind": "replan", "without": [2]},
     ]
     until(page, lambda: len(made.frames) >= len(wanted))
     first = made.frames[0]

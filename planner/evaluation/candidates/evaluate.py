@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, SketchedPlan, sketch_plans, weigh_order_s
+from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
     Incumbent,
     describe_loss,
@@ -36,7 +36,6 @@ from strategies.registry import get_strategy
 from vehicle.missions.run import SimulationRun, find_longest_reversing
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
-WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
 
 
@@ -155,52 +154,20 @@ def _run_unless_pruned(
     sketches: list[SketchedPlan] | StrategyError,
     incumbent: Incumbent | None,
 ) -> CandidateRun | float:
-    """The run of the best programme by `weigh_order_s`; of those that cannot be driven the first if none can.
-
-    About the least seconds of its plans instead where these are likely to lose to the incumbent.
-
-    Another order of headland and swaths is driven only where it would be better than what was driven before, if
-    nobody waited; where somebody did, tractors that work apart are tried too.
-    """
+    """The run of the best programme, or about the least seconds of its plans where these are likely to lose to the
+    incumbent."""
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver, best, best_s = ProgrammeDriver(context, get_strategy(candidate.strategy).beside), None, math.inf
-    losers, refusals = list[float](), list[StrategyError]()
-    sketches = list(sketches)
-    for sketch in sketches:
-        if weigh_order_s(sketch.order, max(sketch.tractor_s)) >= best_s:
-            continue
-        loss_s = estimate_loss_s(context, sketch.tractor_s, incumbent)
-        if loss_s is not None:
-            losers.append(loss_s)
-            continue
-        try:
-            one = sketch.compose()
-        except StrategyError as refusal:
-            refusals.append(refusal)
-            continue
-        loss_s = estimate_loss_s(context, one.least_s, incumbent)
-        if loss_s is None and incumbent is not None:
-            loss_s = estimate_loss_s(context, driver.measure_alone_s(one), incumbent)
-        if loss_s is not None:
-            losers.append(loss_s)
-            continue
-        alone_s = max(driver.measure_alone_s(one)) * one.left_factor
-        if best is not None and weigh_order_s(one.order, alone_s) >= best_s:
-            continue
-        driven = _check_run(context, driver.drive(one))
-        seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
-        if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
-            with suppress(StrategyError):
-                sketches.append(sketch.sketch_apart(one.programme.left_m2))
-        weighed_s = weigh_order_s(one.order, seconds)
-        if best is None or weighed_s < best_s:
-            best, best_s = driven, weighed_s
-    if losers and (best is None or best.reason is not None):
-        return min(losers)
-    if best is None:
-        raise refusals[0]
-    return best
+    driver = ProgrammeDriver(context, get_strategy(candidate.strategy).beside)
+
+    def drive(composed: ComposedPlan) -> tuple[CandidateRun, float]:
+        driven = _check_run(context, driver.drive(composed))
+        return driven, math.inf if driven.reason else driven.run.duration_s
+
+    def find_loss_s(tractor_s: Sequence[float]) -> float | None:
+        return estimate_loss_s(context, tractor_s, incumbent)
+
+    return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s)
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:

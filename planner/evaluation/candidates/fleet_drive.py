@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,12 +13,12 @@ from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.request.plan_request import MIN_CLEARANCE_M
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
-from planner.traffic.giving_way import Scheduler, Simulate
+from planner.traffic.giving_way import Scheduler, Simulate, resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
 from planner.traffic.trajectories import compute_mission_key
 from strategies.programmes.waiting_places import StandingCheck
 from vehicle.missions.plan import Mission, Plan
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.world import World
@@ -189,6 +189,33 @@ class SoloRuns:
         needed_rows = _estimate_rows(missions)
         while self._runs and sum(len(run.time_s) for run in self._runs.values()) + needed_rows > MAX_ROWS:
             del self._runs[next(iter(self._runs))]
+
+
+class FleetDriver:
+    """Drives plans of a context, beside each other or not; tractors give way to one another."""
+
+    def __init__(self, context: PlanningContext, beside: bool) -> None:
+        rehearsal = build_rehearsal(context, beside)
+        self.simulate = build_simulate(context, rehearsal)
+        self._alone = SoloRuns(context, rehearsal)
+        self._schedule = build_scheduler(context, self._alone, beside)
+        self._time_share = context.time_share
+
+    def measure_alone_s(self, plan: Plan) -> list[float]:
+        """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
+        self._time_share.check()
+        self._alone.expect_plan(plan)
+        runs = map(self._alone, remove_gates(plan).missions)
+        return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
+
+    def drive(self, plan: Plan, settle: Callable[[Plan], Plan] | None = None) -> tuple[SimulationRun, str | None]:
+        """The last run of a plan, and why it is not feasible, or None; `settle` moves the gates of a schedule."""
+
+        def schedule(tried_plan: Plan, slack: float) -> Plan | None:
+            scheduled_plan = self._schedule(tried_plan, slack)
+            return scheduled_plan if scheduled_plan is None or settle is None else settle(scheduled_plan)
+
+        return resolve_conflicts(plan, self.simulate, schedule)
 
 
 def compute_planned_s(mission: Mission) -> float:

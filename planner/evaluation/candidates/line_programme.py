@@ -13,19 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
-from planner.evaluation.candidates.fleet_drive import (
-    SoloRuns,
-    build_rehearsal,
-    build_scheduler,
-    build_simulate,
-    build_standing_check,
-    remove_gates,
-)
+from planner.evaluation.candidates.fleet_drive import FleetDriver, build_standing_check
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
-from planner.traffic.giving_way import resolve_conflicts
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.shortfalls import Remark, Stake
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
@@ -46,7 +38,6 @@ from strategies.service_stops.programme_stops import build_stop_moves, estimate_
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
-from vehicle.missions.run import DONE
 
 Flags = npt.NDArray[np.bool_]
 
@@ -356,21 +347,15 @@ class ProgrammeDriver:
 
     def __init__(self, context: PlanningContext, beside: bool) -> None:
         """For the machines and ground of a context, beside each other or not."""
-        self._context, rehearsal = context, build_rehearsal(context, beside)
-        self._simulate = build_simulate(context, rehearsal)
-        self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone, beside)
+        self._context, self._driver = context, FleetDriver(context, beside)
 
     def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
-        self._context.time_share.check()
-        self._alone.expect_plan(composed.plan)
-        runs = map(self._alone, remove_gates(composed.plan).missions)
-        return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
+        return self._driver.measure_alone_s(composed.plan)
 
     def drive(self, composed: ComposedPlan) -> CandidateRun:
         """The run of a composed plan, with what is known of it without measuring."""
-        run, reason = resolve_conflicts(composed.plan, self._simulate, self._schedule)
+        run, reason = self._driver.drive(composed.plan)
         table = composed.programme.table
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -13,40 +12,56 @@ import shapely.ops
 
 from fields.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import find_service_conflict
-from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
+from planner.evaluation.candidates.fleet_drive import FleetDriver
 from planner.evaluation.context import PlanningContext
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.replanning.gates import move_gates, move_waiting_places, renumber_leg_gates
-from planner.traffic.giving_way import resolve_conflicts
-from planner.traffic.precedence import TrafficRules, schedule_plan
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
-from vehicle.sim.incremental import IncrementalSimulator
-from vehicle.sim.world import World
 
 STUB_LENGTH_M = 0.02  # an excluded tractor drives this far in the simulation: it stands in the way
 ROAD_M = 1e4
 
 
-def drive_from_here(
-    remaining: RemainingWork, context: PlanningContext, missions: Sequence[tuple[Leg, ...]]
-) -> SimulationRun:
-    """The run of all that is left of some missions, with tractors served one at a time where only one can be.
+class RestDriver:
+    """Drives what is left of missions from where all tractors are; they give way to one another."""
 
-    Raises FleetManagerError if conflicts remain.
-    """
-    plan, supply = _build_plan_from_here(remaining, missions), context.supply
-    if supply is not None:
-        plan = add_service_gates(plan, supply, context.request.width_m)
-    run = _simulate_without_conflicts(remaining, context, plan)
-    crowding = find_service_conflict(run, supply)
-    if crowding is not None:
-        raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
-    return run
+    def __init__(self, remaining: RemainingWork, context: PlanningContext) -> None:
+        self._remaining, self._context = remaining, context
+        self._driver = FleetDriver(context, beside=True)
+
+    def measure_alone_s(self, missions: Sequence[tuple[Leg, ...]]) -> list[float]:
+        """Seconds that every tractor drives with nobody in its way; 0 for one that does not finish."""
+        return self._driver.measure_alone_s(self._build_plan(missions))
+
+    def drive(self, missions: Sequence[tuple[Leg, ...]]) -> SimulationRun:
+        """The run of all that is left, with tractors served one at a time where only one can be.
+
+        Raises FleetManagerError if conflicts remain.
+        """
+
+        def settle(plan: Plan) -> Plan:
+            return move_gates(self._remaining, plan)[0]
+
+        try:
+            run, conflict = self._driver.drive(self._build_plan(missions), settle)
+        except HeadlandError as refusal:
+            raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
+        if conflict is not None or run.outcome != DONE:
+            raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
+        run = move_waiting_places(self._remaining, run, self._driver.simulate)
+        crowding = find_service_conflict(run, self._context.supply)
+        if crowding is not None:
+            raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
+        return run
+
+    def _build_plan(self, missions: Sequence[tuple[Leg, ...]]) -> Plan:
+        plan, supply = _build_plan_from_here(self._remaining, missions), self._context.supply
+        return plan if supply is None else add_service_gates(plan, supply, self._context.request.width_m)
 
 
 def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:
@@ -77,40 +92,6 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
     remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
     stand_s = leg.stand_s if done_m <= STAND_TOLERANCE_M else 0.0  # for how long it has stood is unknown
     return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s)
-
-
-def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
-    """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
-    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context, beside=True)
-    machines = context.tractor, context.implement
-    ground: dict[str, Any] = {"terrain": context.physics.terrain, "load": context.physics.driven_load}
-    rehearsal = IncrementalSimulator(
-        *machines, stop_clearance_m=clearance_m, beside_clearance_m=beside_m, seed=context.request.seed, **ground
-    )
-
-    def compute_patience_s(tried_plan: Plan) -> float:
-        legs = [leg for mission in tried_plan.missions for leg in mission.legs]
-        return 600.0 + sum(leg.stand_s + 2.0 * leg.length_m / leg.speed_mps for leg in legs)
-
-    def simulate_alone(mission: Mission) -> SimulationRun:
-        single = Plan((mission,))
-        return World(single, *machines, **ground).run(max_time_s=compute_patience_s(single))
-
-    def schedule_traffic(tried_plan: Plan, slack: float) -> Plan | None:
-        rules = TrafficRules(*machines, clearance_m, beside_m, simulate_alone)
-        scheduled_plan = schedule_plan(tried_plan, rules, slack)
-        return None if scheduled_plan is None else move_gates(remaining, scheduled_plan)[0]
-
-    def simulate(tried_plan: Plan) -> SimulationRun:
-        return rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
-
-    try:
-        run, conflict = resolve_conflicts(plan, simulate, schedule_traffic)
-    except HeadlandError as refusal:
-        raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
-    if conflict is not None or run.outcome != DONE:
-        raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
-    return move_waiting_places(remaining, run, simulate)
 
 
 def build_whole_plan(

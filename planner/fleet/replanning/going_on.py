@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,8 +15,7 @@ import numpy as np
 import shapely
 
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
-from planner.errors import HeadlandError
-from planner.evaluation.candidates.evaluate import WAITED_SHARE
+from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.preparation import prepare_context
@@ -25,11 +23,11 @@ from planner.evaluation.site import build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
 from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
-from planner.fleet.replanning.from_here import build_whole_plan, drive_from_here
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.replanning.from_here import RestDriver, build_whole_plan
 from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
-from planner.pipeline.outputs.saved_plans import read_done_ground, read_supply
+from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
@@ -73,18 +71,11 @@ class _Helper:
 
 @dataclass(frozen=True, eq=False)
 class _DrivenPlan:
-    """A plan that was driven from where all tractors are.
-
-    Attributes:
-        missions: all legs, with those that are kept.
-        done_s: when it is done, more for lines that are left.
-    """
+    """A plan that was driven from where all tractors are; `missions` have all legs, with those that are kept."""
 
     composed: ComposedPlan
     missions: list[tuple[Leg, ...]]
     run: SimulationRun
-    done_s: float
-    has_waited: bool
 
 
 def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
@@ -131,7 +122,9 @@ def _prepare_whole(plan: FleetPlan) -> PlanningContext:
     """The context of the plan of a fleet, with what its tractors carry."""
     scenario = replace(plan.scenario, rain=None, samples=None, deadline_s=None, gnss=False, gnss_table=None)
     supply = infer_carried_supply(plan)
-    order = WorkOrder(scenario, plan.field, plan.tractor, plan.implement, supply=supply)
+    order = WorkOrder(
+        scenario, plan.field, plan.tractor, plan.implement, supply=supply, layout=read_planned_layout(plan.saved)
+    )
     return prepare_context(order, physics=plan.physics)
 
 
@@ -235,46 +228,30 @@ def _leave_done_work(
 def _drive_best(
     remaining: RemainingWork, context: PlanningContext, ends: Sequence[int], helpers: Sequence[_Helper]
 ) -> _DrivenPlan:
-    """The plan that is done first; where tractors wait for one another, those in which they work apart are driven too.
+    """The plan that is done first; raises FleetManagerError where none can be driven."""
+    driver = RestDriver(remaining, context)
 
-    Raises FleetManagerError where none can be driven.
-    """
-    found, refusals = list[_DrivenPlan](), list[HeadlandError]()
+    def join(composed: ComposedPlan) -> list[tuple[Leg, ...]]:
+        return _join_missions(remaining, ends, helpers, composed)
+
+    def drive(composed: ComposedPlan) -> tuple[_DrivenPlan | FleetManagerError, float]:
+        missions = join(composed)
+        try:
+            run = driver.drive(missions)
+        except FleetManagerError as refusal:
+            return refusal, math.inf
+        seconds = (run.finish_s[n] for n in range(len(missions)) if n not in remaining.excluded)
+        return _DrivenPlan(composed, missions, run), float(max(seconds))
+
     try:
         sketches = sketch_plans(context, STRATEGY, len(helpers))
+        best = drive_best(sketches, lambda composed: driver.measure_alone_s(join(composed)), drive)
     except StrategyError as refusal:
-        raise _translate_refusal(refusal) from None
-    for sketch in sketches:
-        composed = driven = None
-        try:
-            composed = sketch.compose()
-            driven = _drive(remaining, context, _join_missions(remaining, ends, helpers, composed), composed)
-            found.append(driven)
-        except (StrategyError, FleetManagerError) as refusal:
-            refusals.append(refusal)
-        if composed is not None and sketch.sketch_apart is not None and (driven is None or driven.has_waited):
-            with suppress(StrategyError):
-                sketches.append(sketch.sketch_apart(composed.programme.left_m2))
-    if not found:
-        raise _translate_refusal(refusals[0])
-    return min(found, key=lambda one: one.done_s)
-
-
-def _drive(
-    remaining: RemainingWork, context: PlanningContext, missions: list[tuple[Leg, ...]], composed: ComposedPlan
-) -> _DrivenPlan:
-    """Drive a plan, and see how much later than with nobody in the way it is done."""
-    run = drive_from_here(remaining, context, missions)
-    alone_s = max(math.fsum(mission.leg_seconds) for mission in build_timed_missions(run.plan, run))
-    done_s = max(float(run.finish_s[number]) for number in range(len(missions)) if number not in remaining.excluded)
-    return _DrivenPlan(composed, missions, run, done_s * composed.left_factor, done_s > WAITED_SHARE * alone_s)
-
-
-def _translate_refusal(refusal: HeadlandError) -> FleetManagerError:
-    """A refusal as the fleet manager gives it."""
-    if isinstance(refusal, FleetManagerError):
-        return refusal
-    return FleetManagerError(f"The work that is left cannot be planned: {refusal}")
+        raise FleetManagerError(f"The work that is left cannot be planned: {refusal}") from None
+    assert not isinstance(best, float)  # nothing is ruled out
+    if isinstance(best, FleetManagerError):
+        raise best
+    return best
 
 
 def _join_missions(

@@ -8,7 +8,9 @@ that of honest tractors, the worst of it always assumed, as a report does not sa
 - a report has the last fix, which is old where the receiver has fewer fixes than the tractor reports;
 - the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
   displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more; one leap that
-  noise could explain, or that a receiver smooths, is allowed for besides;
+  noise could explain is allowed for besides;
+- a receiver that smooths a leap goes over to it ever more slowly: what grows less than before is held to the limit of
+  that second sum only;
 - speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
 - a tractor may be beside its leg by as much as the rules let it resume.
 
@@ -48,6 +50,7 @@ LONGEST_STEP_S = 1.0  # between two reports over which speed is steady; a link t
 SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake, over longer gaps
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
+RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
@@ -66,6 +69,16 @@ def compute_doubt_m(age_s: float, distance_m: float, pace_mps: float) -> float:
     with one leap that was taken for noise."""
     old_m = FIX_AGE_S * pace_mps
     return compute_limit_m(age_s, distance_m) + old_m + compute_limit_m(1.0 / REPORTS_PER_S, 0.0) + old_m
+
+
+@compile_function
+def is_growing(sums, then, recent, a, b) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the difference of two witnesses, which began `then`, has grown since `recent` about as fast as before."""
+    x_m, y_m = sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
+    grown_m2 = x_m * (sums[a] - sums[b] - recent[a] + recent[b])
+    grown_m2 += y_m * (sums[a + 1] - sums[b + 1] - recent[a + 1] + recent[b + 1])
+    length_m2 = x_m * x_m + y_m * y_m
+    return bool(grown_m2 * (sums[TIME] - then[TIME]) >= GROWING_SHARE * length_m2 * (sums[TIME] - recent[TIME]))
 
 
 @compile_function
@@ -98,7 +111,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
         if back > min(counts[0], len(kept)):
             break
         place = (counts[0] - back) % len(kept)
-        then = kept[place]
+        then, recent = kept[place], kept[(counts[0] - max(back // RECENT_PARTS, 1)) % len(kept)]
         spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE]) + sums[SLACK] - then[SLACK]
         pace_mps = max(sums[PACE], then[PACE])
         limit_m = compute_doubt_m(sums[TIME] - then[TIME], 0.0, pace_mps) + spread_m
@@ -109,7 +122,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             smooth_m = math.hypot(
                 sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
             )
-            if smooth_m > limit_m + biases_m[pair]:
+            if smooth_m > limit_m + biases_m[pair] and is_growing(sums, then, recent, a, b):
                 found[pair] = place
         raw_m = math.hypot(
             sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],

@@ -18,6 +18,7 @@ from fields.text_files import read_text
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
+from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
@@ -28,7 +29,7 @@ from reports.common.plan_results import PlanRanking
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from vehicle.errors import MissionError, VehicleError
-from vehicle.missions.plan import REFILL, Plan
+from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.terrain import Terrain
@@ -291,6 +292,22 @@ def read_done_ground(saved: SavedPlan) -> list[shapely.Polygon]:
         return [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("done_m", ())]
     except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
         raise RequestError("The ground done before the plan is garbled; save the plan again.") from None
+
+
+def read_planned_layout(saved: SavedPlan) -> PlannedLayout:
+    """The layout of a saved plan; raises RequestError where it is garbled."""
+    tracks = [
+        shapely.LineString(leg.points)
+        for mission in saved.plan.missions
+        for leg in mission.legs
+        if leg.implement and leg.task.kind == SWATH
+    ]
+    middles = shapely.get_coordinates(shapely.line_interpolate_point(tracks, 0.5, normalized=True))
+    try:
+        parts = [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("inside_headland_m", ())]
+        return PlannedLayout(saved.origin_m, shapely.union_all(parts), middles)
+    except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
+        raise RequestError("The ground inside the headland of the plan is garbled; save the plan again.") from None
 
 
 def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:
