@@ -65,3 +65,12 @@ class StorageError(ServiceError):
 
     http_status = 507
     status = 1
+    waiting = "waits for room on the disk"
+    """What a job does meanwhile."""
+
+
+class ResultPlaceError(StorageError):
+    """A store of results that does not answer or cannot be written to."""
+
+    http_status = 503
+    waiting = "waits for the store of results"
