@@ -161,12 +161,14 @@ class Sweep:
         fields: the fields, as requests name them.
         build_order: makes the order of a field and the parameters of a combination.
         command: what plans one combination, without the varied options and the field.
+        link: the form of a service with what is not varied; "" without a service.
     """
 
     axes: tuple[Axis, ...]
     fields: tuple[str, ...]
     build_order: Callable[[str, Mapping[str, Any]], WorkOrder]
     command: tuple[str, ...] = ()
+    link: str = ""
 
     def __post_init__(self) -> None:
         self._points = list(list_points(self.axes))
@@ -252,6 +254,7 @@ class Sweep:
             is_priced=first.cost_terms is not None or request.price_per_hour is not None,
             by_field=by_field if len(read) > 1 else {},
             command=(*self.command, *self.fields),
+            link=self.link,
         )
 
     def _find_limit_s(self, request: PlanRequest, numbers: Sequence[int]) -> float | None:

@@ -4,9 +4,10 @@
     python -m tests.benchmarks.workers --workers 1,4 --jobs 8 --share 0.2
     python -m tests.benchmarks.workers --faults-only --jobs 60 --kill-every 10
 
-A PostgreSQL of its own is started, each worker is held to one core of its own as long as there are enough, or to a share
-of a core, and the jobs are plans of a small field, so many for each worker. Then workers are killed one after the other and the database is restarted, while jobs of a
-second each are done. Needs the programs of PostgreSQL and the `sched_setaffinity` of Linux.
+A PostgreSQL of its own is started. Each worker is held to a core of its own as long as there are enough, or to a share
+of one, and the jobs are plans of a small field, so many for each worker. Then workers are killed one after the other
+and the database is restarted, while jobs of a second each are done. Needs the programs of PostgreSQL and the
+`sched_setaffinity` of Linux.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ import { speak } from "./dom.js";
 import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
 
-const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, INVALID = 422, TOO_MANY = 429;
+const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, GONE = 404, INVALID = 422, TOO_MANY = 429;
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
@@ -76,16 +76,22 @@ export function liveAnswer(laidOut = () => {}) {
   };
   const follow = async (mine, asked) => {
     const path = `plans/${part(mine.id)}`;
-    for (;;) {
-      const job = await get(path);
-      if (mine.isOver) return;
-      if (job.status === "done") break;
-      if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
-      const { done = null, all = null } = job.progress ?? {};
-      box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
-      await new Promise((looked) => setTimeout(looked, LOOK_MS));
+    let answer = null;
+    while (!answer) {
+      try {
+        const job = await get(path);
+        if (mine.isOver) return;
+        if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
+        const { done = null, all = null } = job.progress ?? {};
+        box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
+        if (job.status === "done") answer = await get(`${path}/results/result.json`);
+      } catch (error) {
+        if (mine.isOver) return;
+        if (error.status === GONE) throw error;
+        box.tell(t`${translate(error.message)} It is asked again.`);
+      }
+      if (!answer) await new Promise((looked) => setTimeout(looked, LOOK_MS));
     }
-    const answer = await get(`${path}/results/result.json`);
     if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };
   const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
