@@ -136,6 +136,23 @@ def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: 
     until(page, lambda: ("plans/made/delete", None) in made.requests)
 
 
+def test_a_drive_is_followed_on_when_the_service_does_not_answer_for_a_while(page: Page, watched: WatchedPage) -> None:
+    page.route("**/api/v1/plans/made", lambda route: route.abort())
+    page.fill("input[name=width]", "6")
+    page.wait_for_selector(".answer >> text=check that it is still running. It is asked again.")
+    page.unroute("**/api/v1/plans/made")
+    page.wait_for_selector(".answer >> text=Show the plan")
+    watched.said.clear()  # a browser tells of a request that failed
+
+
+def test_the_table_of_numbers_closes_where_there_is_no_room_beside_the_form(page: Page) -> None:
+    assert page.locator(".answer .rows").is_visible()
+    page.set_viewport_size(NARROW)
+    until(page, lambda: not page.locator(".answer .rows").is_visible())
+    page.set_viewport_size(WIDE)
+    until(page, lambda: page.locator(".answer .rows").is_visible())
+
+
 def test_a_plan_that_is_driven_already_is_shown_and_kept(page: Page, pages: tuple[str, Made]) -> None:
     page.wait_for_selector(".answer >> text=Show the plan")
     page.click("text=Run the plan")
