@@ -4,7 +4,7 @@ import { t, translate } from "./language.js";
 import { costOf, endOf } from "./planfigures.js";
 import { DASH, chance, doneBy, money, percent, plural } from "./words.js";
 
-const WIDE = matchMedia("(min-width: 1025px)"); // the box stands beside the form, with room for the table
+const WIDE = matchMedia("(min-width:1025px)"); // the box stands beside the form, with room for the table
 const COLUMNS = ["Tractors", "Done", "Cost", "Worked", "In time"];
 
 /** `show(answer, {isDriven, isLatest, words})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
