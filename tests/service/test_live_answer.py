@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, Route
+from playwright.sync_api import Browser, Error, Page, Route
 
 from tests.service.accessibility import find_faults_at_widths
 from tests.service.fake_service import CONTROL, Made
@@ -143,6 +144,24 @@ def test_a_drive_is_followed_on_when_the_service_does_not_answer_for_a_while(pag
     page.unroute("**/api/v1/plans/made")
     page.wait_for_selector(".answer >> text=Show the plan")
     watched.said.clear()  # a browser tells of a request that failed
+
+
+def test_a_drive_whose_tab_was_killed_is_dropped_by_the_next(
+    browser: Browser, watched: WatchedPage, pages: tuple[str, Made]
+) -> None:
+    made, context = pages[1], browser.new_context()
+    context.add_init_script(f'sessionStorage.setItem("headland-token", "{CONTROL}")')
+    address = f"{watched.base}#/plan?width=3&tractors=1&field=iwamizawa&tractor=eg105"
+    killed = context.new_page()
+    killed.goto(address)
+    killed.wait_for_selector(".answer >> text=Show the plan")
+    with suppress(Error):
+        killed.goto("chrome://crash")
+    made.requests.clear()
+    after = context.new_page()
+    after.goto(address)
+    until(after, lambda: ("plans/made/delete", None) in made.requests)
+    context.close()
 
 
 def test_the_table_of_numbers_closes_where_there_is_no_room_beside_the_form(page: Page) -> None:

@@ -3,6 +3,7 @@ import { answerBox } from "./answerbox.js";
 import { speak } from "./dom.js";
 import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
+import { dropLostDrives, noteDrive } from "./owndrives.js";
 
 const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, GONE = 404, INVALID = 422, TOO_MANY = 429;
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
@@ -65,10 +66,11 @@ export function liveAnswer(laidOut = () => {}) {
     else if (asked.change === changes) layOut(asked);
   });
   const startDrive = async (asked) => {
-    const mine = drive = { key: latest, id: null, isKept: false, isOver: false, isFollowed: true };
+    const mine = drive = { key: latest, id: null, isKept: false, isOver: false, isFollowed: true, release: () => {} };
     box.tell("Driving it in full");
     try {
       mine.id = (await post("plans", asked.values)).id;
+      mine.release = noteDrive(mine.id);
       if (!mine.isOver) await follow(mine, asked);
     } catch (error) { if (!mine.isOver) box.tell(error.message); }
     mine.isFollowed = false;
@@ -94,14 +96,23 @@ export function liveAnswer(laidOut = () => {}) {
     }
     if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };
-  const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
+  const removeDrive = (id) => remove(`plans/${part(id)}`).catch(() => {});
+  const drop = (one) => {
+    one.release();
+    if (one.id && !one.isKept) removeDrive(one.id);
+  };
+  const keep = (one) => {
+    one.release();
+    one.isKept = true;
+  };
   // What is being asked for is dropped after that, unless nobody is left to do so.
   const end = (isLeft = false) => {
     clearTimeout(resting);
     if (drive) { drive.isOver = true; if (isLeft || !drive.isFollowed) drop(drive); }
     drive = null;
   };
-  box.kept = () => { if (drive) drive.isKept = true; };
+  box.kept = () => { if (drive) keep(drive); };
+  dropLostDrives(removeDrive);
   window.addEventListener("pagehide", end);
 
   return {
@@ -120,7 +131,7 @@ export function liveAnswer(laidOut = () => {}) {
     /** The job that drives a request already, which is then kept; null without one. */
     takeDrive(values) {
       if (!drive?.id || drive.key !== JSON.stringify(values)) return null;
-      drive.isKept = true;
+      keep(drive);
       return drive.id;
     },
     close() {
