@@ -68,6 +68,14 @@ CHANGES: dict[str, dict[str, Any]] = {
 """Options that may have several values are texts."""
 
 
+ServiceOption = Annotated[
+    str,
+    typer.Option(
+        help="Address of a service; the page links each combination to its form, filled in.", rich_help_panel=OUTPUT
+    ),
+]
+
+
 @inject_request_options(without=_REPLACED, changes=CHANGES)
 def sweep(
     context: typer.Context,
@@ -82,12 +90,7 @@ def sweep(
         Optional[Path],
         typer.Option(help="Write one page with cost over time, what matters and the table.", rich_help_panel=OUTPUT),
     ] = None,
-    service: Annotated[
-        str,
-        typer.Option(
-            help="Address of a service; the page links each combination to its form, filled in.", rich_help_panel=OUTPUT
-        ),
-    ] = "",
+    service: ServiceOption = "",
     png: Annotated[
         Optional[Path], typer.Option(help="Write the picture of cost over time.", rich_help_panel=OUTPUT)
     ] = None,
