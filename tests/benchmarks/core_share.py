@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-PERIOD_US = 100_000
+PERIOD_US, PATIENCE_S = 100_000, 5.0
 GROUPS = ("/sys/fs/cgroup", "/sys/fs/cgroup/cpu")  # of version 2 and 1
 
 
@@ -29,8 +29,11 @@ def hold_to_share(share: float) -> Iterator[Sequence[str]]:
     try:
         yield "sh", "-c", 'echo $$ > "$0" && exec "$@"', str(group / "cgroup.procs")
     finally:
-        with suppress(OSError):  # somebody is still in it
-            group.rmdir()
+        until = time.monotonic() + PATIENCE_S
+        while group.exists() and time.monotonic() < until:  # the last process may still be leaving it
+            with suppress(OSError):
+                group.rmdir()
+            time.sleep(0.05)
 
 
 def _make_group(share: float) -> Path | None:
