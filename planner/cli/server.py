@@ -33,6 +33,13 @@ DataOption = Annotated[
 DatabaseOption = Annotated[
     str, typer.Option("--database", help="URL of PostgreSQL or SQLite; by default an SQLite file in the data folder.")
 ]
+ResultsOption = Annotated[
+    str,
+    typer.Option(
+        "--results",
+        help="Store by which results come from headland worker, such as s3://bucket/folder; else the database.",
+    ),
+]
 BACKGROUND_HELP = (
     "Background of maps: an address such as https://tiles.example/{z}/{x}/{y}.png (XYZ, WMTS; WMS with {bbox}), or an "
     ".mbtiles or .tif file. The service fetches and keeps its tiles; browsers ask nobody else."
@@ -61,6 +68,7 @@ def serve(
     port: Annotated[int, typer.Option(help="Port to listen on.")] = 8765,
     data: DataOption = None,
     database: DatabaseOption = "",
+    results: ResultsOption = "",
     public_url: Annotated[
         str, typer.Option(help="Address of a proxy in front, as browsers see it, such as https://farm.example")
     ] = "",
@@ -80,10 +88,11 @@ def serve(
     from planner.service.backgrounds.map_background import MapBackground
     from planner.service.errors import ServiceError
     from planner.service.store.database import hold_service_lock
+    from planner.service.store.result_place import check_result_place
 
     limit_linear_algebra_threads()
     settings = build_settings(
-        data, database, host=host, port=port, public_url=public_url.rstrip("/"),
+        data, database, results=results, host=host, port=port, public_url=public_url.rstrip("/"),
         video_hosts=tuple(video_host or ()), background=background,
         background_attribution=background_attribution, background_zoom=background_zoom,
         background_cache_mb=background_cache_mb, **_share_cores(workers, least=0),
@@ -94,6 +103,7 @@ def serve(
             "--database, or more --workers.",
             parameter="workers",
         )
+    check_result_place(settings)
     MapBackground(settings)  # the office opens it later; a wrong one is refused here
     try:
         with hold_service_lock(settings):
@@ -104,20 +114,24 @@ def serve(
 
 def worker(
     database: Annotated[str, typer.Option("--database", help="URL of the PostgreSQL of the service.")],
+    results: ResultsOption = "",
     workers: Annotated[Optional[int], typer.Option(help=WORKERS_HELP)] = None,
 ) -> None:
     """Compute jobs of a service on this machine, by way of its PostgreSQL; Ctrl-C gives back what is under way.
 
-    It needs neither the folder of the service nor a port. Exit status 4: the service is of another version.
+    It needs neither the folder of the service nor a port. Exit status 4: the service is of another version; 1: the
+    store of results does not answer.
 
     Example: headland worker --database postgresql://headland@farm.example/headland --workers 4
     """
     from planner.service.gateway.request_logs import set_up_logs
     from planner.service.jobs.remote_workers import run_remote_workers
+    from planner.service.store.result_place import check_result_place
 
     limit_linear_algebra_threads()
     with tempfile.TemporaryDirectory(prefix="headland-worker-") as folder:
-        settings = build_settings(Path(folder), database, **_share_cores(workers, least=1))
+        settings = build_settings(Path(folder), database, results=results, **_share_cores(workers, least=1))
+        check_result_place(settings)
         set_up_logs()
         run_remote_workers(settings, lambda: typer.echo(f"Jobs at a time: {settings.workers}; Ctrl-C ends it."))
 

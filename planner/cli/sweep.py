@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
+from urllib.parse import urlsplit
 
 import typer
 
@@ -37,7 +38,7 @@ from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.farm_choice import FarmChoice
-from planner.request.options import list_options
+from planner.request.options import RequestOption, list_options
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
@@ -67,6 +68,14 @@ CHANGES: dict[str, dict[str, Any]] = {
 """Options that may have several values are texts."""
 
 
+ServiceOption = Annotated[
+    str,
+    typer.Option(
+        help="Address of a service; the page links each combination to its form, filled in.", rich_help_panel=OUTPUT
+    ),
+]
+
+
 @inject_request_options(without=_REPLACED, changes=CHANGES)
 def sweep(
     context: typer.Context,
@@ -81,6 +90,7 @@ def sweep(
         Optional[Path],
         typer.Option(help="Write one page with cost over time, what matters and the table.", rich_help_panel=OUTPUT),
     ] = None,
+    service: ServiceOption = "",
     png: Annotated[
         Optional[Path], typer.Option(help="Write the picture of cost over time.", rich_help_panel=OUTPUT)
     ] = None,
@@ -131,7 +141,7 @@ def sweep(
     check_output_paths(
         (html, ".html"), (png, ".png"), (parquet, ".parquet"), (save, ""), input_files=question.list_files()
     )
-    swept = question.build_sweep()
+    swept = question.build_sweep(question.build_link(service))
     with _show_what_is_done(swept, form):
         _run(swept, executor_choice, cache)
     result = swept.build_result()
@@ -176,7 +186,7 @@ class _Question:
                     found |= list_input_files({axis.option.name: value})
         return found
 
-    def build_sweep(self) -> Sweep:
+    def build_sweep(self, link: str) -> Sweep:
         """The sweep over all combinations; without tractors among the options over those of the farm."""
         from planner.sweeps.sweep import Sweep
 
@@ -190,21 +200,44 @@ class _Question:
         def build_order(name: str, parameters: Mapping[str, Any]) -> WorkOrder:
             return given.build_order(replace(requests[name], **parameters))
 
-        return Sweep(axes, self.fields, build_order, self._build_command())
+        return Sweep(axes, self.fields, build_order, self._build_command(), link)
+
+    def build_link(self, service: str) -> str:
+        """The form of a service at an address with the field and what stays; "" without one. Raises RequestError.
+
+        Files go by the names that they have as uploads.
+        """
+        from reports.sweep.wording import build_query
+
+        if not service:
+            return ""
+        parts = urlsplit(service)
+        if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
+            raise RequestError(f"--service is {service[:80]!r}; give an address such as https://farm.example.")
+        if len(self.fields) > 1:
+            raise RequestError(f"--service is for one field, and {len(self.fields)} are given; give one.")
+        name, mark, part = self.fields[0].partition("#")
+        files = {one for one, path in self.given.values.items() if str(path) in map(str, self.list_files())}
+        values = [(one.name, Path(value).stem if one.name in files else value) for one, value in self._list_fixed()]
+        return f"{service.rstrip('/')}/#/plan?{build_query([('field', Path(name).stem + mark + part), *values])}"
 
     def _build_command(self) -> tuple[str, ...]:
         """What plans one combination, but for the field and the options that are varied."""
         from reports.sweep.wording import list_option_words
 
-        varied = {axis.option.name for axis in self.axes} | {"tractors"}
         words = ["headland", "plan"]
+        for option, value in self._list_fixed():
+            words += list_option_words(option.rules.declaration or get_option_name(option.name), value)
+        return tuple(words)
+
+    def _list_fixed(self) -> Iterator[tuple[RequestOption, Any]]:
+        """The options that are given and stay, one that is repeated as often."""
+        varied = {axis.option.name for axis in self.axes} | {"tractors"}
         for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
             value = self.given.values.get(option.name)
             if option.name in varied or option.name not in self.given.given_names or value in (None, False):
                 continue
-            for one in value if isinstance(value, list | tuple) else [value]:
-                words += list_option_words(option.rules.declaration or get_option_name(option.name), one)
-        return tuple(words)
+            yield from ((option, one) for one in (value if isinstance(value, list | tuple) else [value]))
 
 
 def _read_question(context: typer.Context, fields: Sequence[str] | None, options: Mapping[str, Any]) -> _Question:

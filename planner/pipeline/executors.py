@@ -184,10 +184,13 @@ def iter_completed(
     function: Callable[..., T],
     arguments: list[tuple[Any, ...]],
     report_work: Callable[[list[int]], None] = lambda indices: None,
+    from_both_ends: bool = False,
 ) -> Iterator[tuple[int, T]]:
     """Yield (index, function(*arguments[index])) as tasks finish; pending tasks are cancelled if the caller stops.
 
-    A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception.
+    A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception. With
+    `from_both_ends` the caller begins with the last task: each process then finds most of what neighbours share itself,
+    and no other does.
     `report_work` is called with the indices of the tasks at work before one is begun and while all are waited for.
     Raises WorkerError where processes are lost.
     """
@@ -203,7 +206,7 @@ def iter_completed(
                 waiting[executor.submit(function, *task_arguments)] = index
                 yield from _pop_finished(waiting)
             if pending:
-                index, task_arguments = pending.pop()
+                index, task_arguments = pending.pop(0 if from_both_ends else -1)
                 report_work([*list(waiting.values())[:running], index])
                 yield index, function(*task_arguments)
             elif waiting:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from planner.errors import HeadlandError
+from reports.common.language import mark_text
 
 
 class ServiceError(HeadlandError):
@@ -65,3 +66,12 @@ class StorageError(ServiceError):
 
     http_status = 507
     status = 1
+    waiting = mark_text("waits for room on the disk")
+    """What a job does meanwhile."""
+
+
+class ResultPlaceError(StorageError):
+    """A store of results that does not answer or cannot be written to."""
+
+    http_status = 503
+    waiting = mark_text("waits for the store of results")

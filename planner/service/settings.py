@@ -47,7 +47,8 @@ def count_cores() -> int:
 class ServiceSettings:
     """Address, data folder and limits of a service.
 
-    `database` is a URL of SQLAlchemy, "" for an SQLite file in the folder `data`. `workers` jobs run at a time, with
+    `database` is a URL of SQLAlchemy, "" for an SQLite file in the folder `data`. `results` is the address of a store
+    by which results come from workers on other machines, "" for the database. `workers` jobs run at a time, with
     `processes` each, and `jobs_waiting` of each token may wait. A job whose worker does not report for `lease_s` is
     given to another, and fails after `tries` attempts. Files and results that would leave less than `reserve_mb` free
     on the disk are refused. `public_url` is the address for browsers behind a proxy, "" without one. `job_functions`
@@ -59,6 +60,7 @@ class ServiceSettings:
 
     data: Path = field(default_factory=find_default_data)
     database: str = ""
+    results: str = ""
     host: str = DEFAULT_HOST
     port: int = DEFAULT_PORT
     public_url: str = ""

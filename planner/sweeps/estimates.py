@@ -96,6 +96,7 @@ class GroundEstimates:
         self._sketches = OrderedDict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
         self._drive_factors = dict[int, float]()
         self._moves = OrderedDict({_list_speeds(context.request): get_site_moves(context)})
+        self._timed = OrderedDict[tuple[SketchedPlan, tuple[float, float]], _TimedTours]()
 
     @property
     def layout(self) -> tuple[float, int]:
@@ -117,9 +118,7 @@ class GroundEstimates:
             if isinstance(sketch, StrategyError):
                 refusal = sketch
             else:
-                moves, factor = self._get_moves(context), self._get_drive_factor(count)
-                alone = _time_tours(context, sketch, moves, self._covered_share)
-                timed.append(replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s)))
+                timed.append(self._time_driven(context, sketch))
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         return _build_result(context, min(timed, key=_weigh_s))
@@ -206,6 +205,17 @@ class GroundEstimates:
                 found = refusal
         _keep(self._sketches, key, found, MOST_SKETCHES)
         return found
+
+    def _time_driven(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
+        """The tours of a sketch at the speeds of a context, by drives; prices and clock times change nothing in it."""
+        key = sketch, _list_speeds(context.request)
+        timed = self._timed.get(key)
+        if timed is None:
+            factor = self._get_drive_factor(len(sketch.tours))
+            alone = _time_tours(context, sketch, self._get_moves(context), self._covered_share)
+            timed = replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s))
+        _keep(self._timed, key, timed, MOST_SKETCHES * MOST_SPEEDS)
+        return timed
 
     def _get_drive_factor(self, tractors: int) -> float:
         """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""

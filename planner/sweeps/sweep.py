@@ -62,7 +62,7 @@ class EstimateTask:
 
 
 def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder]) -> list[EstimateTask]:
-    """A task for every number of tractors on every ground.
+    """A task for every number of tractors on every ground, the largest first: it takes longest.
 
     `build_order` makes the order of the parameters of a combination. Raises HeadlandError.
     """
@@ -78,7 +78,7 @@ def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]],
 def _split_by_tractors(orders: Mapping[int, WorkOrder]) -> Iterator[EstimateTask]:
     """The tasks of one ground, whose orders are by the number of their combination."""
     middle = sorted(orders.values(), key=lambda order: order.request.speed_mps)[len(orders) // 2]
-    for count in sorted({order.request.tractors for order in orders.values()}):
+    for count in sorted({order.request.tractors for order in orders.values()}, reverse=True):
         numbers = tuple(number for number, order in orders.items() if order.request.tractors == count)
         yield EstimateTask(numbers, tuple(orders[number] for number in numbers), middle)
 
@@ -128,7 +128,7 @@ def iter_plans(
         packed = collect_answers(executor, lay_out_ground, references)
         chosen = [(place, ground) for places, ground in zip(some, packed, strict=True) for place in places]
         arguments = [(tasks[place].orders, ground) for place, ground in chosen]
-        for number, plans in iter_completed(executor, estimate_task, arguments):
+        for number, plans in iter_completed(executor, estimate_task, arguments, from_both_ends=True):
             place = chosen[number][0]
             cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
             numbers = tasks[place].numbers
@@ -161,12 +161,14 @@ class Sweep:
         fields: the fields, as requests name them.
         build_order: makes the order of a field and the parameters of a combination.
         command: what plans one combination, without the varied options and the field.
+        link: the form of a service with what is not varied; "" without a service.
     """
 
     axes: tuple[Axis, ...]
     fields: tuple[str, ...]
     build_order: Callable[[str, Mapping[str, Any]], WorkOrder]
     command: tuple[str, ...] = ()
+    link: str = ""
 
     def __post_init__(self) -> None:
         self._points = list(list_points(self.axes))
@@ -252,6 +254,7 @@ class Sweep:
             is_priced=first.cost_terms is not None or request.price_per_hour is not None,
             by_field=by_field if len(read) > 1 else {},
             command=(*self.command, *self.fields),
+            link=self.link,
         )
 
     def _find_limit_s(self, request: PlanRequest, numbers: Sequence[int]) -> float | None:

@@ -30,6 +30,7 @@ from reports.sweep.tables import (
 )
 from reports.sweep.wording import (
     ESTIMATED,
+    build_query,
     describe_best,
     describe_influences,
     describe_refused,
@@ -109,6 +110,11 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
             "best": places[result.best.numbers],
             "unit": "l" if plans[0].plan.energy_kwh is None else "kWh",
             "command": shlex.join(result.command),
+            "link": result.link,
+            "parameters": [
+                [build_query([(option.flag, value)]) for value in option.values] if result.link else []
+                for option in result.options
+            ],
             "words": [
                 [describe_value(option, value) if len(option.values) > 1 else "" for value in option.values]
                 for option in result.options

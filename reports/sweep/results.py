@@ -59,6 +59,7 @@ class SweepResult(ShownResult):
         by_field: with several fields, the plans of each, by its name; then `plans` are those of all together, one after
             another.
         command: the command that plans one combination in full, without the varied options.
+        link: the address of a form that does so, without the varied options; "" without a service.
     """
 
     field_name: str
@@ -72,6 +73,7 @@ class SweepResult(ShownResult):
     is_priced: bool = False
     by_field: dict[str, tuple[SweptPlan, ...]] = field(default_factory=dict)
     command: tuple[str, ...] = ()
+    link: str = ""
 
     def get_values(self, plan: SweptPlan) -> tuple[Any, ...]:
         """The values of a plan's options, as options are written."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 from typing import Any
+from urllib.parse import urlencode
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanResult
@@ -162,6 +164,17 @@ def list_option_words(name: str, value: Any) -> list[str]:
         return [f"--headland-{value}"]
     option = name if name.startswith("--") else f"--{name.replace('_', '-')}"
     return [option] if value is True else [option, format_value(value)]
+
+
+def build_query(values: Iterable[tuple[str, Any]]) -> str:
+    """Options of a plan by name, as the address of its form in a service has them (planaddress.js)."""
+    texts = [
+        (f"headland_{value}", "true")
+        if name == "headland_order"
+        else (name, "true" if value is True else format_value(value))
+        for name, value in values
+    ]
+    return urlencode(texts)
 
 
 def title_option(option: SweptOption) -> str:

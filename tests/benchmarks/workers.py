@@ -1,11 +1,13 @@
 """Workers on other machines: plans per minute of one and of several, what taking a job costs, and jobs under faults.
 
-    python -m tests.benchmarks.workers --workers 1,2 --jobs 24
+    python -m tests.benchmarks.workers --workers 1,2 --jobs 12
+    python -m tests.benchmarks.workers --workers 1,4 --jobs 8 --share 0.2
     python -m tests.benchmarks.workers --faults-only --jobs 60 --kill-every 10
 
-A PostgreSQL of its own is started, each worker is held to one core of its own as long as there are enough, and the jobs
-are plans of a small field. Then workers are killed one after the other and the database is restarted, while jobs of a
-second each are done. Needs the programs of PostgreSQL and the `sched_setaffinity` of Linux.
+A PostgreSQL of its own is started. Each worker is held to a core of its own as long as there are enough, or to a share
+of one, and the jobs are plans of a small field, so many for each worker. Then workers are killed one after the other
+and the database is restarted, while jobs of a second each are done. Needs the programs of PostgreSQL and the
+`sched_setaffinity` of Linux.
 """
 
 import argparse
@@ -18,8 +20,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -29,6 +31,7 @@ from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow, Owner
+from tests.benchmarks.core_share import hold_to_share, take_turns
 from tests.service.kinds import made
 
 ROOT = Path(__file__).parents[2]
@@ -68,11 +71,14 @@ class OwnServer:
         subprocess.run(command, check=True, cwd="/", stdout=subprocess.DEVNULL)
 
 
-def start_on_core(command: list[str], core: int) -> subprocess.Popen[bytes]:
-    """Start a process that may use one core only."""
+def start_on_core(command: Sequence[str], core: int | None) -> subprocess.Popen[bytes]:
+    """Start a process that may use one core only, or any, and leads a group of its own."""
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    hold: Callable[[], None] = lambda: os.sched_setaffinity(0, {core})  # noqa: E731
-    return subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL, preexec_fn=hold)
+    cores = os.sched_getaffinity(0) if core is None else {core}
+    hold: Callable[[], None] = lambda: os.sched_setaffinity(0, cores)  # noqa: E731
+    return subprocess.Popen(
+        command, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL, preexec_fn=hold, start_new_session=True
+    )
 
 
 @contextmanager
@@ -83,10 +89,28 @@ def run_workers(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[byt
     try:
         yield processes
     finally:
-        for process in processes:
-            process.send_signal(signal.SIGTERM)
-        for process in processes:
-            process.wait(60)
+        end_all(processes)
+
+
+@contextmanager
+def run_shares(commands: list[list[str]], share: float) -> Iterator[str]:
+    """A process per command, each held to a share of a core; what holds them."""
+    with ExitStack() as groups:
+        words = [groups.enter_context(hold_to_share(share)) for _ in commands]
+        processes = [start_on_core([*each, *command], None) for each, command in zip(words, commands, strict=True)]
+        try:
+            with nullcontext() if all(words) else take_turns(processes, share):
+                yield "control groups" if all(words) else "stopping and continuing them"
+        finally:
+            end_all(processes)
+
+
+def end_all(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """End workers and wait for them."""
+    for process in processes:
+        process.send_signal(signal.SIGTERM)
+    for process in processes:
+        process.wait(60)
 
 
 def wait_until_over(store: Store, ids: set[str]) -> list[JobRow]:
@@ -101,13 +125,14 @@ def wait_until_over(store: Store, ids: set[str]) -> list[JobRow]:
     raise TimeoutError("the jobs were not done in time")
 
 
-def measure_plans(store: Store, workers: int, jobs: int) -> tuple[float, str]:
-    """Plans per minute of so many workers once they are warm, and a line that says so."""
+def measure_plans(store: Store, workers: int, jobs: int, share: float | None) -> tuple[float, str]:
+    """Plans per minute of so many workers once they are warm, and a line that says so; `share` of a core for each."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     owners = [Owner(name, name) for name in ("ann", "bob", "eve")]
     ids = {store.add_job("plan", f"plan {n}", PLAN, owner=owners[n % len(owners)]).id for n in range(jobs)}
     command = [*CLI, "worker", "--database", store.settings.database, "--workers", "1"]
-    with run_workers([command] * workers):
+    commands = [command] * workers
+    with run_workers(commands) if share is None else run_shares(commands, share) as held:
         done = wait_until_over(store, ids)
     if failed := [job.error for job in done if job.status != DONE]:
         raise RuntimeError(f"{len(failed)} plans failed: {failed[0]}")
@@ -117,7 +142,8 @@ def measure_plans(store: Store, workers: int, jobs: int) -> tuple[float, str]:
     cpu_s = (now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime) / jobs
     size_kb = statistics.mean(sum(result.size for result in job.results) for job in done) / 1000.0
     return per_minute, (
-        f"{workers} workers: {per_minute:.1f} plans a minute; {cpu_s:.2f} s of CPU a plan with starting, peak memory "
+        f"{workers} workers{'' if share is None else f', each held to {share:g} of a core by {held}'}: "
+        f"{per_minute:.2f} plans a minute; {cpu_s:.2f} s of CPU a plan with starting, peak memory "
         f"{now.ru_maxrss / 1024:.0f} MB, results {size_kb:.0f} kB a plan"
     )
 
@@ -203,7 +229,8 @@ def main() -> None:
     """Print what was measured."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--workers", default="1,2")
-    parser.add_argument("--jobs", type=int, default=24)
+    parser.add_argument("--jobs", type=int, default=12)
+    parser.add_argument("--share", type=float)
     parser.add_argument("--kill-every", type=float, default=10.0)
     parser.add_argument("--faults-only", action="store_true")
     given = parser.parse_args()
@@ -223,10 +250,10 @@ def main() -> None:
             if not given.faults_only:
                 found = []
                 for workers in counts:
-                    per_minute, line = measure_plans(store, workers, given.jobs)
+                    per_minute, line = measure_plans(store, workers, given.jobs * workers, given.share)
                     found.append(per_minute)
                     print(line, flush=True)
-                print(f"{counts[-1]} workers do {found[-1] / found[0]:.2f} times the plans of {counts[0]}")
+                print(f"{counts[-1]} workers do {found[-1] / found[0]:.2f} times the plans of {counts[0]}", flush=True)
                 print(measure_taking(store), flush=True)
             print(measure_faults(store, server, given.jobs, counts[-1], given.kill_every))
 

@@ -283,7 +283,7 @@ def test_whatever_byte_of_an_archive_is_flipped_all_comes_back_or_nothing(whole:
 
 def test_a_backup_says_what_it_holds(whole: Parts) -> None:
     manifest = parse_manifest(whole[MANIFEST_FILE])
-    assert set(manifest.files) == set(whole) - {MANIFEST_FILE} and manifest.migration == "0007"
+    assert set(manifest.files) == set(whole) - {MANIFEST_FILE} and manifest.migration == "0008"
     assert all(manifest.files[name].size == len(whole[name]) for name in manifest.files)
 
 

@@ -1,10 +1,11 @@
 """The answer on the page of a plan, which follows its controls; the address that holds them."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, Route
+from playwright.sync_api import Browser, Error, Page, Route
 
 from tests.service.accessibility import find_faults_at_widths
 from tests.service.fake_service import CONTROL, Made
@@ -132,6 +133,41 @@ def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: 
     wait_for_done(page, "0:36:00")
     assert page.locator(".answer .badge").is_visible() and not page.locator(".answer .line a").is_visible()
     until(page, lambda: ("plans/made/delete", None) in made.requests)
+
+
+def test_a_drive_is_followed_on_when_the_service_does_not_answer_for_a_while(page: Page, watched: WatchedPage) -> None:
+    page.route("**/api/v1/plans/made", lambda route: route.abort())
+    page.fill("input[name=width]", "6")
+    page.wait_for_selector(".answer >> text=check that it is still running. It is asked again.")
+    page.unroute("**/api/v1/plans/made")
+    page.wait_for_selector(".answer >> text=Show the plan")
+    watched.said.clear()  # a browser tells of a request that failed
+
+
+def test_a_drive_whose_tab_was_killed_is_dropped_by_the_next(
+    browser: Browser, watched: WatchedPage, pages: tuple[str, Made]
+) -> None:
+    made, context = pages[1], browser.new_context()
+    context.add_init_script(f'sessionStorage.setItem("headland-token", "{CONTROL}")')
+    address = f"{watched.base}#/plan?width=3&tractors=1&field=iwamizawa&tractor=eg105"
+    killed = context.new_page()
+    killed.goto(address)
+    killed.wait_for_selector(".answer >> text=Show the plan")
+    with suppress(Error):
+        killed.goto("chrome://crash")
+    made.requests.clear()
+    after = context.new_page()
+    after.goto(address)
+    until(after, lambda: ("plans/made/delete", None) in made.requests)
+    context.close()
+
+
+def test_the_table_of_numbers_closes_where_there_is_no_room_beside_the_form(page: Page) -> None:
+    assert page.locator(".answer .rows").is_visible()
+    page.set_viewport_size(NARROW)
+    until(page, lambda: not page.locator(".answer .rows").is_visible())
+    page.set_viewport_size(WIDE)
+    until(page, lambda: page.locator(".answer .rows").is_visible())
 
 
 def test_a_plan_that_is_driven_already_is_shown_and_kept(page: Page, pages: tuple[str, Made]) -> None:

@@ -15,7 +15,7 @@ import sqlalchemy as sa
 
 from planner.service.api.apps import create_app
 from planner.service.errors import StorageError
-from planner.service.jobs.workers import WAITING_FOR_DISK, WorkerSupervisor, run_and_store_job
+from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import EventRow, JobRow
@@ -166,7 +166,7 @@ def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     disk.fill(leave=MEGABYTE_BYTES)
     working = threading.Thread(target=run_and_store_job, args=(store, "here", claimed))
     working.start()
-    wait_until(lambda: store.get_job(job.id).words == WAITING_FOR_DISK)
+    wait_until(lambda: store.get_job(job.id).words == StorageError.waiting)
     time.sleep(2 * store.settings.lease_s)
     store.release_expired()
     waiting = store.get_job(job.id)

@@ -20,11 +20,12 @@ import typer
 import yaml
 
 from planner.cli import main
-from planner.service.errors import BusyError, DatabaseError, VersionError
+from planner.service.errors import BusyError, DatabaseError, NotFoundError, ResultPlaceError, VersionError
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.database import Database, migrate_database
+from planner.service.store.result_place import ResultPlace, check_result_place
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.service.conftest import wait_until
@@ -34,6 +35,7 @@ from tests.service.test_commands import COMMAND
 from tests.service.web_proxies import GUIDE
 
 ROOT = Path(__file__).parents[2]
+WORKER = ("worker", "--database", "postgresql://127.0.0.1:1/x")
 OWNERS = {name: None if name == "nobody" else Owner(name, name) for name in ("nobody", "ann", "bob", "eve")}
 
 
@@ -144,6 +146,93 @@ def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: Remot
     shared.tend_queue()
     assert count_carried(shared) == 0 and path.read_bytes() == wanted
     assert list((remote.settings.data / "work").iterdir()) == [] and not (remote.settings.data / "bytes").exists()
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The address of a folder in a bucket of an S3 of this test's own, as the environment tells fsspec."""
+    import boto3
+    import fsspec
+    from moto.server import ThreadedMotoServer
+
+    server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    settings = {"endpoint_url": f"http://{host}:{port}", "key": "farm", "secret": "not secret"}
+    monkeypatch.setitem(fsspec.config.conf, "s3", settings)
+    names = {"endpoint_url": "endpoint_url", "key": "aws_access_key_id", "secret": "aws_secret_access_key"}
+    boto3.client("s3", region_name="us-east-1", **{names[key]: value for key, value in settings.items()}).create_bucket(
+        Bucket="results"
+    )
+    yield "s3://results/farm"
+    server.stop()
+
+
+def run_one_job(shared: Store, remote: RemoteStore, name: str) -> str:
+    """Let a worker elsewhere do a job; returns the SHA-256 of its result."""
+    job = shared.add_job("tiny", name, {"number": 7})
+    claimed = remote.claim_job("w")
+    assert claimed is not None
+    run_and_store_job(remote, "w", claimed)
+    return shared.get_job(job.id).results[0].sha256
+
+
+def check_results_by_place(shared: Store, remote: RemoteStore, address: str) -> None:
+    """Results that go by a store, that are gone from it, and that the service does not know."""
+    check_result_place(replace(shared.settings, results=address))
+    shared.place = remote.place = ResultPlace(address)
+    sha256 = run_one_job(shared, remote, "first")
+    with shared.database.open_read_session() as session:
+        (row,) = session.scalars(sa.select(JobBytesRow))
+        assert row.content == b"" and row.address == f"{address}/{row.job}-{sha256}"
+    wanted = made(7)[0][1]
+    assert shared.blobs.read_bytes(sha256) == wanted and not shared.blobs.get_path(sha256).exists()
+    shared.place = None
+    with pytest.raises(ResultPlaceError, match=rf"are in {address}, which this .* start it with --results") as refusal:
+        shared.blobs.read_bytes(sha256)
+    assert (refusal.value.http_status, refusal.value.status) == (503, 1)
+    shared.tend_queue()
+    assert count_carried(shared) == 1
+    shared.place = ResultPlace(address)
+    shared.tend_queue()
+    assert count_carried(shared) == 0 and shared.blobs.get_path(sha256).read_bytes() == wanted
+    with pytest.raises(NotFoundError, match=r"is gone from its store; compute it again\.$"):
+        shared.place.read_bytes(row.address)
+    shared.blobs.get_path(sha256).unlink()
+    run_one_job(shared, remote, "second")
+    with shared.database.open_write_session() as session:
+        session.execute(sa.update(JobBytesRow).values(address=f"{address}/nowhere"))
+    with pytest.raises(NotFoundError, match="is gone from its store"):
+        shared.blobs.read_bytes(sha256)
+
+
+def test_results_go_by_a_store(shared: Store, remote: RemoteStore, tmp_path: Path) -> None:
+    check_results_by_place(shared, remote, (tmp_path / "on" / "the" / "way").as_uri())
+
+
+@pytest.mark.slow
+def test_results_go_by_a_bucket(shared: Store, remote: RemoteStore, bucket: str) -> None:
+    check_results_by_place(shared, remote, bucket)
+    with pytest.raises(
+        ResultPlaceError, match=r"^The store of results s3://other/farm does not answer .* bucket exists"
+    ):
+        ResultPlace("s3://other/farm").check()
+
+
+@pytest.mark.slow
+def test_a_job_waits_for_a_store_that_does_not_answer(shared: Store, remote: RemoteStore, tmp_path: Path) -> None:
+    blocked = tmp_path / "blocked"
+    blocked.write_bytes(b"no folder")
+    remote.place = ResultPlace(f"{blocked.as_uri()}/results")
+    job = shared.add_job("tiny", "first", {"number": 7})
+    claimed = remote.claim_job("w")
+    assert claimed is not None
+    working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed))
+    working.start()
+    wait_until(lambda: shared.get_job(job.id).words == ResultPlaceError.waiting)
+    blocked.unlink()
+    working.join(30.0)
+    assert (shared.get_job(job.id).status, shared.get_job(job.id).tries) == ("done", 1)
 
 
 def test_inputs_of_a_database_that_was_restored_are_lent_once(shared: Store, remote: RemoteStore) -> None:
@@ -259,6 +348,18 @@ def test_every_command_of_the_compose_file_is_one() -> None:
         (["worker", "--database", "postgresql://127.0.0.1:1/x"], "cannot be used: connection"),
         (["serve", "--workers", "0"], "Without workers of its own the service needs PostgreSQL"),
         (["serve", "--workers", "-1"], "--workers is -1; use 0 to 64."),
+        (
+            ["serve", "--results", "s3://results/farm"],
+            "Results go by a store from workers on other machines, which need",
+        ),
+        (
+            [*WORKER, "--results", "results"],
+            "Results cannot go to 'results': ValueError: it is no URL with a folder; give",
+        ),
+        (
+            [*WORKER, "--results", "x9://results/farm"],
+            "Results cannot go to 'x9://results/farm': ValueError: Protocol not",
+        ),
     ],
 )
 def test_what_the_commands_cannot_use_is_refused_in_a_sentence(

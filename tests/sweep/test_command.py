@@ -28,10 +28,13 @@ def field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: Path) -> None:
     page, saved = tmp_path / "page.html", tmp_path / "plan.json"
-    done = headland("sweep", field, *FEW, "--html", page, "--png", tmp_path / "p.png", "--save", saved, "--pick", "1")
+    service = ("--service", "http://127.0.0.1:8765/")
+    files = ("--html", page, "--png", tmp_path / "p.png", "--save", saved)
+    done = headland("sweep", field, *FEW, *service, "--soil", "loam", *files, "--pick", "1")
     assert done.status == 0, done.err
     assert "8 combinations" in done.out and "driven in full" in done.out
     assert "--width" in page.read_text() and json.loads(saved.read_text())
+    assert r"http://127.0.0.1:8765/#/plan?field=small\u0026local=true\u0026soil=loam" in page.read_text()
     data = json.loads(headland("sweep", field, *FEW, "--json").out)
     assert data["done"] == 8 and set(data["options"]) == {"width_m", "speed_kmh", "tractors"}
     assert data["best"]["command"].startswith(f"headland plan --local {field} ")
@@ -52,6 +55,7 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--turn-speed-kmh 5,99", "--turn-speed-kmh"),
     ("--width 3,6 --leave-out 2", "Every width of a sweep numbers its tracks anew"),
     ("--json --csv", "choose one"),
+    ("--service farm", "give an address such as https://farm.example"),
     ("--html page.txt", "does not end in .html"),
 ])  # fmt: skip
 def test_bad_input(headland: Run, field: Path, words: str, sentence: str) -> None:

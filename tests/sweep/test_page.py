@@ -1,6 +1,7 @@
 """The page of a sweep in a browser: a point shows its command, by pointer and keyboard, on every width."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,8 @@ def tab() -> Iterator[Page]:
 @pytest.mark.parametrize("width", [390, 1280])
 def test_a_point_shows_its_command(tab: Page, tmp_path: Path, width: int) -> None:
     page = tmp_path / "page.html"
-    page.write_text(render_sweep_page(build_result()), encoding="utf-8")
+    result = replace(build_result(), link="https://farm.example/#/plan?field=my+field&margin=1")
+    page.write_text(render_sweep_page(result), encoding="utf-8")
     tab.set_viewport_size({"width": width, "height": 900})
     tab.goto(page.as_uri())
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
@@ -39,5 +41,8 @@ def test_a_point_shows_its_command(tab: Page, tmp_path: Path, width: int) -> Non
     tab.locator(".front").last.click(force=True)
     assert tab.text_content("#command") == command.format(1)
     assert "1:40:00, cost 71.67" in (tab.text_content("#figures") or "")
+    link = result.link + "&width=6&tractors={}&price_per_hour=40"
+    assert tab.get_attribute("#form", "href") == link.format(1)
     tab.click("[data-point] >> nth=0")
+    assert tab.get_attribute("#form", "href") == link.format(3)
     assert tab.text_content("#command") == command.format(3)

@@ -43,7 +43,6 @@ and nothing is counted against the job."""
 CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
 CACHE_FOLDER = "field-times"
 DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
-WAITING_FOR_DISK = "waits for room on the disk"
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
@@ -92,7 +91,7 @@ def run_and_store_job(store: JobStore, worker: str, job: JobRow) -> None:
     with claim.report_while_running():
         files, sentence = _retry_while_disk_full(store, claim, lambda: _compute_job_results(store, job, claim))
         # Bytes first, as they need the most room; reports go on meanwhile.
-        _retry_while_disk_full(store, claim, lambda: store.keep_results(files))
+        _retry_while_disk_full(store, claim, lambda: store.keep_results(job.number, files))
 
     def store_outcome() -> bool:
         if claim.latest_progress is not None:
@@ -162,16 +161,17 @@ class ClaimedJob:
 
 
 def _retry_while_disk_full(store: JobStore, claim: ClaimedJob, action: Callable[[], T]) -> T:
-    """The result of an action that writes to the disk; while the disk is full, it is retried."""
+    """The result of an action that writes to the disk or a store; while there is no room, it is retried."""
     pause_s = DISK_RETRY_S
     while True:
         before = claim.latest_progress
         try:
             return action()
-        except StorageError:
-            logging.getLogger(__name__).warning("The job %s %s.", claim.job_number, WAITING_FOR_DISK)
+        except StorageError as error:
+            logging.getLogger(__name__).warning("The job %s %s: %s", claim.job_number, error.waiting, error)
+            waiting = error.waiting
         done, all_, _ = before or (0, 0, "")
-        claim.latest_progress = (done, all_, WAITING_FOR_DISK)
+        claim.latest_progress = (done, all_, waiting)
         time.sleep(pause_s)
         pause_s = min(2 * pause_s, LONGEST_DISK_RETRY_S)
         claim.latest_progress = done, all_, before[2] if before is not None else ""

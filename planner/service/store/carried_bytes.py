@@ -1,6 +1,7 @@
 """Bytes of jobs on their way through PostgreSQL: inputs to workers on other machines, results back to the service.
 
 The folder of the service stays the place of all bytes: it lends inputs with a job, and fetches results when it is done.
+Results may go by a store instead (result_place); the database then holds their addresses.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from contextlib import suppress
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from planner.service.errors import DatabaseError, NotFoundError, StorageError, VersionError
+from planner.service.errors import DatabaseError, NotFoundError, ResultPlaceError, StorageError, VersionError
 from planner.service.settings import ServiceSettings
 from planner.service.store.database import (
     describe_version,
@@ -21,6 +22,7 @@ from planner.service.store.database import (
     read_version,
 )
 from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
+from planner.service.store.result_place import ResultPlace
 from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
 
 MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
@@ -31,13 +33,27 @@ class CarryingJobStore(JobStore):
 
     def __init__(self, settings: ServiceSettings) -> None:
         super().__init__(settings)
+        self.place = ResultPlace(settings.results) if settings.results else None
         if self.database.is_postgresql:
             self.blobs.read_elsewhere = self._read_carried
 
     def _read_carried(self, sha256: str) -> bytes | None:
-        query = sa.select(JobBytesRow.content).where(JobBytesRow.sha256 == sha256).limit(1)
+        found = sa.select(JobBytesRow.content, JobBytesRow.address).where(JobBytesRow.sha256 == sha256)
         with self.database.open_read_session() as session:
-            return session.scalar(query)
+            row = session.execute(found.order_by(JobBytesRow.address.is_not(None)).limit(1)).first()
+        if row is None or row.address is None:
+            return None if row is None else row.content
+        return self._get_place(row.address).read_bytes(row.address)
+
+    def _get_place(self, address: str) -> ResultPlace:
+        """The store of an address; raises ResultPlaceError where these settings name another: a row names no file."""
+        if self.place is None or not self.place.holds(address):
+            folder = address.rpartition("/")[0]
+            raise ResultPlaceError(
+                f"The results of this job are in {folder}, which this service does not know; start it with --results "
+                f"{folder}."
+            )
+        return self.place
 
 
 class ServedJobStore(CarryingJobStore):
@@ -68,12 +84,16 @@ class ServedJobStore(CarryingJobStore):
         """Bring bytes of ended jobs to the folder; the database forgets them."""
         if not self.database.is_postgresql:
             return
-        keys = sa.select(JobBytesRow.job, JobBytesRow.sha256).join(JobRow, JobRow.number == JobBytesRow.job)
+        rows = sa.select(JobBytesRow.job, JobBytesRow.sha256, JobBytesRow.address).join(JobRow)
+        ended = rows.where(JobRow.status.not_in(UNFINISHED_STATUSES)).order_by(JobBytesRow.address.is_not(None))
         with self.database.open_read_session() as session:
-            ended = session.execute(keys.where(JobRow.status.not_in(UNFINISHED_STATUSES)).limit(MOST_FETCHED)).all()
-        for job, sha256 in ended:
+            found = session.execute(ended.limit(MOST_FETCHED)).all()
+        for job, sha256, address in found:
             with suppress(NotFoundError):  # deleted meanwhile
                 self.blobs.put_bytes(self.blobs.read_bytes(sha256))
+            if address is not None:
+                with suppress(ResultPlaceError):
+                    self._get_place(address).delete(address)
             with self.database.open_write_session() as session:
                 session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == job, JobBytesRow.sha256 == sha256))
 
@@ -125,14 +145,30 @@ class RemoteStore(CarryingJobStore):
             return None  # whoever watches the worker ends it
         return super().claim_job(worker)
 
-    def keep_results(self, files: Sequence[ResultFile]) -> None:
-        """Nothing is kept here."""
+    def keep_results(self, number: int, files: Sequence[ResultFile]) -> None:
+        """Nothing is kept here; a store gets the bytes. Raises ResultPlaceError."""
+        if self.place is not None:
+            for sha256, content in _name_contents(files).items():
+                self.place.put_bytes(_name_result(number, sha256), content)
 
     def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
         """Send results along with the end of the job; inputs may be among them."""
         session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == number))
-        contents = {hashlib.sha256(content).hexdigest(): content for _, content, _ in files}
-        session.add_all(JobBytesRow(job=number, sha256=name, content=content) for name, content in contents.items())
+        for sha256, content in _name_contents(files).items():
+            row = JobBytesRow(job=number, sha256=sha256, content=content)
+            if self.place is not None:
+                row.content, row.address = b"", self.place.locate(_name_result(number, sha256))
+            session.add(row)
+
+
+def _name_contents(files: Sequence[ResultFile]) -> dict[str, bytes]:
+    """The bytes of results by SHA-256."""
+    return {hashlib.sha256(content).hexdigest(): content for _, content, _ in files}
+
+
+def _name_result(number: int, sha256: str) -> str:
+    """The name in a store: that of the job is in it, as it is deleted for this job alone."""
+    return f"{number}-{sha256}"
 
 
 def _build_version_error(of_service: str) -> VersionError:

@@ -190,7 +190,7 @@ class JobStore(StorePart):
 
     def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
         """Store all results of a job, or none and return False where the worker has lost the job."""
-        self.keep_results(files)
+        self.keep_results(number, files)
         with self.database.open_write_session() as session:
             if not _update_claimed_job(session, number, worker, _build_end_values(DONE)):
                 return False
@@ -201,7 +201,7 @@ class JobStore(StorePart):
             self.send_results(session, number, files)
         return True
 
-    def keep_results(self, files: Sequence[ResultFile]) -> None:
+    def keep_results(self, number: int, files: Sequence[ResultFile]) -> None:
         """Keep the bytes of results before they are named. Raises StorageError where there is no room."""
         for _, content, _ in files:
             self.blobs.put_bytes(content)

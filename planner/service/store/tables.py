@@ -163,12 +163,16 @@ class EventRow(TableBase):
 
 
 class JobBytesRow(TableBase):
-    """Bytes of an input of an unfinished job, or of a result that the service has not fetched yet (PostgreSQL only)."""
+    """Bytes of an input of an unfinished job, or of a result that the service has not fetched yet (PostgreSQL only).
+
+    Of a result in a store there are no bytes here but its `address`.
+    """
 
     __tablename__ = "job_bytes"
     sha256: Mapped[str] = mapped_column(SHA256_TYPE, primary_key=True)
     job: Mapped[int] = mapped_column(ForeignKey("jobs.number", ondelete="CASCADE"), primary_key=True)
     content: Mapped[bytes] = mapped_column(LargeBinary)
+    address: Mapped[str | None] = mapped_column(Text, default=None)
 
 
 class TurnRow(TableBase):

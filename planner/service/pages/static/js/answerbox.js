@@ -4,7 +4,7 @@ import { t, translate } from "./language.js";
 import { costOf, endOf } from "./planfigures.js";
 import { DASH, chance, doneBy, money, percent, plural } from "./words.js";
 
-const WIDE_PX = 1024; // from which the box stands beside the form
+const WIDE = matchMedia("(min-width:1025px)"); // the box stands beside the form, with room for the table
 const COLUMNS = ["Tractors", "Done", "Cost", "Worked", "In time"];
 
 /** `show(answer, {isDriven, isLatest, words})` fills it, `wait()` marks that another answer is due, `tell(words)` says what is done. */
@@ -14,10 +14,11 @@ export function answerBox() {
   const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, COLUMNS.slice(0, 4).map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
   const body = el("tbody"), heads = COLUMNS.map((name) => el("th", { scope: "col" }, name));
   const table = el("div", { class: "scroll rows", tabindex: "0", role: "region", "aria-label": "Each number of tractors" }, el("table", {}, el("thead", {}, el("tr", {}, heads)), body));
-  const details = el("details", { open: innerWidth > WIDE_PX }, el("summary", {}, "Each number of tractors"), table);
+  const details = el("details", { open: WIDE.matches }, el("summary", {}, "Each number of tractors"), table);
   const head = el("div", { class: "now" }, el("div", { class: "title" }, el("h2", {}, "Answer"), mark), figures, el("div", { class: "line" }, state, place));
   const node = el("section", { class: "answer", "aria-label": "Answer" }, head, details);
   mark.hidden = place.hidden = true;
+  WIDE.onchange = () => { details.open = WIDE.matches; };
 
   const row = (index) => {
     while (rows.length <= index) {

@@ -3,8 +3,9 @@ import { answerBox } from "./answerbox.js";
 import { speak } from "./dom.js";
 import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
+import { dropLostDrives, noteDrive } from "./owndrives.js";
 
-const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, INVALID = 422, TOO_MANY = 429;
+const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, GONE = 404, INVALID = 422, TOO_MANY = 429;
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
@@ -65,10 +66,11 @@ export function liveAnswer(laidOut = () => {}) {
     else if (asked.change === changes) layOut(asked);
   });
   const startDrive = async (asked) => {
-    const mine = drive = { key: latest, id: null, isKept: false, isOver: false, isFollowed: true };
+    const mine = drive = { key: latest, id: null, isKept: false, isOver: false, isFollowed: true, release: () => {} };
     box.tell("Driving it in full");
     try {
       mine.id = (await post("plans", asked.values)).id;
+      mine.release = noteDrive(mine.id);
       if (!mine.isOver) await follow(mine, asked);
     } catch (error) { if (!mine.isOver) box.tell(error.message); }
     mine.isFollowed = false;
@@ -76,26 +78,41 @@ export function liveAnswer(laidOut = () => {}) {
   };
   const follow = async (mine, asked) => {
     const path = `plans/${part(mine.id)}`;
-    for (;;) {
-      const job = await get(path);
-      if (mine.isOver) return;
-      if (job.status === "done") break;
-      if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
-      const { done = null, all = null } = job.progress ?? {};
-      box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
-      await new Promise((looked) => setTimeout(looked, LOOK_MS));
+    let answer = null;
+    while (!answer) {
+      try {
+        const job = await get(path);
+        if (mine.isOver) return;
+        if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
+        const { done = null, all = null } = job.progress ?? {};
+        box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
+        if (job.status === "done") answer = await get(`${path}/results/result.json`);
+      } catch (error) {
+        if (mine.isOver) return;
+        if (error.status === GONE) throw error;
+        box.tell(t`${translate(error.message)} It is asked again.`);
+      }
+      if (!answer) await new Promise((looked) => setTimeout(looked, LOOK_MS));
     }
-    const answer = await get(`${path}/results/result.json`);
     if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };
-  const drop = (one) => { if (one.id && !one.isKept) remove(`plans/${part(one.id)}`).catch(() => {}); };
+  const removeDrive = (id) => remove(`plans/${part(id)}`).catch(() => {});
+  const drop = (one) => {
+    one.release();
+    if (one.id && !one.isKept) removeDrive(one.id);
+  };
+  const keep = (one) => {
+    one.release();
+    one.isKept = true;
+  };
   // What is being asked for is dropped after that, unless nobody is left to do so.
   const end = (isLeft = false) => {
     clearTimeout(resting);
     if (drive) { drive.isOver = true; if (isLeft || !drive.isFollowed) drop(drive); }
     drive = null;
   };
-  box.kept = () => { if (drive) drive.isKept = true; };
+  box.kept = () => { if (drive) keep(drive); };
+  dropLostDrives(removeDrive);
   window.addEventListener("pagehide", end);
 
   return {
@@ -114,7 +131,7 @@ export function liveAnswer(laidOut = () => {}) {
     /** The job that drives a request already, which is then kept; null without one. */
     takeDrive(values) {
       if (!drive?.id || drive.key !== JSON.stringify(values)) return null;
-      drive.isKept = true;
+      keep(drive);
       return drive.id;
     },
     close() {

@@ -1,0 +1,23 @@
+"""Results under way in a store, by their address."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0008"
+down_revision = "0007"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """What is under way is in the database."""
+    op.add_column("job_bytes", sa.Column("address", sa.Text()))
+
+
+def downgrade() -> None:
+    """Results that the service has not fetched from their store are lost."""
+    op.execute("DELETE FROM job_bytes WHERE address IS NOT NULL")
+    with op.batch_alter_table("job_bytes") as batch:
+        batch.drop_column("address")
