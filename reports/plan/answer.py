@@ -133,7 +133,7 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``98.4 % worked (the rest: 12 min, 9 EUR), headland last, 95 % sure by 15:02, 2 refills.``
+    """``98.4 % worked (0.08 ha left: 12 min, 9 EUR more), headland last, 95 % sure by 15:02.``
 
     The rest of the ground is left out where it takes no more than the error of the model.
     """
@@ -142,7 +142,12 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
         rest = ""
         if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
             time, money = format_time_span(plan.finishing_s), plan.finishing_cost
-            rest = translate(" (the rest: {time}, {money})", time=time, money=format_money(money, ranking.currency))
+            rest = translate(
+                " ({area} left: {time}, {money} more)",
+                area=format_area(plan.missed_m2 or 0.0),
+                time=time,
+                money=format_money(money, ranking.currency),
+            )
         parts.append(_describe_share(plan) + rest)
     if plan.headland_order is not None:
         parts.append(_describe_headland(ranking, plan.headland_order))
