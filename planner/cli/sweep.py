@@ -211,8 +211,12 @@ class _Question:
 
         if not service:
             return ""
-        parts = urlsplit(service)
-        if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
+        try:
+            parts = urlsplit(service)
+            is_address = parts.scheme in ("http", "https") and bool(parts.netloc)
+        except ValueError:  # such as half an IPv6 address
+            is_address = False
+        if not is_address or any(mark in service for mark in "?#@ "):
             raise RequestError(f"--service is {service[:80]!r}; give an address such as https://farm.example.")
         if len(self.fields) > 1:
             raise RequestError(f"--service is for one field, and {len(self.fields)} are given; give one.")

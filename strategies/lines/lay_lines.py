@@ -77,15 +77,15 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     groups = {draft.group for draft in drafts}
     lines += [line for line in laid if line.group in groups]
     left = subtract_area(due, unite_strips(site, lines))
-    rings = [replace(line, own_m2=_measure_covered_m2(site, line, left)) for line in laid if line.group not in groups]
-    rings = [ring for ring in rings if ring.own_m2 > MIN_OWN_SHARE * site.width_m * ring.length_m]
-    lines += _settle_all(site, _list_leftover(site, subtract_area(left, unite_strips(site, rings)), lines))
+    rings = list[WorkLine]()
+    for ring in (line for line in laid if line.group not in groups):
+        strip = ring.build_strip(site.width_m)
+        own_m2 = float(shapely.intersection(strip, left).area)
+        if own_m2 > MIN_OWN_SHARE * site.width_m * ring.length_m:
+            rings.append(replace(ring, own_m2=own_m2))
+            left = subtract_area(left, strip)
+    lines += _settle_all(site, _list_leftover(site, left, lines))
     return keep_uncovered(site, lines) + rings
-
-
-def _measure_covered_m2(site: Site, line: WorkLine, left: shapely.Geometry) -> float:
-    """How much of the ground that is left a line covers (m2)."""
-    return float(shapely.intersection(line.build_strip(site.width_m), left).area)
 
 
 def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
@@ -135,7 +135,7 @@ def _list_obstacle_rings(site: Site) -> Iterator[LineDraft]:
     swaths = site.layout.swaths
     lines = [shapely.LineString(swath.points_m) for swath in swaths]
     away_m = max(0.5 * site.width_m + PULL_BACK_M, site.rules.radius_m)
-    for obstacle in site.layout.field.small_obstacles:
+    for obstacle in site.layout.field.small_obstacles if swaths else ():
         ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(RING_TOLERANCE_M)
         number = swaths[int(np.argmin(shapely.distance(lines, obstacle.centroid)))].line
         yield LineDraft(SWATH, number, (RING, number), np.asarray(ring.coords)[:, :2])

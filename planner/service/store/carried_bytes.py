@@ -81,16 +81,32 @@ class ServedJobStore(CarryingJobStore):
             self.fetch_results()
 
     def fetch_results(self) -> None:
-        """Bring bytes of ended jobs to the folder; the database forgets them."""
+        """Bring bytes of ended jobs to the folder; the database forgets them.
+
+        What a store does not give stays in its row: the store may be out of reach for a while.
+        """
         if not self.database.is_postgresql:
             return
         rows = sa.select(JobBytesRow.job, JobBytesRow.sha256, JobBytesRow.address).join(JobRow)
         ended = rows.where(JobRow.status.not_in(UNFINISHED_STATUSES)).order_by(JobBytesRow.address.is_not(None))
         with self.database.open_read_session() as session:
-            found = session.execute(ended.limit(MOST_FETCHED)).all()
+            found = session.execute(ended).all()
+        fetched, silent = 0, set[str]()
         for job, sha256, address in found:
-            with suppress(NotFoundError):  # deleted meanwhile
+            place = "" if address is None else address.rpartition("/")[0]
+            if place in silent:
+                continue
+            if fetched == MOST_FETCHED:
+                break
+            try:
                 self.blobs.put_bytes(self.blobs.read_bytes(sha256))
+            except ResultPlaceError:
+                silent.add(place)
+                continue
+            except NotFoundError:  # a row without an address was deleted meanwhile
+                if address is not None:
+                    continue
+            fetched += 1
             if address is not None:
                 with suppress(ResultPlaceError):
                     self._get_place(address).delete(address)

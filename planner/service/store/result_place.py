@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
+from uuid import uuid4
 
 from planner.service.errors import NotFoundError, ResultPlaceError, ServiceError
 from planner.service.settings import ServiceSettings
 
 CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
 _OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_S, "read_timeout": READ_S}}}
-_CHECK_NAME = "headland-check"
 LONGEST_WORDS_CHARS = 200
 
 
@@ -35,7 +35,7 @@ class ResultPlace:
             if not mark or not path.strip("/"):
                 raise ValueError("it is no URL with a folder")
             return fsspec.filesystem(scheme, use_listings_cache=False, **_OPTIONS.get(scheme, {}))
-        except (ImportError, ValueError) as error:
+        except Exception as error:  # libraries of stores raise anything
             raise ServiceError(
                 f"Results cannot go to {self.address!r}: {_shorten(error)}; give an address such as "
                 "s3://bucket/folder (--results) and install headland[s3], or what fsspec needs for another store.",
@@ -52,9 +52,11 @@ class ResultPlace:
 
     def check(self) -> None:
         """Write something, read it and delete it. Raises ServiceError, ResultPlaceError where that does not work."""
-        self.put_bytes(_CHECK_NAME, b"Headland")
-        self.read_bytes(self.locate(_CHECK_NAME))
-        self.delete(self.locate(_CHECK_NAME))
+        name = f"headland-check-{uuid4().hex}"  # processes that start together check apart
+        self.put_bytes(name, b"Headland")
+        with self._translate_errors():
+            self._files.cat_file(self.locate(name))
+        self.delete(self.locate(name))
 
     def put_bytes(self, name: str, content: bytes) -> None:
         """Store bytes by name. Raises ResultPlaceError."""

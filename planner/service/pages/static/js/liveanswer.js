@@ -5,7 +5,8 @@ import { t, translate } from "./language.js";
 import { get, part, post, remove } from "./api.js";
 import { dropLostDrives, noteDrive } from "./owndrives.js";
 
-const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, SPOKEN_MS = 1000, GONE = 404, INVALID = 422, TOO_MANY = 429;
+const REST_MS = 3000, LOOK_MS = 700, BUSY_MS = 2000, LONGEST_LOOK_MS = 30_000, SPOKEN_MS = 1000;
+const INVALID = 422, TOO_MANY = 429, SERVER_FAULT = 500;
 const WILL = { true: "Driven in full once you leave the values as they are.", false: "Change a value, and this follows." };
 const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
@@ -78,10 +79,11 @@ export function liveAnswer(laidOut = () => {}) {
   };
   const follow = async (mine, asked) => {
     const path = `plans/${part(mine.id)}`;
-    let answer = null;
+    let answer = null, pause = LOOK_MS;
     while (!answer) {
       try {
         const job = await get(path);
+        pause = LOOK_MS;
         if (mine.isOver) return;
         if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
         const { done = null, all = null } = job.progress ?? {};
@@ -89,10 +91,11 @@ export function liveAnswer(laidOut = () => {}) {
         if (job.status === "done") answer = await get(`${path}/results/result.json`);
       } catch (error) {
         if (mine.isOver) return;
-        if (error.status === GONE) throw error;
+        if (error.status && error.status !== TOO_MANY && error.status < SERVER_FAULT) throw error;
+        pause = Math.min(2 * pause, LONGEST_LOOK_MS);
         box.tell(t`${translate(error.message)} It is asked again.`);
       }
-      if (!answer) await new Promise((looked) => setTimeout(looked, LOOK_MS));
+      if (!answer) await new Promise((looked) => setTimeout(looked, pause));
     }
     if (!mine.isOver) show(drivenAnswer(answer, asked.values, `#/plan/${part(mine.id)}`), asked.change, DRIVEN, answer.plans.some((plan) => plan.p50_s) ? "Driven in full, with late starts, stops and breakdowns." : "Driven in full.");
   };

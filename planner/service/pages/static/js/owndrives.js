@@ -1,7 +1,9 @@
 // Drives that a tab of this browser asked for and has not kept. Each is noted under a lock of its tab, which the browser
 // opens when the tab is gone, however it ended.
 const NOTED = "headland-drives", lockOf = (id) => `${NOTED} ${id}`;
-const list = () => JSON.parse(localStorage.getItem(NOTED) ?? "[]");
+const list = () => {
+  try { return JSON.parse(localStorage.getItem(NOTED) ?? "[]"); } catch { return []; }
+};
 const forget = (id) => localStorage.setItem(NOTED, JSON.stringify(list().filter((one) => one !== id)));
 
 /** Note a drive until the function that is returned is called, or the tab is gone. */
