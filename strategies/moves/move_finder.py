@@ -10,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.moves.closed_forms import (
+    CURVED_REVERSE_S,
     LEADS_IN_M,
     LEADS_OUT_M,
     list_closed_forms,
+    measure_backing_up,
     pick_with_room,
     weigh_forms,
 )
@@ -74,7 +76,8 @@ class MoveFinder:
         ]
 
     def search(self, a: Pose, b: Pose) -> Move | None:
-        """A move by search, where no closed form has room; one that reverses far only where no other leads on."""
+        """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
+        leads on."""
         limits_m = [self.site.rules.max_reverse_m] + [math.inf] * bool(self.site.allowed_kinds[3])
         return next((move for limit_m in limits_m if (move := self._search_within(a, b, limit_m)) is not None), None)
 
@@ -87,7 +90,9 @@ class MoveFinder:
             return None
         rows = shorten_rows(start, rows, *how, *self._body)
         weights = weigh_forms(start, rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
-        return Move(a, rows, "route", *weights[0].tolist())
+        drive_s, charge_s, settling_s = weights[0].tolist()
+        charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / site.rules.max_reverse_m - 1.0)
+        return Move(a, rows, "route", drive_s, charge_s, settling_s)
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""

@@ -25,7 +25,8 @@ from vehicle.jit import compile_function
 Floats = npt.NDArray[np.float64]
 
 COARSE = 3  # cells of the ground to a cell of the way that remains
-STEP_RADII, CELL_RADII = 0.28, 0.18  # step and cell of the search: a step leads to another cell
+LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning radius: large machines look as far
+CELL_SHARE = 0.64  # of a step: it leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
@@ -77,9 +78,9 @@ def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untype
 
 
 @compile_function
-def _find_cell(x, y, heading, way, radius):  # type: ignore[no-untyped-def]
+def _find_cell(x, y, heading, way, step):  # type: ignore[no-untyped-def]
     """The cell, sector of headings and gear by which poses of a search are told apart."""
-    column, row = math.floor(x / (CELL_RADII * radius)), math.floor(y / (CELL_RADII * radius))
+    column, row = math.floor(x / (CELL_SHARE * step)), math.floor(y / (CELL_SHARE * step))
     return np.int64(column), np.int64(row), np.int64(math.floor((heading % TAU) / TAU * SECTORS)), np.int64(way)
 
 
@@ -107,7 +108,7 @@ def search_move(  # type: ignore[no-untyped-def]
     `most` the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
-    step_m = STEP_RADII * radius
+    step_m = max(LEAST_STEP_M, STEP_RADII * radius)
     forward, back = costs[0], costs[1]
     slow = min(forward, math.sqrt(costs[4] * radius))
     size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
@@ -150,7 +151,7 @@ def search_move(  # type: ignore[no-untyped-def]
                     seconds += costs[2] + costs[3] * abs(bend - bends[node])
                 elif bend != bends[node]:
                     seconds += BEND_S
-                key = _find_cell(u, v, after, way, radius)
+                key = _find_cell(u, v, after, way, step_m)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
                 best_s[key] = seconds
@@ -166,7 +167,7 @@ def search_move(  # type: ignore[no-untyped-def]
 @compile_function
 def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """Whether at least `most` places are reached from pose a by arcs and straights in the gears given."""
-    size, step_m = 6 * most + 8, STEP_RADII * radius
+    size, step_m = 6 * most + 8, max(LEAST_STEP_M, STEP_RADII * radius)
     poses, seen = np.empty((size, 3)), {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0))}
     poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
     count, at, step = 1, 0, np.empty((1, 3))
@@ -177,7 +178,7 @@ def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin
                 if not has_room_on_path(poses[at], step, guide, points, len(points), reach, grid, frame, margin):
                     continue
                 u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], step_m, side / radius, gear)
-                key = _find_cell(u, v, after, 0, radius)
+                key = _find_cell(u, v, after, 0, step_m)
                 if key not in seen:
                     seen.add(key)
                     poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after

@@ -78,11 +78,18 @@ class SiteMoves:
 
     @cached_property
     def edge_ways_s(self) -> tuple[Floats, Floats]:
-        """Without an entrance, the charge (n,) for coming in over the nearest edge to each node, and for leaving so."""
-        outline = (self.site.layout.field.original_boundary or self.site.layout.field.boundary).exterior
-        s_per_m = 1.0 / self.site.rules.turn_speed_mps + self.site.wheels_s_per_m
-        ways = [np.array(poses[:-1]).reshape(-1, 3)[:, :2] for poses in (self.begins, self.ends)]
-        begins, ends = (s_per_m * shapely.distance(shapely.points(places), outline) for places in ways)
+        """Without an entrance, the charge (n,) for coming in over the nearest edge to each node, and for leaving so.
+
+        Only ground inside the headland is charged: lines that begin and end on the headland are alike.
+        """
+        site, field = self.site, self.site.layout.field
+        outline, spared_m = (
+            (field.original_boundary or field.boundary).exterior,
+            site.layout.headland_m + site.rules.tool_m,
+        )
+        s_per_m = 1.0 / site.rules.turn_speed_mps + site.wheels_s_per_m
+        ways = [shapely.points(np.array(poses[:-1]).reshape(-1, 3)[:, :2]) for poses in (self.begins, self.ends)]
+        begins, ends = (s_per_m * np.maximum(0.0, shapely.distance(places, outline) - spared_m) for places in ways)
         return begins, ends
 
     @property

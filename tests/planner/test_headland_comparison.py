@@ -131,7 +131,7 @@ def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> 
     assert [each.layout and each.layout.headland_m for each in comparison.rows] == [6.0, 9.0, 6.0, 9.0]
     for each in comparison.rows:
         plan = each.best
-        assert plan is not None and plan.headland_order == "last" and plan.headland_passes == each.label.passes
+        assert plan is not None and plan.headland_order == "last" and plan.headland_passes == each.label.headland_passes
         assert plan.missed_m2 is not None and plan.worked_pct is not None and plan.cost is not None
         field_m2 = 1e4 * each.area_ha
         assert 0.01 * plan.worked_pct * field_m2 + plan.missed_m2 == pytest.approx(field_m2)

@@ -95,9 +95,7 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
     assert "of 0.42 ha are left." in proposal.sentence
-    assert proposal.sentence.endswith(
-        f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked."
-    )
+    assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
 
 
 @pytest.mark.slow

@@ -49,7 +49,7 @@ def test_time_logs_of_isoxml_and_imported_runs_are_done_alike(
     first, second = (context.layout.field.done for context in contexts)
     assert first is not None and second is not None and first.symmetric_difference(second).area < 0.01 * DONE_M2
     status, out, _ = headland("plan", field, "--width", WIDTH_M, "--done", taskdata)
-    assert status == 0 and out.startswith("field, 0.54 ha")
+    assert status == 0 and "> recommended" in out
 
 
 @pytest.mark.slow
