@@ -203,6 +203,8 @@ def _lay_out_field(
         if request.swaths == STRAIGHT
         else [lay_contours(request, field, headland_m, passing_m, physics.terrain, radius_m)]
     )
+    index = None if planned is None else planned.find_index(layouts)
+    layouts = layouts if index is None else layouts[index : index + 1]
     weigh = build_slope_weigher(request, physics, tractor, field.default_ground)
     with time_share.save_half() as layout_share:
         for layout in layouts:
@@ -214,8 +216,7 @@ def _lay_out_field(
                 refusals.append(refusal)
         if not contexts:
             raise refusals[0]
-        index = None if planned is None else planned.find_index([one.layout for one in contexts])
-        context = contexts[choose_quickest_index(contexts, report_layouts, weigh) if index is None else index]
+        context = contexts[choose_quickest_index(contexts, report_layouts, weigh)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context

@@ -72,29 +72,26 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     """
     lines = lay_headland_lines(site) if headland_lines is None else list(headland_lines)
     due = site.work_ground if site.headland_passes else shapely.Polygon()
-    drafts = list(_list_swaths(site, subtract_area(due, unite_strips(site, lines))))
-    laid = _settle_all(site, [*drafts, *_list_obstacle_rings(site)])
-    groups = {draft.group for draft in drafts}
-    lines += [line for line in laid if line.group in groups]
+    swaths = _settle_all(site, _list_swaths(site, subtract_area(due, unite_strips(site, lines))))
+    lines += swaths
     left = subtract_area(due, unite_strips(site, lines))
-    rings = list[WorkLine]()
-    for ring in (line for line in laid if line.group not in groups):
-        strip = ring.build_strip(site.width_m)
-        own_m2 = float(shapely.intersection(strip, left).area)
-        if own_m2 > MIN_OWN_SHARE * site.width_m * ring.length_m:
-            rings.append(replace(ring, own_m2=own_m2))
-            left = subtract_area(left, strip)
-    lines += _settle_all(site, _list_leftover(site, left, lines))
+    rings = _settle_all(site, _list_obstacle_rings(site, left), swaths)
+    strips = clip_all_areas(_build_strips(site, rings), left)
+    rings = [replace(ring, own_m2=float(strip.area)) for ring, strip in zip(rings, strips, strict=True)]
+    lines += _settle_all(site, _list_leftover(site, subtract_area(left, unite_areas(strips)), lines))
     return keep_uncovered(site, lines) + rings
 
 
-def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
+def _settle_all(site: Site, drafts: Iterable[LineDraft], before: Sequence[WorkLine] = ()) -> list[WorkLine]:
     """The pieces of lines on which the body has room, settled by a drive where that is scarce.
 
-    Pieces of the same swath, or sides of the same round, are numbered on from 0.
+    Pieces of the same swath, or sides of the same round, are numbered on from 0, or from those of lines laid before.
     """
-    pieces, counts = (piece for draft in drafts for piece in _cut_to_room(site, draft)), dict[LegTask, int]()
-    lines = list[WorkLine]()
+    pieces = (piece for draft in drafts for piece in _cut_to_room(site, draft))
+    lines, counts = list[WorkLine](), dict[LegTask, int]()
+    for earlier in before:
+        task = replace(earlier.task, piece=0)
+        counts[task] = max(counts.get(task, -1), earlier.task.piece)
     for piece in pieces:
         counts[piece.task] = number = counts.get(piece.task, -1) + 1
         line = _settle(site, replace(piece, task=replace(piece.task, piece=number)))
@@ -130,15 +127,19 @@ def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]
         yield LineDraft(SWATH, swath.line, (SWATH, swath.line), extend_line(points, *more))
 
 
-def _list_obstacle_rings(site: Site) -> Iterator[LineDraft]:
-    """A ring round every obstacle that swaths are driven round, as round as tractors turn; one of the nearest swath."""
+def _list_obstacle_rings(site: Site, left: shapely.Geometry) -> Iterator[LineDraft]:
+    """A ring, as round as tractors turn, round every obstacle that swaths are driven round where enough of the ground
+    that these leave is its own; it is a piece of the nearest swath."""
     swaths = site.layout.swaths
     lines = [shapely.LineString(swath.points_m) for swath in swaths]
     away_m = max(0.5 * site.width_m + PULL_BACK_M, site.rules.radius_m)
-    for obstacle in site.layout.field.small_obstacles if swaths else ():
+    for count, obstacle in enumerate(site.layout.field.small_obstacles if swaths else ()):
         ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(RING_TOLERANCE_M)
-        number = swaths[int(np.argmin(shapely.distance(lines, obstacle.centroid)))].line
-        yield LineDraft(SWATH, number, (RING, number), np.asarray(ring.coords)[:, :2])
+        strip = ring.buffer(0.5 * site.width_m)
+        if shapely.intersection(strip, left).area > MIN_OWN_SHARE * strip.area:
+            left = subtract_area(left, strip)
+            number = swaths[int(np.argmin(shapely.distance(lines, obstacle.centroid)))].line
+            yield LineDraft(SWATH, number, (RING, count), np.asarray(ring.coords)[:, :2])
 
 
 def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry) -> float:

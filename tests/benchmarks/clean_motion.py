@@ -74,6 +74,13 @@ def float_on(error: Any, is_lost: bool, leaps: bool) -> None:
 
 
 @compile_function
+def wander_on(error_m: float, is_lost: bool, keep: float) -> float:
+    """The error of a fix along one axis, which wanders while corrections are lost and is none otherwise."""
+    spread_m = WANDER_M * math.sqrt(1.0 - keep * keep)
+    return keep * error_m + np.random.normal(0.0, spread_m) if is_lost else 0.0
+
+
+@compile_function
 def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     """The doubts of one tractor in so many steps, and the first step of one (-1 for none)."""
     np.random.seed(seed)
@@ -111,13 +118,8 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
         if floats:
             float_on(error, lost_s > 0.0, leaps)
         for axis in range(2):
-            if floats:
-                pass
-            elif lost_s > 0.0:
-                spread = WANDER_M * math.sqrt(1.0 - keep * keep)
-                error[axis] = keep * error[axis] + np.random.normal(0.0, spread)
-            else:
-                error[axis] = 0.0
+            if not floats:
+                error[axis] = wander_on(error[axis], lost_s > 0.0, keep)
             # guidance steers what is shown back onto the path, within the metres that it takes to do so
             shown_error[axis] += share * (error[axis] - shown_error[axis])
             offset = shown_error[axis] - steered[axis]
@@ -129,9 +131,8 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
                 shown[axis] = counted[axis]
             elif not is_slow or number % 2 == 0:
                 shown[axis] = fix
-        course = (
-            math.atan2(moved[1], moved[0]) if speed_mps > 0.0 and number > 0 else pose[2]
-        )  # it drives where it looks
+        looks = speed_mps > 0.0 and number > 0  # where it drives
+        course = math.atan2(moved[1], moved[0]) if looks else pose[2]
         heading = course + oblique + np.random.normal(0.0, HEADING_RAD)
         wheels_mps = math.hypot(moved[0], moved[1]) / STEP_S * (1.0 + slip) if number > 0 else 0.0
         said_mps = abs(wheels_mps + np.random.normal(0.0, SPEED_NOISE_MPS)) if speed_mps > 0.0 else 0.0

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
+from planner.errors import HeadlandError
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
@@ -234,9 +235,15 @@ def _drive_best(
     def join(composed: ComposedPlan) -> list[tuple[Leg, ...]]:
         return _join_missions(remaining, ends, helpers, composed)
 
-    def drive(composed: ComposedPlan) -> tuple[_DrivenPlan | FleetManagerError, float]:
-        missions = join(composed)
+    def measure_alone_s(composed: ComposedPlan) -> list[float]:
         try:
+            return driver.measure_alone_s(join(composed))
+        except HeadlandError:  # driving it says why
+            return [0.0]
+
+    def drive(composed: ComposedPlan) -> tuple[_DrivenPlan | FleetManagerError, float]:
+        try:
+            missions = join(composed)
             run = driver.drive(missions)
         except FleetManagerError as refusal:
             return refusal, math.inf
@@ -245,7 +252,7 @@ def _drive_best(
 
     try:
         sketches = sketch_plans(context, STRATEGY, len(helpers))
-        best = drive_best(sketches, lambda composed: driver.measure_alone_s(join(composed)), drive)
+        best = drive_best(sketches, measure_alone_s, drive)
     except StrategyError as refusal:
         raise FleetManagerError(f"The work that is left cannot be planned: {refusal}") from None
     assert not isinstance(best, float)  # nothing is ruled out

@@ -106,7 +106,7 @@ def _measure_finished_crossing(
         metres[name] = metres.get(name, 0.0) + float(shapely.intersection(line, worked_ground.strips[strip]).length)
     by_metres = sorted(metres, key=lambda name: (metres[name], len(name), name))
     slight = np.cumsum([metres[name] for name in by_metres]) < MIN_CROSSED_M
-    crossed = sorted((name for name in by_metres[slight.sum() :]), key=lambda name: (len(name), name))
+    crossed = sorted(by_metres[slight.sum() :], key=lambda name: (len(name), name))
     total_m = math.fsum(metres.values())
     return (tuple(crossed), total_m) if total_m >= MIN_CROSSED_M else ((), 0.0)
 
