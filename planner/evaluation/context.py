@@ -119,6 +119,11 @@ class PlanningContext:
         return max(GATE_HALF_WIDTH_M, 0.5 * machine_m + GATE_MARGIN_M)
 
     @cached_property
+    def folded(self) -> PlanningContext:
+        """The same with the implement folded."""
+        return replace(self, implement=self.implement.folded)
+
+    @cached_property
     def trajectory_cache(self) -> TrajectoryCache:
         """Trajectories of tractors driven alone, for all plans of the context."""
         return TrajectoryCache()

@@ -22,7 +22,7 @@ from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import build_body_outline, build_ground
-from strategies.site.site import MISSED_FACTOR, Site
+from strategies.site.site import MISSED_FACTOR, FoldedBody, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.terrain import Terrain
@@ -56,6 +56,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         rules=context.driving_rules,
         costs=context.costs,
         body=body,
+        folded=_build_folded_body(context),
         ground=build_ground(shapely.difference(_compute_allowed(context, 0.0, spare_m), taken), cap_m),
         proof_ground=build_ground(shapely.difference(_compute_allowed(context, TOLERANCE_M, EDGE_M), taken), cap_m),
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
@@ -69,6 +70,14 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         is_alike=context.physics.terrain is None and not field.ground_zones,
         corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
+
+
+def _build_folded_body(context: PlanningContext) -> FoldedBody | None:
+    implement = context.implement
+    if not implement.folds:
+        return None
+    outline = build_body_outline(build_body(context.tractor, implement.folded))
+    return FoldedBody(outline, implement.fold_s)
 
 
 def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[WorkLine]] | None = None) -> SiteMoves:

@@ -492,5 +492,5 @@ def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
 
 def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
     """What legs have used of a load since it was filled last."""
-    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
+    served = max((number for number, leg in enumerate(legs) if leg.is_served), default=0)
     return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0

@@ -18,7 +18,7 @@ from strategies.formations.tours import FormationTour
 from strategies.lines.work_line import cut_line
 from strategies.program.legs import make_mission
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
+from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
 from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Plan
 
 QUEUE_PART = 3  # of a pass: after its way to its place, what it works in formation, and its approach to the queue
@@ -112,7 +112,7 @@ def write_formation(
             _add_round_gates(draft, number, tractor)
     if move_up:
         _add_moving_up(draft)
-    return Plan(tuple(make_mission(legs) for legs in draft.legs))
+    return Plan(tuple(make_mission(stand_to_unfold(table.site, legs)) for legs in draft.legs))
 
 
 def _queue_in_single_file(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from fields.geometry.overlays import Areas, clip_all_areas, subtract_area, unite_areas
@@ -279,10 +280,16 @@ def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None
     return (float(first), float(last)) if last - first >= MIN_PIECE_M else None
 
 
-def measure_proof_rooms(site: Site, poses: Floats) -> Floats:
-    """Room (t,) of the body on the proof ground at poses (t, 3) of the centre of mass (m)."""
-    body, ground, places = site.body, site.proof_ground, np.ascontiguousarray(poses)
-    return measure_rooms(places, site.axle_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
+def measure_proof_rooms(site: Site, poses: Floats, is_folded: npt.NDArray[np.bool_] | None = None) -> Floats:
+    """Room (t,) of the body on the proof ground at poses (t, 3) of the centre of mass (m), folded where `is_folded`."""
+    ground, places, rooms = site.proof_ground, np.ascontiguousarray(poses), np.empty(len(poses))
+    for folded, rows in ((False, slice(None)), (True, is_folded)):
+        if rows is not None:
+            body = site.get_body(folded)
+            rooms[rows] = measure_rooms(
+                places[rows], site.axle_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M
+            )
+    return rooms
 
 
 def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:

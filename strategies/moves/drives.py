@@ -26,6 +26,7 @@ from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 
 Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
 BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
@@ -56,15 +57,17 @@ class MoveDrive:
         off_m: how far beside the line that follows it is begun.
         missed_m2: ground that is missed until the tractor has settled on it.
         poses: (t, 3) of the centre of mass, as seen from where the move begins.
+        is_folded: (t,) whether the implement is folded there.
     """
 
     drive_s: float
     off_m: float
     missed_m2: float
     poses: Floats
+    is_folded: Flags
 
 
-Alike = tuple[Pose, bytes, bool, bytes, bytes]
+Alike = tuple[Pose, bytes, bool, bool, bytes, bytes]
 
 
 @dataclass(eq=False)
@@ -116,7 +119,8 @@ class MoveDrives:
         for pose, points in ((path.start, passage.before), (path.end, passage.after)):
             seen = np.empty((0, 2)) if points is None else _see_from(pose, points)
             lines.append((np.round(seen, ALIKE_DIGITS) + 0.0).tobytes())
-        return START if self.is_level else move.start, move.rows.tobytes(), move.is_work, lines[0], lines[1]
+        start = START if self.is_level else move.start
+        return start, move.rows.tobytes(), move.is_work, move.is_folded, lines[0], lines[1]
 
     def _drive_together(self, todo: Sequence[tuple[Alike, Passage]]) -> None:
         """Drive some moves at once, each as if it were alone; the others again where one got stuck."""
@@ -137,23 +141,25 @@ class MoveDrives:
     def _build_legs(self, key: Alike, move: Move) -> list[Leg]:
         """The legs of a move with the lines that are driven with it, in its place or at the origin."""
         path = replace(move.path, start=key[0])
-        before, after = (np.frombuffer(seen).reshape(-1, 2) for seen in key[3:])
-        legs = build_path_legs(self.site, path, LegTask(SWATH if move.is_work else TURN), is_work=move.is_work)
+        before, after = (np.frombuffer(seen).reshape(-1, 2) for seen in key[4:])
+        legs = build_move_legs(self.site, replace(move, start=path.start), LegTask(SWATH if move.is_work else TURN))
         if len(before):
             legs.insert(0, build_work_leg(self.site, _place_at(path.start, before), LegTask(SWATH)))
         if len(after):
-            legs.append(build_work_leg(self.site, _place_at(path.end, after), LegTask(SWATH)))
+            line = build_work_leg(self.site, _place_at(path.end, after), LegTask(SWATH))
+            legs.append(line.copy_with(stand_s=self.site.get_fold_s(move.is_folded)))
         return legs
 
     def _measure(self, run: SimulationRun, number: int, legs: Sequence[Leg], key: Alike) -> MoveDrive:
         """The drive of one of several tractors that pass each other by."""
-        frame, _, _, before, after = key
+        frame, _, _, _, before, after = key
         rows = 1 + int(np.searchsorted(run.time_s, run.finish_s[number]))
         time_s, poses = run.time_s[:rows], run.get_poses(number)[:rows]
         begun_s = self.measure_start_s(legs[0].length_m) if before else 0.0
         seen = np.column_stack([_see_from(frame, poses[:, :2]), poses[:, 2] - frame[2]])
+        is_folded = list_folded_rows(run, number)[:rows]
         if not after:
-            return MoveDrive(float(run.finish_s[number]) - begun_s, 0.0, 0.0, seen)
+            return MoveDrive(float(run.finish_s[number]) - begun_s, 0.0, 0.0, seen, is_folded)
         line = legs[-1]
         row = int(np.argmax(run.get_leg_numbers(number) == len(legs) - 1))
         settled_m = min(SETTLE_M, 0.5 * line.length_m)
@@ -161,7 +167,7 @@ class MoveDrives:
         end_s = float(np.interp(settled_m, driven_m, time_s[row:]))
         drive_s = end_s - begun_s - settled_m / self.site.rules.work_speed_mps
         off_m = self._measure_off_m(line.points, poses[row:][driven_m <= settled_m])
-        return MoveDrive(drive_s, float(off_m[0]), float(off_m[:-1] @ np.diff(driven_m[: len(off_m)])), seen)
+        return MoveDrive(drive_s, float(off_m[0]), float(off_m[:-1] @ np.diff(driven_m[: len(off_m)])), seen, is_folded)
 
     def _measure_off_m(self, line: Floats, poses: Floats) -> Floats:
         """How far (t,) beside a line (n, 2) the implement is, with the centre of mass at poses (t, 3)."""
@@ -176,7 +182,7 @@ class MoveDrives:
             return None
         places = _place_at(move.start, drive.poses[:, :2])
         poses = np.column_stack([places, drive.poses[:, 2] + move.start[2]])
-        if measure_proof_rooms(self.site, poses).min() < -ROOM_TOLERANCE_M:
+        if measure_proof_rooms(self.site, poses, drive.is_folded).min() < -ROOM_TOLERANCE_M:
             return None
         cut_s = (move.leave_m + move.join_m) / self.site.rules.work_speed_mps
         return replace(move, drive_s=drive.drive_s - cut_s, settling_s=compute_missed_s(self.site, drive.missed_m2))
@@ -199,6 +205,12 @@ def compute_missed_s(site: Site, missed_m2: float) -> float:
     return MISSED_FACTOR * missed_m2 * site.work_s_per_m2
 
 
+def list_folded_rows(run: SimulationRun, tractor: int) -> Flags:
+    """In which rows (t,) of a record the implement of a tractor is folded."""
+    is_folded: Flags = np.array([leg.folded for leg in run.plan.missions[tractor].legs])[run.get_leg_numbers(tractor)]
+    return is_folded
+
+
 def _see_from(pose: Pose, points: Floats) -> Floats:
     """Points (n, 2) as seen from a pose."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -217,6 +229,14 @@ def build_work_leg(site: Site, points: Floats, task: LegTask) -> Leg:
     """A leg along points (n, 2) that works."""
     x, y = points[len(points) // 2].tolist()
     return Leg(points, site.rules.work_speed_mps, 1, True, site.layout.field.find_ground_at(x, y), task)
+
+
+def build_move_legs(site: Site, move: Move, task: LegTask) -> list[Leg]:
+    """The legs of a move; the tractor stands before the first to fold its implement where the move needs that."""
+    legs = build_path_legs(site, move.path, task, is_work=move.is_work)
+    if not move.is_folded:
+        return legs
+    return [leg.copy_with(folded=True, stand_s=0.0 if k else site.get_fold_s(True)) for k, leg in enumerate(legs)]
 
 
 def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool = False) -> list[Leg]:

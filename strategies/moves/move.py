@@ -27,6 +27,7 @@ class Move:
         settling_s: charge for ground missed as the next line is begun beside it, as expected or as measured.
         leave_m, join_m: by how much the line left is lifted early, and the line begun is lowered late.
         is_work: whether the implement stays down.
+        is_folded: whether it is folded on the way: the tractor stands to fold before it and to unfold after it.
     """
 
     start: Pose
@@ -38,6 +39,7 @@ class Move:
     leave_m: float = 0.0
     join_m: float = 0.0
     is_work: bool = False
+    is_folded: bool = False
 
     @property
     def cost_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -56,24 +56,36 @@ class MoveFinder:
     def _costs(self) -> tuple[Floats, Floats]:
         return self.site.speeds, self.settling
 
-    @property
-    def _body(self) -> Any:
-        body, ground = self.site.body, self.site.ground
+    def _get_body(self, is_folded: bool = False) -> Any:
+        body, ground = self.site.get_body(is_folded), self.site.ground
         return body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M
 
-    def list_moves(self, a: Pose, b: Pose, *, leads: bool = True, most: int = MOST_OPTIONS) -> list[Move]:
+    def list_moves(
+        self, a: Pose, b: Pose, *, leads: bool = True, most: int = MOST_OPTIONS, is_folded: bool = False
+    ) -> list[Move]:
         """The quickest closed forms from a to b on which the body has room; without `leads` arcs may begin at once."""
         place, start, kept, site = place_in_frame(a, b), np.array(a), self.site.kept, self.site
+        body = self._get_body(is_folded)
         forms, kinds = self._get_forms(place, PLAIN_LEADS if leads else 1)
-        numbers = pick_with_room(start, forms, most, *self._body)
+        numbers = pick_with_room(start, forms, most, *body)
         if leads and not len(numbers):
             forms, kinds = self._get_forms(place, len(LEADS_OUT_M))
-            numbers = pick_with_room(start, forms, most, *self._body)
+            numbers = pick_with_room(start, forms, most, *body)
         weights = weigh_forms(start, forms, numbers, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
         return [
             Move(a, forms[k], PATH_KINDS[kinds[k]], *seconds)
             for k, seconds in zip(numbers.tolist(), weights.tolist(), strict=True)
         ]
+
+    def list_folded_moves(self, a: Pose, b: Pose) -> list[Move]:
+        """Moves with the implement folded, in closed form, else the one by search; none where it does not fold."""
+        if self.site.folded is None:
+            return []
+        found = self.list_moves(a, b, is_folded=True) or [
+            move for move in [self._search_within(a, b, self.site.rules.max_reverse_m, True)] if move is not None
+        ]
+        stands_s = 2.0 * self.site.get_fold_s(True)
+        return [replace(move, drive_s=move.drive_s + stands_s, is_folded=True) for move in found]
 
     def search(self, a: Pose, b: Pose) -> Move | None:
         """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
@@ -81,14 +93,15 @@ class MoveFinder:
         limits_m = [self.site.rules.max_reverse_m] + [math.inf] * bool(self.site.allowed_kinds[3])
         return next((move for limit_m in limits_m if (move := self._search_within(a, b, limit_m)) is not None), None)
 
-    def _search_within(self, a: Pose, b: Pose, max_reverse_m: float) -> Move | None:
+    def _search_within(self, a: Pose, b: Pose, max_reverse_m: float, is_folded: bool = False) -> Move | None:
         site, kept, remaining_m = self.site, self.site.kept, self._get_remaining_m(b)
+        body = self._get_body(is_folded)
         start, goal, only = np.array(a), np.array(b), np.zeros(1, np.int64)
         how = self.radii[:1], *self._costs, site.allowed_kinds, max_reverse_m
-        rows, seconds = search_move(start, goal, remaining_m, *how, MOST_POSES, *self._body)
+        rows, seconds = search_move(start, goal, remaining_m, *how, MOST_POSES, *body)
         if seconds == np.inf:
             return None
-        rows = shorten_rows(start, rows, *how, *self._body)
+        rows = shorten_rows(start, rows, *how, *body)
         weights = weigh_forms(start, rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
         drive_s, charge_s, settling_s = weights[0].tolist()
         charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / site.rules.max_reverse_m - 1.0)
@@ -101,7 +114,7 @@ class MoveFinder:
         if key not in self._ways:
             gears = np.array([1.0, -1.0]) if both else np.array([-1.0 if backwards else 1.0])
             radius_m = float(self.radii[0])
-            self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._body))
+            self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._get_body()))
         return self._ways[key]
 
     def _get_remaining_m(self, goal: Pose) -> Floats:

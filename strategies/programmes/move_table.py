@@ -41,6 +41,7 @@ class MoveTable:
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _cut: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)
+    _folded: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
     _failures: Floats = field(init=False)
@@ -160,7 +161,8 @@ class MoveTable:
         self._update_cost(u, v)
 
     def find(self, u: int, v: int) -> bool:
-        """Find moves between two nodes: in closed form, else with lines cut back, else by a search; whether any is."""
+        """Find moves between two nodes: in closed form, else with lines cut back, else by a search, else with the
+        implement folded; whether any is."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
         if not self._options[u, v] and (u, v) not in self._cut:
@@ -173,6 +175,9 @@ class MoveTable:
             if found is None:
                 for key in (("end", u), ("begin", v)):
                     self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1
+        if not self._options[u, v] and self._may_fold(u, v):
+            self._folded.add((u, v))
+            self._options[u, v] = list(self.moves.list_folded_moves(u, v))
         self._update_cost(u, v)
         return bool(self._options[u, v])
 
@@ -182,7 +187,7 @@ class MoveTable:
         if options:
             self.cost_s[u, v] = max(0.0, options[0].cost_s)
         else:
-            may_find = (u, v) not in self._cut or self._may_search(u, v)
+            may_find = (u, v) not in self._cut or self._may_search(u, v) or self._may_fold(u, v)
             self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if may_find else NO_MOVE_S
         self.is_estimated[u, v] = True
 
@@ -192,3 +197,7 @@ class MoveTable:
         if (u, v) in self._searched or max(vain.get(("end", u), 0), vain.get(("begin", v), 0)) >= MOST_VAIN:
             return False
         return self.moves.has_way(u, v)
+
+    def _may_fold(self, u: int, v: int) -> bool:
+        """Whether a move with the implement folded may still be found."""
+        return self.site.folded is not None and (u, v) not in self._folded and self.gate not in (u, v)

@@ -16,7 +16,7 @@ from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_legs import build_mission, build_run_parts
+from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
 from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import MISSED_FACTOR
@@ -160,7 +160,7 @@ def _find_lost_moves(table: MoveTable, run: Sequence[int]) -> tuple[tuple[int, i
     if key not in known:
         parts = build_run_parts(table, run)
         owners = [pair for pair, legs in parts for _ in legs]
-        legs = [leg for _, legs in parts for leg in legs]
+        legs = stand_to_unfold(table.site, [leg for _, legs in parts for leg in legs])
         known[key] = tuple(owners[number] for number in table.moves.find_lost_legs(legs))
     return known[key]
 

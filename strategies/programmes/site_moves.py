@@ -26,6 +26,7 @@ from strategies.moves.drives import (
     MoveDrives,
     Passage,
     build_work_leg,
+    list_folded_rows,
     measure_settling,
 )
 from strategies.moves.move import Move
@@ -63,6 +64,7 @@ class SiteMoves:
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    _folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     _driven: dict[Move, Move | None] = field(default_factory=dict)
 
@@ -112,6 +114,13 @@ class SiteMoves:
         if (u, v) not in self._cut_moves:
             self._cut_moves[u, v] = () if self.gate in (u, v) else tuple(self._list_cut_moves(u, v))
         return self._cut_moves[u, v]
+
+    def list_folded_moves(self, u: int, v: int) -> tuple[Move, ...]:
+        """Moves between lines with the implement folded, the cheapest first."""
+        if (u, v) not in self._folded_moves:
+            found = [] if self.gate in (u, v) else self.finder.list_folded_moves(self.ends[u], self.begins[v])
+            self._folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
+        return self._folded_moves[u, v]
 
     def search(self, u: int, v: int) -> Move | None:
         """A move by search, if need be between lines cut back by the turning radius."""
@@ -204,7 +213,7 @@ class SiteMoves:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
         run = self.site.drive(Plan((Mission(tuple(legs)),)))
         numbers = run.get_leg_numbers(0)
-        is_off = measure_proof_rooms(self.site, run.get_poses(0)) < -ROOM_TOLERANCE_M
+        is_off = measure_proof_rooms(self.site, run.get_poses(0), list_folded_rows(run, 0)) < -ROOM_TOLERANCE_M
         is_off[-1] |= run.outcome != DONE
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost

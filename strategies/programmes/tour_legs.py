@@ -7,12 +7,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 from strategies.lines.work_line import cut_line
-from strategies.moves.drives import build_path_legs, build_work_leg
+from strategies.moves.drives import build_move_legs, build_path_legs, build_work_leg
 from strategies.moves.move import Move
 from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import list_parts_m
+from strategies.site.site import Site
 from vehicle.missions.plan import ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 
 ROUTE_WAIT_M = 10.0  # between places to wait on a way in, out or across
@@ -32,7 +33,16 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
         if move is not None and not is_last:
             legs += build_move(table, following, move)
             join_m = move.join_m
-    return make_mission([*legs, *build_way_out(table, tour[-1])])
+    return make_mission(stand_to_unfold(table.site, [*legs, *build_way_out(table, tour[-1])]))
+
+
+def stand_to_unfold(site: Site, legs: Sequence[Leg]) -> list[Leg]:
+    """The legs with the time that a tractor stands to unfold before each that follows a move with it folded."""
+    befores = [None, *legs]
+    return [
+        leg.copy_with(stand_s=site.get_fold_s(True)) if before and before.folded and not leg.folded else leg
+        for before, leg in zip(befores, legs, strict=False)
+    ]
 
 
 def build_run_parts(table: MoveTable, nodes: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
@@ -79,10 +89,11 @@ def _require_move(table: MoveTable, u: int, v: int) -> Move:
 def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
     task = table.lines[following // 2].task
+    if not move.is_work:
+        task = replace(task, kind=ROUTE if move.kind == "route" else TURN)
+    legs = build_move_legs(table.site, move, task)
     if move.is_work:
-        return build_path_legs(table.site, move.path, task, is_work=True)
-    kind = ROUTE if move.kind == "route" else TURN
-    legs = build_path_legs(table.site, move.path, replace(task, kind=kind))
+        return legs
     return add_wait_points(legs, ROUTE_WAIT_M) if move.path.length_m > LONG_MOVE_M else legs
 
 

@@ -17,7 +17,7 @@ from strategies.program.legs import add_wait_points, make_mission
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
+from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
@@ -126,7 +126,7 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
         elif direct is not None:
             legs += build_move(table, goal.node, direct)
     legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
-    return MissionWithStops(make_mission(legs).legs, tuple(placed))
+    return MissionWithStops(make_mission(stand_to_unfold(table.site, legs)).legs, tuple(placed))
 
 
 def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: bool) -> list[Leg]:

@@ -120,7 +120,7 @@ def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: s
 
     A load is the most that one works between two stops. `served_at` is used if no leg leads to a place.
     """
-    stops_s = [leg.stand_s for legs in missions for leg in legs if leg.stand_s > 0.0]
+    stops_s = [leg.stand_s for legs in missions for leg in legs if leg.is_served]
     if not stops_s:
         return None
     max_load_m = max(metres for legs in missions for metres in _list_worked_between_stops_m(legs))
@@ -136,7 +136,7 @@ def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
     """Metres worked between stops."""
     worked_m = 0.0
     for leg in legs:
-        if leg.stand_s > 0.0:
+        if leg.is_served:
             yield worked_m
             worked_m = 0.0
         worked_m += leg.length_m * leg.implement
@@ -148,7 +148,7 @@ def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
     points: dict[Pose, None] = {}
     for legs in missions:
         for before, leg in pairwise(legs):
-            if leg.stand_s > 0.0 and before.task.kind == REFILL:
+            if leg.is_served and before.task.kind == REFILL:
                 (x, y), (x1, y1) = leg.points[:2].tolist()
                 points.setdefault((x, y, math.atan2(leg.gear * (y1 - y), leg.gear * (x1 - x))))
     return tuple(points)
@@ -165,7 +165,7 @@ def add_service_gates(plan: Plan, supply: Supply, width_m: float) -> Plan:
 
 def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> MissionWithStops:
     """Some legs with the stops in them, their amounts, and where a tractor may wait for its turn before each."""
-    numbers = [number for number, leg in enumerate(legs) if leg.stand_s > 0.0]
+    numbers = [number for number, leg in enumerate(legs) if leg.is_served]
     loads = [supply.compute_legs_need(legs[a:b], width_m) for a, b in pairwise([0, *numbers, len(legs)])]
     stops = list[ServiceStop]()
     for number, amount in zip(numbers, supply.include_trips().list_amounts(loads), strict=True):

@@ -25,6 +25,14 @@ Drive = Callable[[Plan], SimulationRun]
 
 
 @dataclass(frozen=True, eq=False)
+class FoldedBody:
+    """The outline of a machine with its implement folded, and how long it stands to fold or to unfold it (s)."""
+
+    outline: BodyOutline
+    fold_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class Site:
     """Where and with what a job is done.
 
@@ -32,6 +40,7 @@ class Site:
         layout, headland_passes: what is to be worked.
         rules, costs: how every tractor drives, and what its turns cost.
         body: its outline with the implement.
+        folded: the implement as it is folded for moves that have no room else; None for one that does not fold.
         ground: what the body may touch in plans.
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
@@ -49,6 +58,7 @@ class Site:
     rules: DrivingRules
     costs: TurnCosts
     body: BodyOutline
+    folded: FoldedBody | None
     ground: Ground
     proof_ground: Ground
     kept: Ground
@@ -61,6 +71,14 @@ class Site:
     drive_level: Drive
     is_alike: bool
     corner_factor: float = MISSED_FACTOR
+
+    def get_body(self, is_folded: bool) -> BodyOutline:
+        """The outline of the machine, with its implement folded or not."""
+        return self.folded.outline if is_folded and self.folded is not None else self.body
+
+    def get_fold_s(self, is_folded: bool) -> float:
+        """How long a tractor stands before and after a move with its implement folded or not (s)."""
+        return self.folded.fold_s if is_folded and self.folded is not None else 0.0
 
     @property
     def width_m(self) -> float:

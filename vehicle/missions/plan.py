@@ -74,7 +74,7 @@ class Leg:
 
     `gear` is 1 or -1; `implement` is whether the implement works. `may_wait` marks a hold point: a tractor that gives
     way may wait before this leg, where it blocks nobody. Once the gates are open the tractor stands for `stand_s`
-    seconds before the leg, to refill or unload.
+    seconds before the leg, to refill or unload, or to fold or unfold. `folded` is whether the implement is folded.
     """
 
     points: Floats
@@ -87,6 +87,12 @@ class Leg:
     gates: tuple[LegGate, ...] = ()
     follow: FollowOrder | None = None
     stand_s: float = 0.0
+    folded: bool = False
+
+    @property
+    def is_served(self) -> bool:
+        """Whether the tractor refills, unloads or charges before the leg: not where it folds, or unfolds to work."""
+        return self.stand_s > 0.0 and not (self.folded or self.implement)
 
     @cached_property
     def length_m(self) -> float:
@@ -216,6 +222,8 @@ def _find_leg_fault(leg: Leg) -> str:
         return f"ground {leg.ground!r} is unknown; use one of: {', '.join(list_ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
         return f"a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0."
+    if leg.folded and leg.implement:
+        return "the implement works while it is folded; it can do one of both."
     task = leg.task
     if task.kind not in TASKS:
         return f"task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}."

@@ -27,7 +27,10 @@ from vehicle.model.validation_messages import describe_validation_errors
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
+ROAD_WIDTH_M = 3.0  # of agricultural machines on public roads in most of Europe (Germany: StVZO 32, 35th exception)
+FOLD_S = 30.0  # assumed: hydraulic, from the seat and without the locks that a road asks for
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 def _make_number_type(low: float, high: float, description: str = "") -> Any:
@@ -314,17 +317,33 @@ class Tractor(_FrozenModel):
 
 
 class Implement(_FrozenModel):
-    """A mounted implement: a bar of the working width, `hitch_m` behind the rear axle."""
+    """A mounted implement: a bar of the working width, `hitch_m` behind the rear axle.
+
+    One that is wider than a road allows folds to `transport_width_m`, and back, in `fold_s` seconds each; one with a
+    transport width of its frame or more is rigid.
+    """
 
     width_m: Positive = 3.0
     hitch_m: Positive = 1.2
     length_m: Positive = 0.7
     frame_width_m: Positive | None = None
+    transport_width_m: Positive = ROAD_WIDTH_M
+    fold_s: Seconds = FOLD_S
 
     @property
     def contact_width_m(self) -> float:
         """Width of the frame that could touch another tractor; by default a tenth less than the swath."""
         return self.frame_width_m if self.frame_width_m is not None else 0.9 * self.width_m
+
+    @property
+    def folds(self) -> bool:
+        """Whether it is narrower when it is folded."""
+        return self.transport_width_m < self.contact_width_m
+
+    @property
+    def folded(self) -> Implement:
+        """The implement as it is folded; a rigid one as it is."""
+        return self.model_copy(update={"frame_width_m": self.transport_width_m}) if self.folds else self
 
 
 def list_tractor_names() -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def find_flat_battery(context: PlanningContext, run: SimulationRun) -> str | Non
     energy = compute_run_energy(run, context.tractor, load, context.physics.terrain, source=drive)
     entries = run.plan.notes.get("refills", ()) if isinstance(context.supply, BatterySupply) else ()
     for number, (mission, own) in enumerate(zip(run.plan.missions, energy.tractors, strict=True)):
-        is_stop = np.array([leg.stand_s > 0.0 for leg in mission.legs])
+        is_stop = np.array([leg.is_served for leg in mission.legs])
         amounts = np.zeros(len(mission.legs))
         if entries:
             amounts[is_stop] = [entry["amount"] for entry in entries if entry["tractor"] == number + 1]

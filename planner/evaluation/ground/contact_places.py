@@ -14,6 +14,7 @@ from planner.evaluation.ground.coverage import InteriorCellTable, measure_excurs
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.site import MAX_OUTSIDE_M
 from reports.common.shortfalls import FENCE, OBSTACLE, OUTLINE, PlanFault
+from strategies.moves.drives import list_folded_rows
 from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
@@ -30,6 +31,7 @@ SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are o
 POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
 OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned paths are followed no closer
 Flags = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
 
 
 class _IntrusionCheck:
@@ -206,12 +208,13 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
     fences = context.layout.field.fences
     if not fences:
         return
-    check, obstacle_count = FenceIntrusionCheck(context), len(context.layout.field.solid_obstacles)
-    for tractor in range(run.plan.tractors):
-        poses = run.get_poses(tractor)
-        if check.measure_intrusion_m(poses[::CHECK_ROW_STEP]) <= MAX_FENCE_CROSSING_M:
+    obstacle_count = len(context.layout.field.solid_obstacles)
+    checks = {each.implement: FenceIntrusionCheck(each) for each in (context, context.folded)}
+    for tractor, rows, state in _iter_states(run, context):
+        poses, check = run.get_poses(tractor), checks[state.implement]
+        if check.measure_intrusion_m(poses[rows]) <= MAX_FENCE_CROSSING_M:
             continue
-        near_rows = CHECK_ROW_STEP * np.flatnonzero(check.find_poses_to_check(poses[::CHECK_ROW_STEP]))
+        near_rows = rows[check.find_poses_to_check(poses[rows])]
         depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in near_rows])
         for group in _split_rows(near_rows[depths_m > MAX_FENCE_CROSSING_M]):
             deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
@@ -224,10 +227,8 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
     field = context.layout.field
     names = field.obstacle_names
     cores = [shape.buffer(-MIN_OVERLAP_M) for shape in field.solid_obstacles]
-    for tractor in range(run.plan.tractors if cores else 0):
-        rows = np.arange(0, len(run.time_s), CHECK_ROW_STEP)
-        poses = run.get_poses(tractor)
-        reach_m = compute_reach_m(context)
+    for tractor, rows, state in _iter_states(run, context) if cores else ():
+        poses, reach_m = run.get_poses(tractor), compute_reach_m(state)
         rows = rows[find_poses_within_reach(poses[rows], shapely.bounds(cores), reach_m)]
         points = shapely.points(poses[rows, :2])  # made once: they take longer than the distances
         for number, core in enumerate(cores):
@@ -235,14 +236,24 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
             near_rows = rows[shapely.dwithin(core, points, reach_m)]
             if not len(near_rows):
                 continue
-            boxes = place_boxes_at(poses[near_rows], context).reshape(len(near_rows), -1)
+            boxes = place_boxes_at(poses[near_rows], state).reshape(len(near_rows), -1)
             touching_rows = near_rows[shapely.intersects(core, boxes).any(axis=1)]
-            check = ObstacleIntrusionCheck(context, field.solid_obstacles[number])
+            check = ObstacleIntrusionCheck(state, field.solid_obstacles[number])
             for group in _split_rows(touching_rows):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
                 row = int(group[deepest])
                 yield _build_place(run, OBSTACLE, number, names[number], tractor, row, depths_m[deepest])
+
+
+def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[int, Rows, PlanningContext]]:
+    """Every tractor with the rows of its record that are checked, those with its implement folded apart."""
+    rows = np.arange(0, len(run.time_s), CHECK_ROW_STEP)
+    for tractor in range(run.plan.tractors):
+        is_folded = list_folded_rows(run, tractor)[rows]
+        for state, here in ((context, rows[~is_folded]), (context.folded, rows[is_folded])):
+            if len(here):
+                yield tractor, here, state
 
 
 def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
@@ -280,11 +291,11 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
     grounds = [_build_grounds(outline, region, gate) for gate in (shapely.Polygon(), context.gate_area)]
     farthest_m = beyond_m = 0.0
     for tractor in range(run.plan.tractors):
-        poses, passes_gate = _list_places(run, tractor)
+        poses, passes_gate, is_folded = _list_places(run, tractor)
         is_beyond = np.zeros(len(poses))
         near = table.find_uncertain(poses)
-        for (ground, allowed), here in zip(grounds, (near[~passes_gate[near]], near[passes_gate[near]]), strict=True):
-            shapes = place_boxes_at(poses[here], context)
+        for state, (ground, allowed), here in _iter_parts(context, grounds, near, passes_gate, is_folded):
+            shapes = place_boxes_at(poses[here], state)
             owner = np.repeat(here, len(shapes) // max(len(here), 1))
             is_out = ~shapely.covers(ground, shapes)
             owner, shapes = owner[is_out], shapes[is_out]
@@ -305,12 +316,27 @@ def _build_grounds(
     return ground, allowed
 
 
-def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags]:
-    """Poses (t, 3) of a tractor that are measured, and whether each is on the way in or out."""
+def _iter_parts(
+    context: PlanningContext,
+    grounds: Sequence[tuple[shapely.Geometry, shapely.Geometry]],
+    near: Rows,
+    passes_gate: Flags,
+    is_folded: Flags,
+) -> Iterator[tuple[PlanningContext, tuple[shapely.Geometry, shapely.Geometry], Rows]]:
+    """The machine and the grounds, on the field and at the gate, with the places where each holds."""
+    for state, has_state in ((context, ~is_folded), (context.folded, is_folded)):
+        for ground, has_ground in zip(grounds, (~passes_gate, passes_gate), strict=True):
+            here = near[has_state[near] & has_ground[near]]
+            if len(here):
+                yield state, ground, here
+
+
+def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags]:
+    """Poses (t, 3) of a tractor that are measured, whether each is on the way in or out, and with it folded."""
     poses = run.get_poses(tractor)
     rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)
     passes_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in run.plan.missions[tractor].legs], dtype=bool)
-    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]]
+    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]], list_folded_rows(run, tractor)[rows]
 
 
 def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:

@@ -138,7 +138,9 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
 
 
 def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
-    """Ground wide enough for the machines but without a passage to it."""
+    """Ground wide enough for the machines but without a passage to it; none where they fold to get through."""
+    if context.implement.folds:
+        return shapely.Polygon()
     parts = sorted(shapely.get_parts(context.free_space), key=lambda part: (-part.area, part.bounds))
     grown = [
         part.buffer(0.5 * _get_machine_width_m(context), join_style="mitre", mitre_limit=MITRE_LIMIT)
