@@ -24,7 +24,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.programme import list_pairs, prove_short_runs
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
-from strategies.site.site import MISSED_FACTOR
+from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
@@ -90,7 +90,7 @@ class _Pieces:
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
-            value_s=np.concatenate([MISSED_FACTOR * own_s, np.full(tractors, FORMATION_VALUE_S)]),
+            value_s=np.concatenate([LEFT_FACTOR * own_s, np.full(tractors, FORMATION_VALUE_S)]),
             begin_s=ends_s[0],
             end_s=ends_s[1],
             allowed=allowed,

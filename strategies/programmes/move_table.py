@@ -6,6 +6,7 @@ import math
 from bisect import insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -171,7 +172,9 @@ class MoveTable:
         if not self._options[u, v] and self._may_search(u, v):
             self._searched.add((u, v))
             found = self.moves.search(u, v)
-            self._options[u, v] = [] if found is None else [found]
+            folded = self.moves.list_folded_moves(u, v) if self._may_fold(u, v) else ()
+            self._folded.add((u, v))
+            self._options[u, v] = sorted([*folded, *([] if found is None else [found])], key=attrgetter("cost_s"))
             if found is None:
                 for key in (("end", u), ("begin", v)):
                     self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1

@@ -19,7 +19,7 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
 from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import build_way, find_stuck_side
-from strategies.site.site import MISSED_FACTOR
+from strategies.site.site import LEFT_FACTOR
 
 Floats = npt.NDArray[np.float64]
 
@@ -193,7 +193,7 @@ def pose_problem(
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-        value_s=MISSED_FACTOR * own_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts, int) // 2),
+        value_s=LEFT_FACTOR * own_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts, int) // 2),
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,
