@@ -102,7 +102,7 @@ def prepare_context(
     physics = physics or build_field_physics(request, field, tractor, farm_tractor)
     tractor = adapt_to_ground(tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
-    implement = (order.implement or Implement()).model_copy(update={"width_m": request.width_m})
+    implement = _size_implement(order, request)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     if request.part is not None:
@@ -132,6 +132,13 @@ def prepare_context(
     supplied = replace(context, supply=battery)
     supplied.site_cache.update(context.site_cache)
     return supplied
+
+
+def _size_implement(order: WorkOrder, request: PlanRequest) -> Implement:
+    """The implement with the widths of the request."""
+    widths = {"width_m": request.width_m, "transport_width_m": request.transport_width_m}
+    known = {name: width_m for name, width_m in widths.items() if width_m is not None}
+    return (order.implement or Implement()).model_copy(update=known)
 
 
 def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:

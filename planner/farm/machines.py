@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, StrictInt, model_validator
 
 from planner.errors import HeadlandError
-from planner.farm.settings import FileSection, define_number, define_value
+from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
 from planner.request.implement_choice import choose_rule
 from planner.request.option_texts import MAX_TRACTORS
 from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
@@ -15,7 +15,7 @@ from strategies.program.supply import Supply
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.energy.draft import TILL
-from vehicle.model.tractor import Implement, Tractor, load_tractor
+from vehicle.model.tractor import FOLD_S, ROAD_WIDTH_M, Implement, Tractor, load_tractor
 
 DEFAULT_TRACTOR = "eg105"
 
@@ -77,6 +77,10 @@ class FarmImplement(FileSection):
         0.7, 0.01, 30.0, "m from the first tool to the last", "assumed: a cultivator's frame"
     )
     frame_width_m: float | None = define_number(None, 0.1, MAX_LENGTH_M, "m overall", "0.9 of the working width")
+    transport_width_m: float = define_number(
+        ROAD_WIDTH_M, 0.1, MAX_LENGTH_M, "m when folded; its own or more: it does not fold", "what most roads allow"
+    )
+    fold_s: float = define_number(FOLD_S, 0.0, MAX_DURATION_S, "s to fold on the field, and to unfold", "assumed")
     speed_kmh: float | None = define_number(
         None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h at work", "the option --speed-kmh"
     )
@@ -131,5 +135,10 @@ class FarmImplement(FileSection):
     def simulated_implement(self) -> Implement:
         """The implement for the simulator."""
         return Implement(
-            width_m=self.width_m, hitch_m=self.hitch_m, length_m=self.length_m, frame_width_m=self.frame_width_m
+            width_m=self.width_m,
+            hitch_m=self.hitch_m,
+            length_m=self.length_m,
+            frame_width_m=self.frame_width_m,
+            transport_width_m=self.transport_width_m,
+            fold_s=self.fold_s,
         )

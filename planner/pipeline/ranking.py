@@ -319,6 +319,7 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "no_headland": request.no_headland,
         "open_edges": request.open_edges,
         "sections": request.sections,
+        "transport_width_m": context.implement.transport_width_m,
         "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
         "price_per_hour": get_price_per_hour(request.price_per_hour),
         "price_per_tractor": request.price_per_tractor,

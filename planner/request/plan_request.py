@@ -79,6 +79,7 @@ _DEADLINE_HELP = "Deadline, hh:mm; before the start: next day. Best is the cheap
 _RAIN_HELP = (
     "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
 )
+_FOLD_HELP = "Width of the implement when folded, metres (3); its own: it does not fold."
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
 _PRICE = NumberLimits(high=MAX_PRICE)
@@ -96,12 +97,14 @@ class PlanRequest:
     bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline that
     is earlier than the start is on the next day. The clearance is between machines with their implements; a
     formation keeps what neighbouring swaths leave. The margin is to obstacles and holes of the field. Machines may
-    reach over its open edges by `overhang_m`, or by what an edge allows; with `open_edges` only the latter limits them.
-    The `sections` of an implement are equally wide; one is none. With `no_headland` the headland is left as room for
-    turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes. `cell_bearings`
-    are pairs of a cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local
-    metres) replaces that of the field. `obstacles` are places "lon,lat" or "lon,lat,radius in metres" to avoid besides
-    those of the field, `ignored` names or numbers of obstacles of the field that are left out.
+    reach over its open edges by `overhang_m`, or by what an edge allows; with `open_edges` only the latter limits
+    them. An implement folds to its `transport_width_m` where it has no room else; None: to that of the farm's
+    implement, or what roads allow. The `sections` of an implement are equally wide; one is none. With `no_headland`
+    the headland is left as room for turning, else it is worked in passes, `headland_passes` of them or as many as
+    `headland_m` takes. `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and
+    latitude, or x and y of a field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or
+    "lon,lat,radius in metres" to avoid besides those of the field, `ignored` names or numbers of obstacles of the
+    field that are left out.
 
     `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
     between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow
@@ -184,18 +187,12 @@ class PlanRequest:
     ] = 5.0 * MPS_PER_KMH  # thesis, section 6.3.1
     turn_speed_mps: Annotated[
         Number | None,
-        OptionHelp(
-            "Largest speed in turns, km/h; less in bends. By default the working speed.", MACHINES, from_farm=True
-        ),
+        OptionHelp("Largest speed in turns, km/h; less in bends. By default as at work.", MACHINES, from_farm=True),
         _SPEED("turn speed"),
     ] = None
     min_speed_mps: Annotated[
         Number | None,
-        OptionHelp(
-            "Least working speed of the implement, km/h; a remark tells where bends are slower.",
-            MACHINES,
-            from_farm=True,
-        ),
+        OptionHelp("Least working speed, km/h; a remark tells where bends are slower.", MACHINES, from_farm=True),
         _SPEED("least working speed"),
     ] = None
     max_speed_mps: Annotated[
@@ -396,6 +393,7 @@ class PlanRequest:
         ),
     ] = STRAIGHT
     open_edges: Annotated[bool, OptionHelp("Let machines swing freely over edges that are not fenced.", FIELD)] = False
+    transport_width_m: Annotated[Number | None, OptionHelp(_FOLD_HELP, MACHINES), _LENGTH("transport width")] = None
     sections: Annotated[Count, OptionHelp("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
     leave_out: Annotated[
         Text | None,

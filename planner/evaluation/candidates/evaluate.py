@@ -215,6 +215,14 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
+    for tractor, mission in enumerate(run.plan.missions, start=1):
+        stood_s = sum(leg.stand_s for leg in mission.legs if leg.stand_s > 0.0 and not leg.is_served)
+        if stood_s:
+            folding = (
+                f"tractor {tractor} stands {stood_s:.0f} s in all to fold and unfold its implement: unfolded it does "
+                "not get through everywhere"
+            )
+            remarks.append(Remark(Stake.TIME, folding))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:
         slow = f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all"

@@ -50,7 +50,7 @@ EARLIER_NAMES = {
     "tracks_only": "no_headland",
 }
 """Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
-LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sections")
+LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sections", "transport_width_m")
 """Parameters that plans without them do not name, so that an older Headland can read those."""
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
