@@ -71,23 +71,26 @@ def build_tractor(radius_m: float) -> Tractor:
 
 
 def measure_body_outside_m(run: Any, tractor: Any, implement: Any, outline: Any) -> float:
-    """How far any corner of tractor or implement, lifted or not, is beyond the outline at worst, metres."""
+    """How far any corner of tractor or implement, lifted, folded or not, is beyond the outline at worst, metres."""
     import numpy as np
     import shapely
 
     from vehicle.sim.compile import compute_contact_boxes
 
-    boxes, worst_m = compute_contact_boxes(tractor, implement), 0.0
-    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
-    corners = [(boxes[end], side * boxes[half]) for *both, half in ends for end in both for side in (-1.0, 1.0)]
+    worst_m, ends = 0.0, (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
     shapely.prepare(outline)
     for number in range(run.plan.tractors):
-        x, y, angle = run.get_poses(number)[::ROW_STEP].T
-        for ahead, left in corners:
-            east, north = np.cos(angle), np.sin(angle)
-            places = np.column_stack([x + ahead * east - left * north, y + ahead * north + left * east])
-            places = places[~shapely.intersects_xy(outline, places)]
-            worst_m = max(worst_m, float(np.max(shapely.distance(shapely.points(places), outline), initial=0.0)))
+        folds = np.array([getattr(leg, "folded", False) for leg in run.plan.missions[number].legs])
+        is_folded = folds[run.get_leg_numbers(number)]
+        for rows, state in ((~is_folded, implement), (is_folded, getattr(implement, "folded", implement))):
+            boxes = compute_contact_boxes(tractor, state)
+            corners = [(boxes[end], side * boxes[half]) for *both, half in ends for end in both for side in (-1.0, 1.0)]
+            x, y, angle = run.get_poses(number)[rows][::ROW_STEP].T
+            for ahead, left in corners:
+                east, north = np.cos(angle), np.sin(angle)
+                places = np.column_stack([x + ahead * east - left * north, y + ahead * north + left * east])
+                places = places[~shapely.intersects_xy(outline, places)]
+                worst_m = max(worst_m, float(np.max(shapely.distance(shapely.points(places), outline), initial=0.0)))
     return worst_m
 
 
