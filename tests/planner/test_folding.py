@@ -1,0 +1,124 @@
+"""Implements that fold where they have no room else: two rooms of a field that a narrow passage joins."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+import shapely
+
+from fields.geometry.field import Field
+from planner import PlanRequest, plan
+from planner.errors import RequestError
+from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
+from planner.pipeline.planning import PlanningResult
+from vehicle.errors import MissionError
+from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan_file import format_plan, parse_plan
+from vehicle.model.tractor import Implement
+
+WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (90.0, 70.0), (15.0, 6.0)
+FOLD_S = 30.0
+
+
+def build_two_rooms() -> Field:
+    """Two rooms of ROOM_M, one beside the other, joined by a passage of PASSAGE_M."""
+    (length, height), (gap, half) = ROOM_M, (PASSAGE_M[0], 0.5 * PASSAGE_M[1])
+    rooms = [shapely.box(x, 0.0, x + length, height) for x in (0.0, length + gap)]
+    passage = shapely.box(length - 1.0, 0.5 * height - half, length + gap + 1.0, 0.5 * height + half)
+    return Field("two rooms", shapely.union_all([*rooms, passage]))
+
+
+def plan_rooms(**options: Any) -> PlanningResult:
+    return plan(PlanRequest(width_m=WIDTH_M, tractors=(1,), **options), field=build_two_rooms())
+
+
+@pytest.fixture(scope="module")
+def folding() -> PlanningResult:
+    return plan_rooms()
+
+
+@pytest.fixture(scope="module")
+def rigid() -> PlanningResult:
+    return plan_rooms(transport_width_m=WIDTH_M)
+
+
+def list_legs(result: PlanningResult) -> tuple[Leg, ...]:
+    assert result.run is not None
+    return result.run.plan.missions[0].legs
+
+
+@pytest.mark.parametrize(
+    ("implement", "folded_m"),
+    [
+        (Implement(width_m=3.0), None),  # its frame of 2.7 m goes on the road as it is
+        (Implement(width_m=12.0), 3.0),
+        (Implement(width_m=12.0, transport_width_m=2.5), 2.5),
+        (Implement(width_m=12.0, transport_width_m=12.0), None),
+        (Implement(width_m=12.0, frame_width_m=2.9), None),
+    ],
+)
+def test_what_is_wider_than_a_road_folds(implement: Implement, folded_m: float | None) -> None:
+    assert implement.folds == (folded_m is not None)
+    assert implement.folded.contact_width_m == (folded_m or implement.contact_width_m)
+    assert implement.folded.width_m == implement.width_m
+
+
+def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, rigid: PlanningResult) -> None:
+    """The other room is half of the field: 6,300 of 12,690 m2."""
+    whole, half = folding.ranking.best, rigid.ranking.best
+    assert whole is not None and half is not None
+    assert whole.worked_pct > 90.0 and half.worked_pct == pytest.approx(0.5 * whole.worked_pct, abs=2.0)
+    assert "to fold and unfold its implement" in whole.remark and "fold" not in half.remark
+    assert "cut off" in half.remark or "lines of work are left" in half.remark
+    assert not any(leg.folded for leg in list_legs(rigid))
+
+
+def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> None:
+    legs = list_legs(folding)
+    turns = [(before, leg) for before, leg in pairwise(legs) if before.folded != leg.folded]
+    assert turns and len(turns) % 2 == 0  # it begins and ends unfolded
+    assert all(leg.stand_s == FOLD_S and not leg.is_served for _, leg in turns)
+    assert sum(leg.stand_s for leg in legs) == FOLD_S * len(turns)
+    assert not any(leg.folded and leg.implement for leg in legs)
+    assert f"stands {FOLD_S * len(turns):.0f} s in all" in folding.ranking.best.remark  # type: ignore[union-attr]
+
+
+def test_a_machine_stands_as_long_as_legs_say(folding: PlanningResult) -> None:
+    run = folding.run
+    assert run is not None
+    number = next(k for k, leg in enumerate(run.plan.missions[0].legs) if leg.folded)
+    poses = run.get_poses(0)[run.get_leg_numbers(0) == number]
+    still_s = sum(math.dist(a[:2], b[:2]) < 1e-3 for a, b in pairwise(poses)) * (run.time_s[1] - run.time_s[0])
+    assert still_s == pytest.approx(FOLD_S, abs=2.0)
+
+
+def test_nothing_is_touched_folded_or_not(folding: PlanningResult) -> None:
+    run, context = folding.run, folding.context
+    assert run is not None
+    assert find_contact_places(run, context) == ()
+    assert measure_overhang(run, context).farthest_m < context.request.overhang_m + 0.1
+    legs = tuple(leg.copy_with(folded=False) for leg in list_legs(folding))
+    unfolded = replace(run, plan=Plan((Mission(legs),)))
+    assert measure_overhang(unfolded, context).farthest_m > 0.5 * (0.9 * WIDTH_M - PASSAGE_M[1]) - 0.1
+
+
+def test_a_saved_plan_keeps_what_is_folded(folding: PlanningResult) -> None:
+    assert folding.run is not None
+    read = parse_plan(format_plan(folding.run.plan))
+    assert [leg.folded for leg in read.missions[0].legs] == [leg.folded for leg in list_legs(folding)]
+    text = format_plan(folding.run.plan).replace('"folded": true', '"folded": "yes"', 1)
+    with pytest.raises(MissionError, match="folded"):
+        parse_plan(text)
+
+
+def test_a_leg_does_not_work_folded(folding: PlanningResult) -> None:
+    leg = next(leg for leg in list_legs(folding) if leg.folded)
+    assert "folded" in leg.copy_with(implement=True).fault
+
+
+@pytest.mark.parametrize("width_m", [0.0, -1.0, math.nan, math.inf])
+def test_a_width_that_is_none_is_refused(width_m: float) -> None:
+    with pytest.raises(RequestError, match="transport width"):
+        PlanRequest(transport_width_m=width_m)
