@@ -275,7 +275,8 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
     request, field = context.request, context.layout.field
     if best is None or request.part is not None:
         return
-    width_m = max(context.implement.width_m, context.tractor.width_m)
+    implement = context.implement
+    width_m = max(implement.transport_width_m if implement.folds else implement.width_m, context.tractor.width_m)
     for part in list_field_parts(field, request.margin_m, width_m)[1:]:
         alike = replace(
             request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_WITHOUT_RISK

@@ -48,6 +48,8 @@ def _describe_purpose(leg: DriverLeg) -> str:
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
+    if leg.kind in ("fold", "unfold"):
+        return f"{leg.kind} the implement"
     if leg.kind in ("charge", "change"):
         return "change of the battery" if leg.kind == "change" else f"charge {leg.amount or 0.0:.1f} kWh"
     if leg.kind == "refill-way":
@@ -79,6 +81,7 @@ def _describe_purpose(leg: DriverLeg) -> str:
 
 
 Steps = Sequence[Sequence[DriverLeg]]
+_STANDS = ("wait", "fold", "unfold", "refill", "charge", "change")
 
 LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
 LEG_DECIMALS = 2
@@ -114,8 +117,10 @@ def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tu
 
 
 def format_leg_metres(step: DriverLeg) -> str:
-    """The length of a leg in metres; "" for a wait or a service stop."""
-    return "" if step.kind in ("wait", "refill", "charge", "change") else format_number(step.length_m, 0)
+    """The length of a leg in metres; "" for a wait, folding or a service stop."""
+    return (
+        "" if step.kind in ("wait", "fold", "unfold", "refill", "charge", "change") else format_number(step.length_m, 0)
+    )
 
 
 def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:

@@ -12,7 +12,10 @@ from fields.geometry.field import Field
 from planner import PlanRequest, plan
 from planner.errors import RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
+from planner.pipeline.outputs.driving_steps import list_steps
+from planner.pipeline.outputs.step_measures import measure_steps
 from planner.pipeline.planning import PlanningResult
+from reports.plan.leg_list import describe_leg
 from vehicle.errors import MissionError
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -122,3 +125,16 @@ def test_a_leg_does_not_work_folded(folding: PlanningResult) -> None:
 def test_a_width_that_is_none_is_refused(width_m: float) -> None:
     with pytest.raises(RequestError, match="transport width"):
         PlanRequest(transport_width_m=width_m)
+
+
+def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
+    run = folding.run
+    assert run is not None
+    steps = list_steps(run, WIDTH_M, measure_steps(run, folding.context.tractor, folding.context.physics))[0]
+    stands = [step for step in steps if step.kind in ("fold", "unfold")]
+    assert [step.kind for step in stands] == ["fold", "unfold"] * (len(stands) // 2) and stands
+    assert [step.seconds for step in stands] == pytest.approx([FOLD_S] * len(stands), abs=0.2)
+    assert "refill" not in {step.kind for step in steps}
+    assert describe_leg(stands[0]) == "fold the implement"
+    shares_s = sum(float(seconds[0]) for seconds in run.compute_time_shares().values())
+    assert shares_s == pytest.approx(run.duration_s, abs=1.0) and float(run.standing_s[0]) == 0.0

@@ -149,12 +149,26 @@ class SimulationRun:
     @property
     def standing_s(self) -> Floats:
         """Seconds per tractor of standing to refill or unload."""
-        return self.sum_seconds(STANDING)
+        return self.sum_seconds(STANDING) - self.folding_s
+
+    @property
+    def folding_s(self) -> Floats:
+        """Seconds per tractor of standing to fold and to unfold."""
+        return np.array([self.find_folding_rows(k).sum() * self.step_s for k in range(self.plan.tractors)])
+
+    def find_folding_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
+        """In which rows (t,) a tractor stands to fold or to unfold its implement."""
+        is_served = np.array([leg.is_served for leg in self.plan.missions[tractor].legs])
+        folds: npt.NDArray[np.bool_] = (self.get_statuses(tractor) == STANDING) & ~is_served[
+            self.get_leg_numbers(tractor)
+        ]
+        return folds
 
     def compute_time_shares(self) -> dict[str, Records]:
-        """Seconds per tractor of working, turning, waiting and reversing."""
+        """Seconds per tractor of working, turning with what folding takes, waiting and reversing."""
         statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
-        return {name: self.sum_seconds(status) for name, status in statuses.items()}
+        shares = {name: self.sum_seconds(status) for name, status in statuses.items()}
+        return shares | {"turning": shares["turning"] + self.folding_s}
 
 
 @dataclass(frozen=True)

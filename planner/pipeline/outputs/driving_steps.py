@@ -29,7 +29,8 @@ from vehicle.missions.run import (
 )
 from vehicle.records import WAITING
 
-CORNER, WAIT, TO_REFILL = "corner", "wait", "refill-way"  # kinds of step that are not kinds of task
+CORNER, WAIT, TO_REFILL, FOLD, UNFOLD = "corner", "wait", "refill-way", "fold", "unfold"
+"""Kinds of step that are not kinds of task."""
 LOOP_SHARE = 0.5  # of the length: a step whose ends are nearer to each other has no direction
 OMEGA_SWING_RAD = math.radians(20.0)  # a turn that first swings out by more than this is an omega
 MAX_SKEW_SHARE = 0.02  # of the length: swaths of one cell diverge by no more
@@ -121,9 +122,7 @@ def _iter_steps(
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
         step = replace(_build_wait_step(run, tractor, segment), **values)
         if segment.is_standing:
-            yield replace(
-                step, kind=run.plan.notes.get("service", REFILL), amount=_find_service_amount(run, tractor, segment)
-            )
+            yield _name_stand(step, run, tractor, segment)
             continue
         if segment.is_waiting:
             yield replace(step, for_tractors=_find_awaited_tractors(run, tractor, segment))
@@ -167,6 +166,15 @@ def _describe_drive(
         ((), 0.0) if len(path) < 2 else _measure_finished_crossing(path, segment.first_row, worked_ground)
     )
     return {"reversing_m": reversing_m, "over_finished": crossed, "over_finished_m": crossed_m}
+
+
+def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
+    """A step of standing, named after what is done there."""
+    leg = run.plan.missions[tractor].legs[run.get_leg_numbers(tractor)[segment.first_row]]
+    if not leg.is_served:
+        return replace(step, kind=FOLD if leg.folded else UNFOLD)
+    service = run.plan.notes.get("service", REFILL)
+    return replace(step, kind=service, amount=_find_service_amount(run, tractor, segment))
 
 
 def _find_service_amount(run: SimulationRun, tractor: int, segment: RecordSegment) -> float | None:

@@ -40,6 +40,7 @@ from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import SWATH
 from vehicle.missions.run import SimulationRun
+from vehicle.records import TURNING
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
 USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
@@ -104,7 +105,10 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         build_field_picture(context, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
         step_s=float(run.time_s[1] - run.time_s[0]),
         xy=tuple(compute_guided_path(run, context, tractor) for tractor in range(run.plan.tractors)),
-        status=tuple(run.get_statuses(tractor) for tractor in range(run.plan.tractors)),
+        status=tuple(
+            np.where(run.find_folding_rows(tractor), TURNING, run.get_statuses(tractor))
+            for tractor in range(run.plan.tractors)
+        ),
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
