@@ -88,6 +88,17 @@ def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
 
 
 @pytest.mark.slow
+def test_tractors_that_would_be_in_one_anothers_way_go_on_in_the_order_of_before(tmp_path: Path) -> None:
+    """Three abreast, each on its track: tracks in any other order lead them across one another's ends."""
+    request = PlanRequest(field="iwamizawa", width_m=3.0, tractors=(3,), strategies=("row-by-row",))
+    before, cut_s = plan(request, executor=SerialExecutor()), 1358
+    before.save(tmp_path / "plan.json")
+    rest = go_on(tmp_path, f"{tmp_path}/plan.json@0:{cut_s // 60}:{cut_s % 60}", strategies=("split-field",))
+    assert before.run is not None and rest.run is not None
+    assert rest.run.duration_s <= 1.05 * (before.run.duration_s - cut_s)
+
+
+@pytest.mark.slow
 def test_done_work_is_not_charged_and_driven_again_only_where_lines_join(
     whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult]
 ) -> None:
