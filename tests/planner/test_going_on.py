@@ -195,6 +195,16 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
 
 
 @pytest.mark.slow
+def test_a_deadline_counts_from_when_the_plan_is_left(folder: Path, whole: PlanningResult) -> None:
+    started = write_changed_plan(folder, "started.json", lambda saved: saved["scenario"].update(start_s=46800))
+    values = {"field": whole.context.request.field, "local": True, "deadline": "15:00"}
+    request = GivenOptions(values, ["deadline"], (f"{started}@13:05",)).build_request()
+    assert (request.start_s, request.deadline_s) == (47100, 54000)
+    with pytest.raises(HeadlandError, match="The deadline deadline_s needs a start"):
+        GivenOptions(values, ["deadline"], (f"{folder}/plan.json@0:05",)).build_request()
+
+
+@pytest.mark.slow
 def test_a_plan_that_refills_goes_on_with_its_farm_only(folder: Path, whole: PlanningResult) -> None:
     source = (
         write_changed_plan(folder, "tank.json", lambda saved: saved["scenario"].update(refill="headland")) + "@0:05"
