@@ -52,7 +52,9 @@ FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
 RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
 SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most
-TOLD_M = math.sqrt(2.0) * FIX_M  # noise of the difference of two fixes along one axis: what exceeds it is told from it
+PAIR_NOISE_M = (
+    math.sqrt(2.0) * FIX_M
+)  # noise of the difference of two fixes along one axis: what exceeds it is told from it
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
@@ -107,11 +109,11 @@ def is_growing(sums, kept, count, back, a, b) -> bool:  # type: ignore[no-untype
         grown_m, even_m = length_m - before_m, length_m * (1.0 - before_s / age_s)
         faded = math.exp(-age_s / SMOOTHED_S)
         leap_m = length_m * (math.exp(-before_s / SMOOTHED_S) - faded) / (1.0 - faded)
-        if (back == whole or even_m - leap_m >= 2.0 * TOLD_M) and grown_m < leap_m + TOLD_M:
+        if (back == whole or even_m - leap_m >= 2.0 * PAIR_NOISE_M) and grown_m < leap_m + PAIR_NOISE_M:
             return False
         if back == whole:
             first_s, first_m = measure_growth(sums, kept, since, (count - back + part) % len(kept), a, b)
-            if grown_m < GROWING_SHARE * even_m or first_m < length_m * first_s / age_s - 2.0 * TOLD_M:
+            if grown_m < GROWING_SHARE * even_m or first_m < length_m * first_s / age_s - 2.0 * PAIR_NOISE_M:
                 return False
         back -= max(back // STRIDE, 1)
     return True
