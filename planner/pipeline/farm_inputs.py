@@ -52,11 +52,14 @@ class GivenOptions:
     def build_request(self, **others: Any) -> PlanRequest:
         """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
 
-        Where a saved plan goes on, it is the request of that with the options that are given. Raises HeadlandError.
+        Where a saved plan goes on, it is the request of that with the options that are given, and a deadline counts
+        from when it is left. Raises HeadlandError.
         """
         values = {**self.values, **others}
-        farm = None if values.get("deadline") is None else self.farm
-        request = PlanRequest.from_options(values, shift_s=None if farm is None else farm.times.shift_span_s[0])
+        start_s = None if self.continued is None else self.continued.request.start_s
+        if start_s is None and values.get("deadline") is not None and self.farm is not None:
+            start_s = self.farm.times.shift_span_s[0]
+        request = PlanRequest.from_options(values, shift_s=start_s)
         if self.continued is None:
             return request
         names = {*self.given_names} | ({"field"} if "fields" in self.given_names else set())

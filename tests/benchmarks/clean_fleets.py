@@ -7,7 +7,8 @@ fleet over a drawn plan, an hour at most; see honest_robots for what ails each r
 tenths of a second, and are away for 5 s, after which all of them come, or the newest, or none; some links break and are
 made again. Operators stop and resume single robots and all, acknowledge alarms, and resume who was doubted.
 
-`broken` and `late` are right while a link is away and as it comes back. Every other alarm is false, and is printed.
+`broken` and `late` are right while a link is away or silent and as it comes back. Every other alarm is false, and is
+printed.
 """
 
 import argparse
@@ -32,7 +33,7 @@ from tests.benchmarks.honest_rows import lay_blocks
 
 LONGEST_SHIFT_S, WHO = 3600.0, "anna"
 LOST_SHARE, HICCUPS_PER_H, HICCUP_S = 0.01, 20.0, (0.2, 0.7)
-AWAY_PER_H, AWAY_S, BACK_S = 3.0, 5.0, 3.0
+AWAY_PER_H, AWAY_S, BACK_S, SILENT_S = 3.0, 5.0, 3.0, 1.0
 PAUSES_PER_H, PAUSE_S, STOPS_PER_H, STOP_S, LOOK_S = 3.0, 25.0, 4.0, 15.0, 10.0
 ALL, NEWEST, NONE, BREAKS = range(4)
 """What becomes of the frames of a link that is away; one that breaks is made again, and then brings all."""
@@ -48,6 +49,7 @@ class Link:
     kind: int = ALL
     is_away: bool = False
     away_s: float = -1e9
+    heard_s: float = 0.0
 
 
 @dataclass
@@ -111,6 +113,7 @@ class Shift:
         kept = {NEWEST: link.waiting[-1:], NONE: []}.get(link.kind, link.waiting)
         link.waiting, link.kind, link.is_away = [], ALL, False
         for each in kept:
+            link.heard_s = self.now
             self.frames += 1
             self.fleet.take_state(link.client, StateFrame.model_validate_json(each), self.now)
 
@@ -161,10 +164,11 @@ class Shift:
                 tell(f"  shift {self.seed}, {self.now:.1f} s: {alarm.level} {alarm.code}: {alarm.sentence}")
 
     def _is_right(self, alarm: FleetAlarm) -> bool:
-        """Whether its link has been away: silent for more than a second, or just back with old frames."""
+        """Whether its link has been away, or is silent for more than a second as short gaps follow one another."""
         if alarm.tractor is None or alarm.code not in ("broken", "late"):
             return False
-        return self.now - self.links[alarm.tractor].away_s <= BACK_S
+        link = self.links[alarm.tractor]
+        return self.now - link.away_s <= BACK_S or self.now - link.heard_s > SILENT_S
 
 
 def describe(found: Counter[str], driven_h: float, tractors: int, frames: int) -> str:

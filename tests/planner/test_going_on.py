@@ -88,6 +88,17 @@ def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
 
 
 @pytest.mark.slow
+def test_tractors_that_would_be_in_one_anothers_way_go_on_in_the_order_of_before(tmp_path: Path) -> None:
+    """Three abreast, each on its track: tracks in any other order lead them across one another's ends."""
+    request = PlanRequest(field="iwamizawa", width_m=3.0, tractors=(3,), strategies=("row-by-row",))
+    before, cut_s = plan(request, executor=SerialExecutor()), 1358
+    before.save(tmp_path / "plan.json")
+    rest = go_on(tmp_path, f"{tmp_path}/plan.json@0:{cut_s // 60}:{cut_s % 60}", strategies=("split-field",))
+    assert before.run is not None and rest.run is not None
+    assert rest.run.duration_s <= 1.05 * (before.run.duration_s - cut_s)
+
+
+@pytest.mark.slow
 def test_done_work_is_not_charged_and_driven_again_only_where_lines_join(
     whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult]
 ) -> None:
@@ -181,6 +192,16 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
     with pytest.raises(HeadlandError, match=r"goes from 13:00 to 13:\d\d, and 12:59 is not within that"):
         go_on(folder, f"{late}@12:59")
     assert go_on(folder, f"{late}@13:05", deadline_s=46800 + 1200).ranking.best is not None
+
+
+@pytest.mark.slow
+def test_a_deadline_counts_from_when_the_plan_is_left(folder: Path, whole: PlanningResult) -> None:
+    started = write_changed_plan(folder, "started.json", lambda saved: saved["scenario"].update(start_s=46800))
+    values = {"field": whole.context.request.field, "local": True, "deadline": "15:00"}
+    request = GivenOptions(values, ["deadline"], (f"{started}@13:05",)).build_request()
+    assert (request.start_s, request.deadline_s) == (47100, 54000)
+    with pytest.raises(HeadlandError, match="The deadline deadline_s needs a start"):
+        GivenOptions(values, ["deadline"], (f"{folder}/plan.json@0:05",)).build_request()
 
 
 @pytest.mark.slow

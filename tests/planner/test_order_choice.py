@@ -31,11 +31,12 @@ class FakeDriver:
         return CandidateRun(run, None, composed.order)
 
 
-def sketch(order: str, sketched_s: float, driven_s: float) -> SketchedPlan:
+def sketch(order: str, sketched_s: float, driven_s: float, apart: list[SketchedPlan] | None = None) -> SketchedPlan:
     composed: Any = SimpleNamespace(
-        order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0
-    )
-    return SketchedPlan(order, [sketched_s], lambda: composed)
+        order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0,
+        programme=SimpleNamespace(left_m2=0.0),
+    )  # fmt: skip
+    return SketchedPlan(order, [sketched_s], lambda: composed, None if apart is None else lambda _: apart)
 
 
 @pytest.mark.parametrize(
@@ -61,3 +62,15 @@ def test_the_headland_comes_first_only_where_that_gains_more_than_the_error_of_t
     driver.driven.clear()
     assert run_candidate(CONTEXT, Candidate("split-field", 2), short).turns == "last"
     assert driver.driven == ["last"], "the other promises no more than the error"
+
+
+def test_where_tractors_wait_each_way_to_keep_them_apart_is_weighed_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = FakeDriver()
+    monkeypatch.setattr(evaluate, "ProgrammeDriver", lambda *_: driver)
+    monkeypatch.setattr(evaluate, "_check_run", lambda _, driven: driven)
+    ways = [sketch("as before", 2500.0, 2500.0), sketch("blocks", 1100.0, 1100.0), sketch("stretches", 1200.0, 1200.0)]
+    for driven_s, order, driven in ((2000.0, "blocks", ["free", "blocks"]), (1005.0, "free", ["free"])):
+        driver.driven.clear()
+        free = sketch("free", 1000.0, driven_s, ways)
+        assert run_candidate(CONTEXT, Candidate("split-field", 2), [free]).turns == order
+        assert driver.driven == driven

@@ -35,6 +35,7 @@ from planner.request.plan_request import PlanRequest
 from planner.service.errors import ServiceError
 from planner.service.fleets.robot_client import request_json
 from strategies.lines.work_line import build_tool_strip
+from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, plan_three
@@ -110,8 +111,10 @@ def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
 
 
 @pytest.mark.slow
-def test_where_nobody_has_work_that_is_said(plan: FleetPlan) -> None:
-    with pytest.raises(FleetManagerError, match="What is left is not worth a drive"):
+def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
+        monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
+    with pytest.raises(FleetManagerError, match="What is left is not worth a drive, or no way leads there"):
         stop_and_go_on(plan, 0.93, [])
 
 

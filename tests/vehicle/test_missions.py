@@ -9,6 +9,7 @@ import pytest
 
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.sim.compile import compile_plan
 from vehicle.sim.world import World
 
 
@@ -52,6 +53,14 @@ def test_a_copied_leg_has_the_same_length(build: Any) -> None:
 def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int, heading_deg: float) -> None:
     x, y, heading = Mission((build.leg((2, 3), (5, 6), gear=gear),)).start
     assert (x, y, math.degrees(heading)) == (2.0, 3.0, pytest.approx(heading_deg))
+
+
+@pytest.mark.parametrize("gear", [1, -1])
+def test_the_antenna_stands_where_a_mission_starts_in_either_gear(build: Any, eg105: Any, gear: int) -> None:
+    plan = build.plan([build.leg((2, 3), (2 + 10 * gear, 3), gear=gear)])  # it looks east
+    (state,) = compile_plan(plan, eg105).states
+    assert state["x"] + eg105.antenna_forward_m - eg105.rear_axle_m == pytest.approx(2.0)
+    assert (state["y"], state["angle"]) == (pytest.approx(3.0), pytest.approx(0.0))
 
 
 @pytest.mark.parametrize(("values", "sentence"), [

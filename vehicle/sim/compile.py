@@ -223,9 +223,9 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     states["away"] = [mission.enters for mission in plan.missions]
     states["leaves"] = [mission.leaves for mission in plan.missions]
     for state, mission in zip(states, plan.missions, strict=True):
-        # The guided point stands on the first point of the path.
+        # The antenna stands on the first point of the path, also before a leg in reverse, as it does between legs.
         x, y, heading = mission.start
-        reach = (tractor.antenna_forward_m if mission.legs[0].gear > 0 else 0.0) - tractor.rear_axle_m
+        reach = tractor.antenna_forward_m - tractor.rear_axle_m
         state["x"], state["y"] = x - reach * math.cos(heading), y - reach * math.sin(heading)
         state["angle"] = heading
     legs = _build_leg_rows(plan, tractor)

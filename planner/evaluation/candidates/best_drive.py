@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from typing import TypeVar
 
 from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, weigh_order_s
@@ -31,8 +30,8 @@ def drive_best(
     tractor with nobody in its way.
 
     Another order of headland and swaths is driven only where it would be better than what was driven before, if
-    nobody waited; where somebody did, tractors that work apart are tried too. Raises StrategyError if no plan can be
-    composed.
+    nobody waited; where somebody did, tractors that work apart, or as they did before, are tried too. Raises
+    StrategyError if no plan can be composed.
     """
     best, best_s = list[Driven](), math.inf
     losers, refusals, waiting = list[float](), list[StrategyError](), list(sketches)
@@ -53,8 +52,7 @@ def drive_best(
         driven, driven_s = drive(composed)
         seconds = driven_s * composed.left_factor
         if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
-            with suppress(StrategyError):
-                waiting.append(sketch.sketch_apart(composed.programme.left_m2))
+            waiting += sketch.sketch_apart(composed.programme.left_m2)
         weighed_s = weigh_order_s(composed.order, seconds)
         if not best or weighed_s < best_s:
             best, best_s = [driven], weighed_s

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -86,14 +87,14 @@ class SketchedPlan:
         tours: the nodes of every tractor in order; empty for a formation.
         served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_apart: sketches the same where tractors work more apart from each other and leave hardly more ground than
-            so much (m2); None where they cannot.
+        sketch_apart: sketches the same where tractors work more apart from each other, or as they did before, and leave
+            hardly more ground than so much (m2); None where they cannot.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
-    sketch_apart: Callable[[float], SketchedPlan] | None = None
+    sketch_apart: Callable[[float], list[SketchedPlan]] | None = None
     tours: Sequence[Sequence[int]] = ()
     served_s: Sequence[float] = ()
 
@@ -137,7 +138,7 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
     return replace(
         sketch,
         compose=partial(_compose_sketch, context, sketch.compose, notes),
-        sketch_apart=None if apart is None else lambda most_left_m2: _add_notes(context, apart(most_left_m2), notes),
+        sketch_apart=None if apart is None else lambda left_m2: [_add_notes(context, s, notes) for s in apart(left_m2)],
     )
 
 
@@ -258,15 +259,15 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     wishes = _settle_wishes(context, tractors)
-    shares = [deal.allowed]
+    shares = [_Share(deal.allowed)]
     if context.going_on is not None:
-        shares += _list_deals_from_here(moves, tractors)
+        shares += _list_shares_from_here(moves, tractors)
     elif tractors > 1 and not strategy.beside:
-        shares += list_deals_apart(moves.lines, deal.allowed)
+        shares += map(_Share, list_deals_apart(moves.lines, deal.allowed))
 
     def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
-        allowed, table = wishes.limit(moves.lines, shares[number]), MoveTable(moves)
-        stages = wishes.rank(table.lines, list_stages(table.lines, order))
+        allowed, table = wishes.limit(moves.lines, shares[number].allowed), MoveTable(moves)
+        stages = shares[number].rank(wishes.rank(table.lines, list_stages(table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         sketched = sketch_programme(table, tractors, stages, allowed, served_s)
@@ -291,13 +292,21 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s())
 
-        def sketch_apart(left_m2: float) -> SketchedPlan:
-            return sketch(order, number + 1, min(left_m2, most_left_m2))
+        def sketch_apart(left_m2: float) -> list[SketchedPlan]:
+            found = list[SketchedPlan]()
+            for following in others:
+                with suppress(StrategyError):
+                    found.append(sketch(order, following, min(left_m2, most_left_m2)))
+            return found
 
         stops_s = [
             0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
         ]
-        apart = sketch_apart if number + 1 < len(shares) else None
+        if context.going_on is None:  # each is dealt out of the one before, and takes longer if nobody waits
+            others = range(number + 1, min(number + 2, len(shares)))
+        else:
+            others = range(1, 1 if number else len(shares))
+        apart = sketch_apart if others else None
         return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
 
     return sketch
@@ -312,25 +321,44 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
     return wishes
 
 
-def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[Flags]:
-    """Deals (tractors, lines) of what is left: as it was dealt before, then each part the tractor's that stands near.
+@dataclass(frozen=True, eq=False)
+class _Share:
+    """Which lines (tractors, n) each tractor may work, and the places (n,) that they have in its order, if any."""
 
-    There are none for one tractor.
+    allowed: Flags
+    places: Sequence[int] | None = None
+
+    def rank(self, stages: Sequence[int]) -> list[int]:
+        """Stages of lines in which those of one stage have an order."""
+        if self.places is None:
+            return list(stages)
+        later = 1 + max(self.places, default=0)
+        return [stage * later + place for stage, place in zip(stages, self.places, strict=True)]
+
+
+def _list_shares_from_here(moves: SiteMoves, tractors: int) -> list[_Share]:
+    """Shares of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
+    stands near.
+
+    What was nobody's before comes last in that order. There are none for one tractor.
     """
     if tractors == 1:
         return []
     free = np.ones((tractors, len(moves.lines)), bool)
-    before = free.copy()
+    before, places = free.copy(), np.full(len(moves.lines), len(moves.lines))
     for tractor, order in enumerate(moves.orders):
         lines = [node // 2 for node in order]
         before[:, lines], before[tractor, lines] = False, True
+        places[lines] = range(len(lines))
     nodes = [*moves.starts, *[moves.gate] * (tractors - len(moves.starts))]
-    places = np.array([moves.ends[node][:2] for node in nodes])
+    stands = np.array([moves.ends[node][:2] for node in nodes])
     if len(group_swath_lines(moves.lines)) < tractors:
-        return [before, *list_deals_apart(moves.lines, free, places)]
-    blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
-    near = find_near_blocks(find_swath_middles(moves.lines, blocks), places)
-    return [before, *(deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks)))]
+        deals = list_deals_apart(moves.lines, free, stands)
+    else:
+        blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
+        near = find_near_blocks(find_swath_middles(moves.lines, blocks), stands)
+        deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks))]
+    return [_Share(before, places.tolist()), *map(_Share, (before, *deals))]
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
