@@ -12,7 +12,8 @@ from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.rig import build_rig, replay_segment
+from vehicle.identification.replay.rig import build_rig
+from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.effect_kinds import PER_SLOPE
 
 HILLS = Ground(wave_m=0.6, length_m=45.0, drift=0.4)

@@ -17,7 +17,8 @@ from vehicle.identification.replay.drive_programmes import (
     simulate_programme,
 )
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
-from vehicle.identification.replay.rig import ReplayRig, build_rig, replay_segment
+from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.tractor import Settings, load_tractor
 
 Array = npt.NDArray[np.float64]

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pymunk
 
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import build_rig_and_corrections, replay_segment, simulate_logged_values
+from vehicle.identification.replay.rig import build_rig_and_corrections
+from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
 from vehicle.missions.plan import Mission, Plan
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Implement, Tractor
@@ -105,7 +106,7 @@ def replayed(tractor: Tractor, driven: Driven, target: Array) -> tuple[Array, Ar
     }  # fmt: skip
     grids["wheel"] = zero
     rig, settings = build_rig_and_corrections(tractor, GROUND, (0.0, 0.0))
-    stretch = DriveSegment(0, 0.0, time, x, y, angle, True, zero, True, None, grids["command"], target, zero, grids)
+    stretch = DriveSegment(0, 0.0, time, x, y, angle, True, zero, True, zero, grids["command"], target, zero, grids)
     states = replay_segment(rig, stretch, settings, from_sensor=False, from_speed=False)
     antenna, heading, _, _ = simulate_logged_values(rig, stretch, states, settings)
     return states, antenna, heading

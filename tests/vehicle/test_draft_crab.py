@@ -8,7 +8,8 @@ import pymunk
 import pytest
 
 from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
-from vehicle.identification.replay.rig import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, ReplayRig, build_rig, replay_segment
+from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.simulation import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
 from vehicle.model.tractor import EffectSetting, Implement, Settings, Tractor, load_tractor
 from vehicle.records import BODY_ANGLE, BODY_WIDTH, BODY_X, BODY_Y, DT_S, STATE
 from vehicle.sim.calibration import build_steering_tables

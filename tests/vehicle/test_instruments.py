@@ -8,17 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.model.instruments import (
-    LATE_ANGLE,
-    LATE_X,
-    LATE_Y,
-    SHOWN_EAST,
-    SHOWN_HEADING,
-    SHOWN_NORTH,
     apply_lever_arm,
     compute_guidance_pose,
     interpolate_at_time,
     interpolate_past_pose,
-    write_instrument_poses,
 )
 from vehicle.model.model_record import MODEL
 from vehicle.records import HISTORY_STEPS, STATE
@@ -71,17 +64,3 @@ def test_before_the_start_the_first_pose_is_seen() -> None:
     state, model = np.zeros(1, dtype=STATE), np.zeros(1, dtype=MODEL)
     model["latency"], state["x"], state["y"], state["angle"] = 30.0, 3.0, 4.0, 0.5
     assert compute_guidance_pose(state[0], model[0]) == (3.0, 4.0, 0.5)
-
-
-@given(st.floats(0.0, 0.5), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
-def test_rows_of_a_log_are_late_poses_with_a_lever(latency: float, ahead: float, aside: float, bias: float) -> None:
-    grid = np.arange(200) / 60.0
-    poses = np.sin(grid), np.cos(2.0 * grid), 0.3 * grid
-    time = np.array([0.0, 0.1, 0.25, 1.013, 2.999, 3.3, 3.5])
-    out = np.empty((6, len(time)))
-    write_instrument_poses(time, grid, *poses, latency, ahead, aside, bias, out)
-    x, y, angle = (np.interp(time - latency, grid, one) for one in poses)
-    assert out[[LATE_X, LATE_Y, LATE_ANGLE]] == pytest.approx(np.array([x, y, angle]), abs=1e-12)
-    assert out[SHOWN_EAST] == pytest.approx(x + ahead * np.cos(angle) + aside * np.sin(angle), abs=1e-12)
-    assert out[SHOWN_NORTH] == pytest.approx(y + ahead * np.sin(angle) - aside * np.cos(angle), abs=1e-12)
-    assert out[SHOWN_HEADING] == pytest.approx(angle + bias, abs=1e-12)

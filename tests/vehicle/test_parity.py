@@ -20,7 +20,7 @@ from tests.vehicle.parity import (
 )
 from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
-from vehicle.identification.replay.rig import ANGLE_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.replay.simulation import ANGLE_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.missions.plan import Leg, LegTask, Mission
 from vehicle.model.discrepancy_model import DISCREPANCY_TERMS
 from vehicle.model.effects import CATALOGUE, POSITION

@@ -7,12 +7,8 @@ from __future__ import annotations
 
 import math
 
-from vehicle.fast_math import compute_cosine_sine
 from vehicle.jit import compile_function
 from vehicle.records import DT_S
-
-# Rows that fill_shown_poses writes: the late centre of mass and its true heading, then the shown antenna and heading.
-LATE_X, LATE_Y, LATE_ANGLE, SHOWN_EAST, SHOWN_NORTH, SHOWN_HEADING = range(6)
 
 
 @compile_function
@@ -105,39 +101,3 @@ def compute_guidance_pose(state, model) -> tuple[float, float, float]:  # type: 
     ahead, aside = model.guide + model.shift_forward, model.shift_right
     east, north = apply_lever_arm(back_x, back_y, math.cos(true), math.sin(true), ahead, aside)
     return x + east, y + north, heading
-
-
-@compile_function
-def write_delayed_poses(time, grid, xs, ys, angles, latency: float, late_xs, late_ys, late_angles) -> None:  # type: ignore[no-untyped-def]
-    """Write the poses (k,) of `latency` before the increasing times `time` (k,), from poses (n,) at times `grid` (n,).
-
-    All times and the latency in s.
-    """
-    entry = 0
-    for row in range(len(time)):
-        at = time[row] - latency
-        while entry + 2 < len(grid) and grid[entry + 1] <= at:
-            entry += 1
-        share = min(max((at - grid[entry]) / (grid[entry + 1] - grid[entry]), 0.0), 1.0)
-        late_xs[row] = xs[entry] + (xs[entry + 1] - xs[entry]) * share
-        late_ys[row] = ys[entry] + (ys[entry + 1] - ys[entry]) * share
-        late_angles[row] = angles[entry] + (angles[entry + 1] - angles[entry]) * share
-
-
-@compile_function
-def write_instrument_poses(  # type: ignore[no-untyped-def]
-    time, grid, xs, ys, angles, latency: float, ahead: float, aside: float, bias: float, out
-) -> None:
-    """Write to `out` (6, k) what is shown at increasing times `time` (k,), from poses (n,) at times `grid` (n,).
-
-    All times and the latency in s. The antenna is `ahead` and `aside` (m) of the centre of mass; `bias` (rad) is added
-    to the shown heading only.
-    """
-    late_xs, late_ys, late_angles = out[LATE_X], out[LATE_Y], out[LATE_ANGLE]
-    write_delayed_poses(time, grid, xs, ys, angles, latency, late_xs, late_ys, late_angles)
-    easts, norths, headings = out[SHOWN_EAST], out[SHOWN_NORTH], out[SHOWN_HEADING]
-    for row in range(len(time)):
-        cosine, sine = compute_cosine_sine(late_angles[row])
-        easts[row], norths[row] = apply_lever_arm(late_xs[row], late_ys[row], cosine, sine, ahead, aside)
-    for row in range(len(time)):
-        headings[row] = add_heading_bias(late_angles[row], bias)

@@ -1,4 +1,5 @@
-"""The simulation with fields per step against the replay of the project, and what a field of one run changes."""
+"""The simulation with fields per step against the same effects all the time and against shorter steps, and what a field
+of one run changes."""
 
 from functools import lru_cache
 
@@ -7,9 +8,15 @@ import pytest
 
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STRIDE, build_drive_data
-from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.rig import ANGLE_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
+from vehicle.identification.replay.simulation import (
+    ANGLE_COLUMN,
+    CHAINS,
+    X_COLUMN,
+    Y_COLUMN,
+    Simulator,
+    replay_segment,
+)
 from vehicle.model.effects import compute_effect_fields
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
@@ -37,16 +44,6 @@ STEERING: list[Settings] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("settings", STEERING)
-@pytest.mark.parametrize("programme", ["steps", "small-steps", "circles"])
-def test_wheels_follow_commands_as_in_a_replay(programme: str, settings: Settings) -> None:
-    own = simulator(programme)
-    shown = own._simulate_wheel(spread(own, settings))
-    for begin, segment in zip(own.data.step_starts, own.data.segments, strict=False):
-        angles = replay_segment(rig(), segment, settings, False, True)[:, STEERING_COLUMN]
-        assert shown[begin : begin + len(angles)] == pytest.approx(angles, abs=1e-9)
-
-
 PATH: list[Settings] = [
     {}, {"steering_offset": {"angle_deg": 2.0}}, {"steering_gain": {"ratio": 1.1}},
     {"steering_asymmetry": {"ratio": 1.2}}, {"steering_backlash": {"angle_deg": 2.0}},
@@ -57,6 +54,17 @@ PATH: list[Settings] = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize("settings", [*STEERING, *PATH])
+def test_an_effect_all_the_time_is_its_fields_at_every_step(settings: Settings) -> None:
+    own = simulator("steps")
+    whole, fields = Simulator(own.data, rig(), settings), spread(own, settings)
+    assert np.array_equal(whole.simulate_wheel({}), own.simulate_wheel(fields))
+    for one, other in zip(whole.replay({}), own.replay(fields), strict=True):
+        assert np.array_equal(one, other)
+    shown, seen = whole.simulate({}, BASE), Simulator(own.data, rig()).simulate(fields, BASE)
+    assert all(np.array_equal(shown[name], seen[name]) for name in shown)
+
+
 LATE_STEPS = 1.8  # of the simulation: the body and the sum of its turns are a longer step behind
 
 
@@ -65,7 +73,7 @@ LATE_STEPS = 1.8  # of the simulation: the body and the sum of its turns are a l
 def test_the_path_is_that_of_a_replay_at_the_measured_speed(programme: str, settings: Settings) -> None:
     """But for steps of twice the length, by which a turn comes later."""
     own = simulator(programme)
-    x, y, angle = own._simulate_path(spread(own, settings), np.zeros(own.data.step_starts[-1]))
+    x, y, angle, _ = own.simulate_path(spread(own, settings), own.simulate_wheel({}))
     for begin, segment in zip(own.data.path_starts, own.data.segments, strict=False):
         states = replay_segment(rig(), segment, settings, from_sensor=True, from_speed=True)[::STRIDE]
         part, rate = slice(begin, begin + len(states)), np.abs(np.diff(states[:, ANGLE_COLUMN])).max() / PATH_STEP_S

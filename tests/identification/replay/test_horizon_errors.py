@@ -20,7 +20,7 @@ from vehicle.identification.replay.horizon_errors import (
     simulate_instruments,
     sum_by_run,
 )
-from vehicle.identification.replay.rig import replay_segment, simulate_logged_values
+from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
 
 TIME = np.arange(100) / 10.0
 

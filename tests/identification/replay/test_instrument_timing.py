@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import rig, simulated
+from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.horizon_errors import simulate_instruments
-from vehicle.identification.replay.rig import (
-    InstrumentTiming,
-    compute_shown_headings,
-    compute_timing,
-    restore_true_inputs,
+from vehicle.identification.replay.simulation import (
+    ANGLE_COLUMN,
+    FORWARD_COLUMN,
+    STEERING_COLUMN,
+    X_COLUMN,
+    replay_segment,
+    simulate_logged_values,
 )
-from vehicle.model.effects import compute_effect_fields
+from vehicle.model.tractor import Settings
 
 
 @pytest.fixture(scope="module")
@@ -22,35 +25,53 @@ def segment() -> DriveSegment:
     return simulated("steps", {}).segments[0]
 
 
-def test_ages_add_up() -> None:
+def show_ramps(segment: DriveSegment, settings: Settings) -> tuple[Array, Array, Array, Array]:
+    """What is shown where place, heading, wheel angle and speed grow by 1 m, 0.2, 0.1 rad and 0.3 m/s a second."""
+    states = np.zeros((len(segment.steps_s), 5))
+    for column, rate in ((X_COLUMN, 1.0), (ANGLE_COLUMN, 0.2), (STEERING_COLUMN, 0.1), (FORWARD_COLUMN, 0.3)):
+        states[:, column] = rate * segment.steps_s
+    return simulate_logged_values(rig(), segment, states, settings)
+
+
+def test_ages_add_up(segment: DriveSegment) -> None:
     settings = {
         "gnss_latency": {"time_s": 0.2},
         "position_delay": {"time_s": 0.1},
         "clock_offset_heading": {"time_s": -0.3},
+        "clock_offset_steering": {"time_s": 0.4},
+        "clock_offset_speed": {"time_s": -0.1},
         "speed_scale": {"ratio": 1.1},
     }
-    timing = compute_timing(compute_effect_fields(settings))
-    assert (timing.position_s, timing.heading_s) == pytest.approx((0.3, -0.1))
-    assert timing.speed_scale == 1.1 and not timing.has_neutral_inputs and not timing.is_heading_as_old
-    assert compute_timing(compute_effect_fields({})) == InstrumentTiming() and InstrumentTiming().has_neutral_inputs
+    lever = rig().tractor.antenna_forward_m - rig().tractor.rear_axle_m
+    position, heading, wheel, speed = (one[10:-10] for one in show_ramps(segment, settings))
+    time = segment.time[10:-10]
+    assert position[:, 0] == pytest.approx(time - 0.3 + lever * np.cos(0.2 * (time - 0.3)), abs=1e-4)
+    assert heading == pytest.approx(0.2 * (time + 0.1), abs=1e-9)
+    assert wheel == pytest.approx(0.1 * (time - 0.4), abs=1e-9)
+    assert speed == pytest.approx(1.1 * 0.3 * (time + 0.1), abs=1e-9)
 
 
-def test_headings_are_late_and_smoothed(segment: DriveSegment) -> None:
-    ramp = 0.2 * segment.steps_s
-    late = compute_shown_headings(segment, ramp, InstrumentTiming(heading_s=0.5))
-    assert late[20:] == pytest.approx(0.2 * (segment.time - 0.5)[20:], abs=1e-9)
-    smooth = compute_shown_headings(segment, ramp, InstrumentTiming(heading_filter_s=0.4))
+def test_headings_are_smoothed(segment: DriveSegment) -> None:
+    smooth = show_ramps(segment, {"heading_filter": {"time_s": 0.4}})[1]
     assert smooth[40:] == pytest.approx(0.2 * (segment.time - 0.4)[40:], abs=4e-3), "it trails a ramp by its time"
     assert smooth[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_inputs_of_a_replay_are_those_of_its_times(segment: DriveSegment) -> None:
-    timing = InstrumentTiming(speed_s=0.4, speed_scale=1.1, steering_s=-0.3, command_s=0.2)
-    true = restore_true_inputs(segment, timing)
-    assert true.grids["speed"][0] == pytest.approx(segment.grids["speed"][24] / 1.1)
-    assert true.grids["wheel"][200] == pytest.approx(segment.grids["wheel"][182])
-    assert true.grids["command"][100] == pytest.approx(segment.grids["command"][112])
-    assert true.logged_wheel is not None and true.logged_wheel[0][0] == pytest.approx(0.3)
+    ramp = replace(segment, grids=segment.grids | {"speed": 1.0 + 0.05 * segment.steps_s})
+    late = {"clock_offset_speed": {"time_s": 0.4}, "speed_scale": {"ratio": 1.1}}
+    speed = replay_segment(rig(), ramp, late, from_sensor=True, from_speed=True)[:, FORWARD_COLUMN]
+    assert speed[:-60] == pytest.approx((ramp.grids["speed"][:-60] + 0.05 * 0.4) / 1.1)
+    plain, early = (
+        replay_segment(rig(), segment, settings, from_sensor=False, from_speed=True)[:, STEERING_COLUMN]
+        for settings in ({}, {"clock_offset_steering_command": {"time_s": 0.2}})
+    )
+    assert early[60:-60] == pytest.approx(plain[72:-48], abs=1e-6)
+    turned, before = (
+        replay_segment(rig(), segment, settings, from_sensor=True, from_speed=True)[:, ANGLE_COLUMN]
+        for settings in ({}, {"clock_offset_steering": {"time_s": 0.2}})
+    )
+    assert before[60:-60] - before[60] == pytest.approx(turned[72:-48] - turned[72], abs=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -74,6 +95,6 @@ def test_each_effect_shows_in_its_own_column(
 
 def test_wheels_follow_their_commands(segment: DriveSegment) -> None:
     assert 0.0 < measure_wheel_lag([segment]) < 0.6
-    ahead = restore_true_inputs(segment, InstrumentTiming(steering_s=0.7))
-    assert measure_wheel_lag([ahead]) < -0.05
+    ahead = np.interp(segment.steps_s + 0.7, segment.steps_s, segment.grids["wheel"])
+    assert measure_wheel_lag([replace(segment, grids=segment.grids | {"wheel": ahead})]) < -0.05
     assert measure_wheel_lag([replace(segment, command=None)]) == np.inf

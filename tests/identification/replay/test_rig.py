@@ -12,20 +12,19 @@ from vehicle.errors import VehicleError
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.rig import (
+    build_rig,
+    build_rig_and_corrections,
+)
+from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,
     STEERING_COLUMN,
     X_COLUMN,
     Y_COLUMN,
-    build_rig,
-    build_rig_and_corrections,
-    compute_antenna_lever,
     make_settled_state,
     replay_segment,
     simulate_logged_values,
-    split_settings_by_block,
 )
-from vehicle.model.effects import PATH, SPEED, compute_effect_fields
 from vehicle.model.tractor import EffectSetting, load_tractor
 from vehicle.records import DT_S
 
@@ -120,11 +119,6 @@ def test_instruments_on_a_straight_line_by_hand(settings: Any, ahead: float, asi
     assert np.abs(wheel).max() < 1e-9 and speed == pytest.approx(np.full(one.rows, SPEED_MPS))
 
 
-def test_the_lever_counts_from_the_centre_of_mass() -> None:
-    fields = compute_effect_fields({"antenna_forward": {"distance_m": 0.3}, "antenna_right": {"distance_m": -0.1}})
-    assert compute_antenna_lever(rig(), fields) == pytest.approx((LEVER + 0.3, EG105.antenna_right_m - 0.1))
-
-
 def test_a_rig_is_bare_and_its_own_settings_are_those_of_the_file() -> None:
     taught = EG105.model_copy(update={"effects": {"wheel_slip": EffectSetting(value={"ratio": 0.1})}})
     own, settings = build_rig_and_corrections(taught, "soil", (3.0, 4.0))
@@ -216,13 +210,6 @@ def test_at_the_measured_speed_it_is_driven_until_there_is_no_number() -> None:
 
 OFFSET, BIAS = {"steering_offset": {"angle_deg": 1.0}}, {"heading_bias": {"angle_deg": 2.0}}
 LATE = {"steering_dead_time": {"time_s": 0.3}}
-
-
-def test_settings_are_split_by_block() -> None:
-    both = {**OFFSET, **BIAS, "discrepancy_model": {"grip_by_speed": 0.1}}
-    of_path = {**OFFSET, "discrepancy_model": both["discrepancy_model"]}
-    assert split_settings_by_block(both, frozenset({PATH})) == of_path
-    assert split_settings_by_block(both, frozenset({SPEED})) == {"discrepancy_model": both["discrepancy_model"]}
 
 
 def test_a_sensor_cuts_off_what_lies_before_it() -> None:

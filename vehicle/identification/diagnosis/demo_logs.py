@@ -16,13 +16,12 @@ from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import turn_path
 from vehicle.identification.replay.drive_programmes import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import (
+from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,
     X_COLUMN,
     Y_COLUMN,
-    ReplayRig,
-    build_rig,
     replay_segment,
     simulate_logged_values,
 )

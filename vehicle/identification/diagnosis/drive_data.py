@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.logs.thresholds import WINDOW_S
+from vehicle.identification.replay.drive_inputs import DriveInputs, Places, Samples, build_inputs
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S
 
@@ -27,60 +27,19 @@ POSE_CELLS, SENSOR_CELLS = round(WINDOW_S / POSE_CELL_S), round(WINDOW_S / SENSO
 FEWEST_WINDOWS = 3
 LEAST_CELL_SHARE = 0.2  # of the cells of a window that hold a position
 CRAWL_MPS = 0.2  # windows driven more slowly on average say nothing
-Places = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """One measured column in the cells of all windows (w, cells).
-
-    `values` are means over the rows of a cell and 0 without one; `places` are the steps (of the column's axis) of the
-    rows used, `cells` their cells, `segments` the segment of each row.
-    """
-
-    values: Array
-    observed: Mask
-    places: Array
-    cells: Places
-    segments: Places
-
-    def average(self, rows: Array) -> Array:
-        """Means (w, cells) of values per row (k,); 0 in cells without a row."""
-        size = self.observed.size
-        total = np.bincount(self.cells, rows, minlength=size).reshape(self.observed.shape)
-        return np.asarray(total / np.maximum(self._counts, 1.0))
-
-    @cached_property
-    def _counts(self) -> Array:
-        counts = np.bincount(self.cells, minlength=self.observed.size)
-        return counts.reshape(self.observed.shape).astype(np.float64)
-
-
-@dataclass(frozen=True, eq=False)
-class DriveData:
+class DriveData(DriveInputs):
     """All segments of a dataset that hold a window.
 
-    `step_starts` and `path_starts` (s + 1,) bound the segments on their axes; arrays on the step axis are (n,), those
-    of `path` (m,). `window_runs` (w,) are indices of runs, `window_starts` (w,) steps of the path.
+    `window_runs` (w,) are indices of runs, `window_starts` (w,) steps of the path.
     """
 
     dataset: DriveDataset
-    segments: tuple[DriveSegment, ...]
-    step_starts: Places
-    path_starts: Places
-    command: Array
-    first_wheel: Array
-    target: Array
-    working: Array
-    path: dict[str, Array]
     window_runs: Places
     window_starts: Places
     window_segments: Places
-    east: Samples
-    north: Samples
-    heading: Samples
-    wheel: Samples
-    speed: Samples
 
     @property
     def windows(self) -> int:
@@ -93,11 +52,6 @@ class DriveData:
         return len(self.dataset.names)
 
     @cached_property
-    def has_wheel(self) -> Mask:
-        """Per segment, whether its wheel angle was measured."""
-        return np.array([segment.wheel is not None for segment in self.segments])
-
-    @cached_property
     def path_runs(self) -> Places:
         """The run of every step of the path (m,)."""
         return self.spread([segment.run for segment in self.segments])
@@ -106,10 +60,6 @@ class DriveData:
     def row_step_s(self) -> float:
         """The median time between rows (s)."""
         return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.segments])))
-
-    def spread(self, per_segment: Sequence[float] | Array) -> npt.NDArray[np.int64]:
-        """One value per segment on every step of its path."""
-        return np.repeat(np.asarray(per_segment), np.diff(self.path_starts))
 
     def cut(self, values: Array, cells: int) -> Array:
         """Means (w, cells) of values per step of the path over all cells of the windows."""
@@ -132,30 +82,13 @@ def build_drive_data(dataset: DriveDataset) -> DriveData:
             f"These logs hold {len(windows)} pieces of {WINDOW_S:g} s in which the tractor drives and its position is "
             f"known; a diagnosis needs {FEWEST_WINDOWS}: give longer runs."
         )
-    steps = [STRIDE * -(-len(segment.grids["speed"]) // STRIDE) for segment in kept]
-    step_starts = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
-    path_starts = step_starts // STRIDE
+    inputs = build_inputs(kept, STRIDE)
     window_segments = np.array([number for number, _ in windows], dtype=np.int64)
-    window_starts = path_starts[window_segments] + np.array([round(start / PATH_STEP_S) for _, start in windows])
-    command, target = (
-        np.concatenate([_pad(_get_input(segment, name), count) for segment, count in zip(kept, steps, strict=True)])
-        for name in ("command", "target")
-    )
-    return DriveData(
-        dataset,
-        tuple(kept),
-        step_starts,
-        path_starts,
-        command,
-        np.array([_get_input(segment, "wheel")[0] for segment in kept]),
-        target,
-        np.concatenate([_pad(segment.grids["working"], count) for segment, count in zip(kept, steps, strict=True)]),
-        _build_path(kept, steps),
-        np.array([kept[number].run for number in window_segments], dtype=np.int64),
-        window_starts,
-        window_segments,
-        *_build_samples(kept, windows, step_starts, path_starts),
-    )
+    starts = inputs.path_starts[window_segments] + np.array([round(start / PATH_STEP_S) for _, start in windows])
+    runs = np.array([kept[number].run for number in window_segments], dtype=np.int64)
+    samples = _build_samples(kept, windows, inputs.step_starts, inputs.path_starts)
+    return DriveData(**vars(inputs) | samples, dataset=dataset, window_runs=runs, window_starts=starts,
+                     window_segments=window_segments)  # fmt: skip
 
 
 def _list_windows(segment: DriveSegment) -> list[float]:
@@ -170,40 +103,11 @@ def _list_windows(segment: DriveSegment) -> list[float]:
     return starts
 
 
-def _pad(values: Array, count: int) -> Array:
-    return np.concatenate([values, np.full(count - len(values), values[-1])])
-
-
-def _get_input(segment: DriveSegment, name: str) -> Array:
-    """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
-    other = {"command": "wheel", "wheel": "command", "target": "speed"}[name]
-    return segment.grids[name if getattr(segment, name) is not None else other]
-
-
-def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int]) -> dict[str, Array]:
-    """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
-    columns: dict[str, list[Array]] = {}
-    for segment, count in zip(segments, steps, strict=True):
-        wheel = _get_input(segment, "wheel")
-        steady = segment.denoised_wheel_angle if segment.wheel is not None else wheel
-        inputs = {
-            **{name: segment.grids[name] for name in ("east", "north", "heading", "speed", "working")},
-            "wheel": wheel,
-            "steady": steady,
-            "across": segment.grids.get("across", np.zeros(len(wheel))),
-            "seconds": np.asarray(segment.start_s + np.arange(len(wheel)) * STEP_S, dtype=np.float64),
-        }
-        for name, values in inputs.items():
-            columns.setdefault(name, []).append(_pad(values, count)[::STRIDE])
-    path = {name: np.ascontiguousarray(np.concatenate(parts)) for name, parts in columns.items()}
-    return {**path, "cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}
-
-
 def _build_samples(
     segments: Sequence[DriveSegment], windows: list[tuple[int, float]], step_starts: Places, path_starts: Places
-) -> tuple[Samples, Samples, Samples, Samples, Samples]:
+) -> dict[str, Samples]:
     """East, north, heading, wheel angle and speed as measured, in cells of the windows."""
-    samples = []
+    samples = {}
     for name, cells in (("east", POSE_CELLS), ("north", POSE_CELLS), ("heading", POSE_CELLS),
                         ("wheel", SENSOR_CELLS), ("speed", SENSOR_CELLS)):  # fmt: skip
         starts, step_s = (path_starts, PATH_STEP_S) if cells == POSE_CELLS else (step_starts, STEP_S)
@@ -218,9 +122,8 @@ def _build_samples(
             places = starts[number] + segment.time[rows] / step_s
             parts.append((values[0][rows], places, window * cells + np.minimum(cell, cells - 1),
                           np.full(len(rows), number)))  # fmt: skip
-        samples.append(_collect_samples(parts, (len(windows), cells)))
-    east, north, heading, wheel, speed = samples
-    return east, north, heading, wheel, speed
+        samples[name] = _collect_samples(parts, (len(windows), cells))
+    return samples
 
 
 def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] | None:

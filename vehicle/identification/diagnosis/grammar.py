@@ -16,8 +16,8 @@ import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER
-from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
 from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.replay.simulation import CHAINS, FACTORS
 from vehicle.model.effect_kinds import CIRCLE, CoordinateBox, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,

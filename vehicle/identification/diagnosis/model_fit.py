@@ -24,9 +24,9 @@ from vehicle.identification.diagnosis.noise import (
     build_speed_noise,
     build_wheel_noise,
 )
-from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.simulation import CHAINS, Simulator
 
 CHANNELS = ("pose", "wheel", "speed")
 SCAN_STEP, FIT_STEP = 0.5, 0.04  # widths: the secant of an untried hypothesis, and that of a fit

@@ -22,7 +22,6 @@ from vehicle.identification.diagnosis.drive_data import (
     SENSOR_CELL_S,
     STRIDE,
     DriveData,
-    Samples,
     build_drive_data,
 )
 from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
@@ -38,10 +37,10 @@ from vehicle.identification.diagnosis.noise import (
     WHEEL_TIMES_S,
     YAW_TIMES_S,
 )
-from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
-from vehicle.identification.logs.schema import Array, Rows
+from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.replay.drive_inputs import sample_rows
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
@@ -51,6 +50,7 @@ from vehicle.identification.replay.horizon_errors import (
     measure_pieces,
 )
 from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.simulation import Simulator
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
 DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
@@ -116,26 +116,13 @@ def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> CommandedR
     """Drive the commands of all segments open loop; where none were logged, as wheel and speed were measured."""
     causes = [one for one, _ in model]
     amounts = np.concatenate([np.zeros(0), *(own for _, own in model)])
-    simulator, keys = Simulator(data, rig), dict.fromkeys(CHAINS, 0)
+    rows = sample_rows(data.segments, data.path_starts, PATH_STEP_S)
+    simulator = Simulator(replace(data, east=rows, north=rows, heading=rows), rig)
     fields = sum_fields(causes, amounts, Bases(data), simulator.base)
-    steps = np.arange(data.path_starts[-1], dtype=np.float64)
-    every = _sample_all(STRIDE * steps, data.spread(range(len(data.segments))))
-    sensors = Simulator(replace(data, wheel=every, speed=every), rig).simulate(fields, keys)
-    path = {**data.path, "wheel": sensors["wheel"], "steady": sensors["wheel"], "speed": sensors["speed"]}
-    begins = zip(data.path_starts[:-1], data.segments, strict=True)
-    rows = _sample_all(
-        np.concatenate([begin + segment.time / PATH_STEP_S for begin, segment in begins]),
-        np.repeat(np.arange(len(data.segments)), [segment.rows for segment in data.segments]),
-    )
-    shown = Simulator(replace(data, path=path, east=rows, north=rows, heading=rows), rig).simulate(fields, keys)
+    wheel, path = simulator.replay(fields)
+    shown = simulator.show_pose(path, fields)
     antenna = np.stack([shown["east"], shown["north"]], axis=1)
-    return CommandedReplay(antenna, shown["heading"], sensors["wheel"], sensors["speed"])
-
-
-def _sample_all(places: Array, segments: Rows) -> Samples:
-    """Samples at single steps (k,) instead of means over cells."""
-    count = len(places)
-    return Samples(np.zeros(count), np.ones(count, dtype=np.bool_), places, np.arange(count), segments)
+    return CommandedReplay(antenna, shown["heading"], wheel[::STRIDE], path[3])
 
 
 class _MotionDraw:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, Places
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.holdout import compare_pieces, is_extension_harmful, is_extension_helpful
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
@@ -21,6 +21,7 @@ from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, 
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.replay.drive_inputs import Places
 from vehicle.identification.replay.drive_segments import DriveDataset, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     Pieces,

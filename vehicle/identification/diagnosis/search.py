@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
@@ -29,6 +28,7 @@ from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.replay.drive_inputs import Places
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted

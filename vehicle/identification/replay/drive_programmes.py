@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
+from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
 

@@ -81,11 +81,6 @@ class DriveSegment:
     earlier_commands: Array = field(default_factory=lambda: np.empty(0))
 
     @cached_property
-    def heading_cosine_sine(self) -> tuple[Array, Array]:
-        """Cosine and sine of the heading on the grid (n,)."""
-        return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
-
-    @cached_property
     def steps_s(self) -> Array:
         """Times of the steps of the grid (n, s).
 

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from vehicle.fast_math import compute_cosine_sine, round_number
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
+from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
 from vehicle.jit import compile_function
 from vehicle.model.tractor import Settings
 

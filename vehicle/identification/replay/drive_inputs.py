@@ -1,0 +1,148 @@
+"""What a simulation takes from segments: their inputs per step, one segment after the other, and when each column was
+read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.records import DT_S
+
+Places = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One measured column in cells, such as those of all windows (w, cells).
+
+    `values` are means over the rows of a cell and 0 without one; `places` are the steps (of the column's axis) of the
+    rows used, `cells` their cells, `segments` the segment of each row.
+    """
+
+    values: Array
+    observed: Mask
+    places: Array
+    cells: Places
+    segments: Places
+
+    def average(self, rows: Array) -> Array:
+        """Means (w, cells) of values per row (k,); 0 in cells without a row."""
+        size = self.observed.size
+        total = np.bincount(self.cells, rows, minlength=size).reshape(self.observed.shape)
+        return np.asarray(total / np.maximum(self._counts, 1.0))
+
+    @cached_property
+    def _counts(self) -> Array:
+        counts = np.bincount(self.cells, minlength=self.observed.size)
+        return counts.reshape(self.observed.shape).astype(np.float64)
+
+
+def sample_rows(segments: Sequence[DriveSegment], starts: Places, step_s: float) -> Samples:
+    """Samples at every row (k,) of segments that begin at `starts` (s + 1,) of an axis, instead of means over cells."""
+    rows = [segment.rows for segment in segments]
+    numbers, count = np.repeat(np.arange(len(segments)), rows), sum(rows)
+    places = starts[numbers] + np.concatenate([segment.time for segment in segments]) / step_s
+    return Samples(np.zeros(count), np.ones(count, dtype=np.bool_), places, np.arange(count), numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveInputs:
+    """Segments one after the other on two axes: steps of DT_S for steering and speed, `stride` times as long ones for
+    the path.
+
+    `step_starts` and `path_starts` (s + 1,) bound the segments on their axes; arrays on the step axis are (n,), those
+    of `path` (m,). `east` to `speed` say at which steps each column was read: poses on the axis of the path, sensors on
+    that of the steps.
+    """
+
+    segments: tuple[DriveSegment, ...]
+    stride: int
+    step_starts: Places
+    path_starts: Places
+    command: Array
+    first_wheel: Array
+    target: Array
+    working: Array
+    path: dict[str, Array]
+    east: Samples
+    north: Samples
+    heading: Samples
+    wheel: Samples
+    speed: Samples
+
+    @cached_property
+    def has_wheel(self) -> Mask:
+        """Per segment, whether its wheel angle was measured."""
+        return np.array([segment.wheel is not None for segment in self.segments])
+
+    @property
+    def path_step_s(self) -> float:
+        """The step of the path (s)."""
+        return self.stride * DT_S
+
+    def spread(self, per_segment: Sequence[float] | Array) -> npt.NDArray[np.int64]:
+        """One value per segment on every step of its path."""
+        return np.repeat(np.asarray(per_segment), np.diff(self.path_starts))
+
+
+def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInputs:
+    """Lay segments one after the other, every column read in every row."""
+    steps = [stride * -(-len(segment.grids["speed"]) // stride) for segment in segments]
+    step_starts = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
+    path_starts = step_starts // stride
+    command, target = (
+        np.concatenate([_pad(_get_input(segment, name), count) for segment, count in zip(segments, steps, strict=True)])
+        for name in ("command", "target")
+    )
+    pose, sensor = (sample_rows(segments, path_starts, stride * DT_S), sample_rows(segments, step_starts, DT_S))
+    return DriveInputs(
+        tuple(segments),
+        stride,
+        step_starts,
+        path_starts,
+        command,
+        np.array([_get_input(segment, "wheel")[0] for segment in segments]),
+        target,
+        np.concatenate([_pad(segment.grids["working"], count) for segment, count in zip(segments, steps, strict=True)]),
+        _build_path(segments, steps, stride),
+        pose,
+        pose,
+        pose,
+        sensor,
+        sensor,
+    )
+
+
+def _pad(values: Array, count: int) -> Array:
+    return np.concatenate([values, np.full(count - len(values), values[-1])])
+
+
+def _get_input(segment: DriveSegment, name: str) -> Array:
+    """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
+    other = {"command": "wheel", "wheel": "command", "target": "speed"}[name]
+    return segment.grids[name if getattr(segment, name) is not None else other]
+
+
+def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int], stride: int) -> dict[str, Array]:
+    """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
+    columns: dict[str, list[Array]] = {}
+    for segment, count in zip(segments, steps, strict=True):
+        wheel = _get_input(segment, "wheel")
+        steady = segment.denoised_wheel_angle if segment.wheel is not None else wheel
+        inputs = {
+            **{name: segment.grids[name] for name in ("east", "north", "heading", "speed", "working")},
+            "wheel": wheel,
+            "steady": steady,
+            "across": segment.grids.get("across", np.zeros(len(wheel))),
+            "seconds": np.asarray(segment.start_s + np.arange(len(wheel)) * DT_S, dtype=np.float64),
+        }
+        for name, values in inputs.items():
+            columns.setdefault(name, []).append(_pad(values, count)[::stride])
+    path = {name: np.ascontiguousarray(np.concatenate(parts)) for name, parts in columns.items()}
+    return {**path, "cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}
