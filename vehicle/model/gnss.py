@@ -160,7 +160,7 @@ def load_static_fixes(path: str | Path) -> tuple[Floats, Floats]:
         degrees = _parse_csv_columns(text, ("longitude", "latitude"), str(path))
         if (np.abs(degrees) > (180.0, 90.0)).any():
             raise VehicleError(f"{path} holds longitudes beyond 180 or latitudes beyond 90 degrees; give degrees.")
-        values = 1000.0 * _project_to_metres(degrees)
+        values = 1000.0 * project_to_metres(degrees, degrees[0])
     else:
         columns = ", ".join(header) or "none"
         raise VehicleError(
@@ -171,13 +171,16 @@ def load_static_fixes(path: str | Path) -> tuple[Floats, Floats]:
     return values[:, 0], values[:, 1]
 
 
-def _project_to_metres(degrees: Floats) -> Floats:
-    """Metres about the first fix on the WGS 84 ellipsoid; over a few centimetres the plane is exact."""
-    phi = math.radians(float(degrees[0, 1]))
+def project_to_metres(degrees: Floats, origin_deg: Floats) -> Floats:
+    """Metres (n, 2) to the east and the north of a place, from longitudes and latitudes (n, 2).
+
+    By the radii of curvature of the WGS 84 ellipsoid there: true north stays north, and a field is a plane.
+    """
+    phi = math.radians(float(origin_deg[1]))
     a, e2 = 6378137.0, 6.69437999014e-3
     w = math.sqrt(1.0 - e2 * math.sin(phi) ** 2)
     scale = np.radians([a / w * math.cos(phi), a * (1.0 - e2) / w**3])
-    return np.asarray((degrees - degrees[0]) * scale)
+    return np.asarray((degrees - origin_deg) * scale)
 
 
 def _parse_csv_columns(text: str, columns: tuple[str, ...], where: str) -> Floats:

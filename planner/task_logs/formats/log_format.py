@@ -12,9 +12,9 @@ from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.gating import find_jumps
 from vehicle.identification.logs.series import find_decreasing_entries
+from vehicle.model.gnss import project_to_metres
 
 MIN_ROWS = 10
-EARTH_RADIUS_M = 6_371_008.8
 
 
 LogFormat = FileFormat[LogContents]
@@ -35,9 +35,8 @@ def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
     rows = rows[~is_late]
     dropped.append((int(is_late.sum()), "out of order in time"))
     if len(rows):
-        longitude_scale = float(np.cos(np.radians(np.median(lat[rows]))))
-        east, north = np.radians(lon[rows]) * EARTH_RADIUS_M * longitude_scale, np.radians(lat[rows]) * EARTH_RADIUS_M
-        is_jump = find_jumps(run.time_s[rows], east, north)
+        place_m = project_to_metres(run.lonlat[rows], np.median(run.lonlat[rows], axis=0))
+        is_jump = find_jumps(run.time_s[rows], *place_m.T)
         rows = rows[~is_jump]
         dropped.append((int(is_jump.sum()), "with an impossible jump of position"))
     if len(rows) < MIN_ROWS:

@@ -17,13 +17,13 @@ import numpy as np
 from fields.errors import mark_parameter
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, Log
+from vehicle.model.gnss import project_to_metres
 
 Columns = dict[str, Array]
 Place = tuple[float, float]
 Conversion = Callable[[Columns, Place | None], Columns]
 Band = tuple[float, float]
 
-_EARTH_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 _POSITIONS, _SPEEDS = ("easting_m", "northing_m"), ("speed_mps", "speed_command_mps")
 MPH, KNOTS = 3600.0 / 1609.344, 3600.0 / 1852.0  # per m/s
 
@@ -54,7 +54,7 @@ def find_first_place(columns: Columns) -> Place:
 
 
 def _convert_to_local_metres(columns: Columns, reference: Place | None) -> Columns:
-    """Return east and north of the reference by the ellipsoid's radii of curvature there: true north stays north.
+    """Return metres to the east and the north of the reference.
 
     Raises LogError for values that are no longitude and latitude.
     """
@@ -64,11 +64,9 @@ def _convert_to_local_metres(columns: Columns, reference: Place | None) -> Colum
             f"easting_m {longitude:g} and northing_m {latitude:g} are not a longitude and latitude; "
             f"remove the fix {LogConvention.POSITION_DEGREES}."
         )
-    squared = _FLATTENING * (2.0 - _FLATTENING)
-    bulge = 1.0 - squared * math.sin(math.radians(latitude)) ** 2
-    meridian, parallel = _EARTH_M * (1.0 - squared) / bulge**1.5, _EARTH_M / math.sqrt(bulge)
-    east = np.radians(columns["easting_m"] - longitude) * parallel * math.cos(math.radians(latitude))
-    return {"easting_m": east, "northing_m": np.radians(columns["northing_m"] - latitude) * meridian}
+    degrees = np.column_stack([columns[name] for name in _POSITIONS])
+    metres = np.ascontiguousarray(project_to_metres(degrees, np.array([longitude, latitude])).T)
+    return dict(zip(_POSITIONS, metres, strict=True))
 
 
 def _convert_speeds(units_per_mps: float, *names: str) -> Conversion:
