@@ -31,9 +31,9 @@ from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
     find_piece_bounds,
     measure_dataset,
-    simulate_instruments,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
+from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 from vehicle.records import WORKING
 

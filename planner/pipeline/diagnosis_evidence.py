@@ -20,9 +20,9 @@ from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
     fit_rigid_motion,
     list_covering_bounds,
-    simulate_instruments,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
+from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor
 
 ALIGNMENT_S = 5.0  # of a path that is then left alone

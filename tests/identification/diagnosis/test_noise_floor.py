@@ -29,9 +29,9 @@ from vehicle.identification.replay.horizon_errors import (
     join_pieces,
     measure_dataset,
     measure_pieces,
-    simulate_instruments,
     sum_by_run,
 )
+from vehicle.identification.replay.simulation import simulate_instruments
 
 problem = lru_cache(maxsize=1)(build_problem)
 SPREAD = FREEDOM / (FREEDOM - 2.0)

@@ -17,10 +17,13 @@ from vehicle.identification.replay.horizon_errors import (
     list_covering_bounds,
     measure_dataset,
     measure_pieces,
-    simulate_instruments,
     sum_by_run,
 )
-from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
+from vehicle.identification.replay.simulation import (
+    replay_segment,
+    simulate_instruments,
+    simulate_logged_values,
+)
 
 TIME = np.arange(100) / 10.0
 

@@ -8,13 +8,13 @@ import pytest
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
-from vehicle.identification.replay.horizon_errors import simulate_instruments
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,
     STEERING_COLUMN,
     X_COLUMN,
     replay_segment,
+    simulate_instruments,
     simulate_logged_values,
 )
 from vehicle.model.tractor import Settings

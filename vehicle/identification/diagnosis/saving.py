@@ -27,9 +27,9 @@ from vehicle.identification.replay.horizon_errors import (
     Pieces,
     join_pieces,
     measure_pieces,
-    simulate_instruments,
     sum_by_run,
 )
+from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Tractor

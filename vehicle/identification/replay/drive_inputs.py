@@ -96,9 +96,8 @@ def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInpu
     steps = [stride * -(-len(segment.grids["speed"]) // stride) for segment in segments]
     step_starts = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
     path_starts = step_starts // stride
-    command, target = (
-        np.concatenate([_pad(_get_input(segment, name), count) for segment, count in zip(segments, steps, strict=True)])
-        for name in ("command", "target")
+    command, target, working = (
+        _join([_get_input(segment, name) for segment in segments], steps) for name in ("command", "target", "working")
     )
     pose, sensor = (sample_rows(segments, path_starts, stride * DT_S), sample_rows(segments, step_starts, DT_S))
     return DriveInputs(
@@ -109,7 +108,7 @@ def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInpu
         command,
         np.array([_get_input(segment, "wheel")[0] for segment in segments]),
         target,
-        np.concatenate([_pad(segment.grids["working"], count) for segment, count in zip(segments, steps, strict=True)]),
+        working,
         _build_path(segments, steps, stride),
         pose,
         pose,
@@ -119,30 +118,32 @@ def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInpu
     )
 
 
-def _pad(values: Array, count: int) -> Array:
-    return np.concatenate([values, np.full(count - len(values), values[-1])])
+def _join(parts: Sequence[Array], steps: Sequence[int], stride: int = 1) -> Array:
+    """Columns one after the other, each lengthened to so many steps by its last value, at every `stride`-th step."""
+    whole = [
+        values if len(values) == count else np.append(values, np.full(count - len(values), values[-1]))
+        for values, count in zip(parts, steps, strict=True)
+    ]
+    # A single segment, such as a replay's of hours, is not copied.
+    return np.ascontiguousarray((whole[0] if len(whole) == 1 else np.concatenate(whole))[::stride])
 
 
 def _get_input(segment: DriveSegment, name: str) -> Array:
     """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
-    other = {"command": "wheel", "wheel": "command", "target": "speed"}[name]
+    other = {"command": "wheel", "wheel": "command", "target": "speed"}.get(name, name)
     return segment.grids[name if getattr(segment, name) is not None else other]
 
 
 def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int], stride: int) -> dict[str, Array]:
     """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
-    columns: dict[str, list[Array]] = {}
-    for segment, count in zip(segments, steps, strict=True):
-        wheel = _get_input(segment, "wheel")
-        steady = segment.denoised_wheel_angle if segment.wheel is not None else wheel
-        inputs = {
-            **{name: segment.grids[name] for name in ("east", "north", "heading", "speed", "working")},
-            "wheel": wheel,
-            "steady": steady,
-            "across": segment.grids.get("across", np.zeros(len(wheel))),
-            "seconds": np.asarray(segment.start_s + np.arange(len(wheel)) * DT_S, dtype=np.float64),
-        }
-        for name, values in inputs.items():
-            columns.setdefault(name, []).append(_pad(values, count)[::stride])
-    path = {name: np.ascontiguousarray(np.concatenate(parts)) for name, parts in columns.items()}
+    wheels = [_get_input(segment, "wheel") for segment in segments]
+    pairs = list(zip(segments, wheels, strict=True))
+    columns = {name: [one.grids[name] for one in segments] for name in ("east", "north", "heading", "speed", "working")}
+    columns |= {
+        "wheel": wheels,
+        "steady": [one.denoised_wheel_angle if one.wheel is not None else wheel for one, wheel in pairs],
+        "across": [one.grids.get("across", np.zeros(len(wheel))) for one, wheel in pairs],
+        "seconds": [np.asarray(one.start_s + np.arange(len(wheel)) * DT_S) for one, wheel in pairs],
+    }
+    path = {name: _join(parts, steps, stride) for name, parts in columns.items()}
     return {**path, "cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}

@@ -13,7 +13,7 @@ from vehicle.fast_math import compute_cosine_sine, round_number
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
 from vehicle.identification.replay.rig import ReplayRig
-from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
+from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.jit import compile_function
 from vehicle.model.tractor import Settings
 
@@ -107,7 +107,6 @@ def write_anchored_errors(starts, ends, east, north, heading, x, y, angle, out) 
 LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
 FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
 ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
-InstrumentColumns = tuple[Array, Array, Array, Array]
 Pieces = Mapping[float, Array]
 """By horizon (s) a row per piece (p, 6): its run, its middle (s since the start of its segment), squares of the errors
 across and along (m2) and of the heading (rad2; nan without one) summed over its rows, and its rows."""
@@ -156,12 +155,6 @@ def list_covering_bounds(time: Array, horizon: float) -> list[PieceBounds]:
     if len(time) - first < FEWEST_PIECE_ROWS:
         return [(starts, ends)]
     return [(starts, ends), (np.array([first]), np.array([len(time)]))]
-
-
-def simulate_instruments(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> InstrumentColumns:
-    """Simulate the instruments when the commands are driven with these effects."""
-    states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=False)
-    return simulate_logged_values(rig, segment, states, settings)
 
 
 def measure_pieces(segment: DriveSegment, antenna: Array, heading: Array) -> Pieces:

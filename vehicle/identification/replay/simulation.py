@@ -269,6 +269,8 @@ def sample_values(places, segments, starts, values, late_s, step_s, out) -> None
         out[row] = _read_at(values, begin, end, places[row] - late_s[i] / step_s)
 
 
+InstrumentColumns = tuple[Array, Array, Array, Array]
+"""Positions of the antenna (k, 2), headings, wheel angles and speeds (k,) at the rows of a segment."""
 Fields = Mapping[str, Array]
 Keys = Mapping[str, Hashable]
 
@@ -466,9 +468,20 @@ def replay_segment(
 
 def simulate_logged_values(
     rig: ReplayRig, segment: DriveSegment, states: Array, settings: Settings
-) -> tuple[Array, Array, Array, Array]:
+) -> InstrumentColumns:
     """Return what instruments would log of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
     path = np.ascontiguousarray(states[:, [X_COLUMN, Y_COLUMN, ANGLE_COLUMN]].T)
     wheel, speed = states[:, STEERING_COLUMN], states[:, FORWARD_COLUMN]
-    shown = Simulator(build_inputs([segment]), rig, settings).show(path, wheel, speed, {})
+    return _show_columns(Simulator(build_inputs([segment]), rig, settings), path, wheel, speed)
+
+
+def simulate_instruments(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> InstrumentColumns:
+    """Simulate the instruments when the commands of a segment are driven with these effects."""
+    simulator = Simulator(build_inputs([segment]), rig, settings)
+    wheel, path = simulator.replay({})
+    return _show_columns(simulator, path, wheel, path[3])
+
+
+def _show_columns(simulator: Simulator, path: Array, wheel: Array, speed: Array) -> InstrumentColumns:
+    shown = simulator.show(path, wheel, speed, {})
     return np.stack([shown["east"], shown["north"]], axis=1), shown["heading"], shown["wheel"], shown["speed"]
