@@ -37,7 +37,6 @@ WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation o
 PENALTIES = {"catalogue": 0.0, "law": 4.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
-FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7
 # Laws that are effects of the catalogue: the grip over the time, the left side, the draft and the slip at work.
 SYNONYMS = ("steering_gain@over_minutes", "steering_gain@by_side:left", "steering_offset@by_implement",
             "wheel_slip@by_implement")  # fmt: skip

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, STRIDE, DriveData
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELL_S, POSE_CELLS, DriveData
 from vehicle.identification.diagnosis.grammar import (
-    FEWEST_PATCH_STEPS,
-    LARGEST_PATCH_SHARE,
     PATCH_RADII_M,
     PENALTIES,
     WIDTH_PER_TYPICAL,
@@ -22,11 +20,13 @@ from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.thresholds import LASTING_S
 from vehicle.model.effects import get_effect
 
 SPACING = 0.7  # of the radius between the centres that are tried
 FINEST_MOVE_M, FIRST_MOVE_M, SMALLEST_RADIUS_M = 0.5, 4.0, 3.0
 MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
+LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
 MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
 Circle = tuple[float, float, float]
 
@@ -100,7 +100,7 @@ class CircleSearch:
         kept, columns = [], []
         for circle in circles:
             inside = self.problem.bases.find_circle(*circle)
-            if inside.sum() >= FEWEST_PATCH_STEPS * 3 // STRIDE and inside.mean() <= LARGEST_PATCH_SHARE:
+            if inside.sum() >= round(LASTING_S / PATH_STEP_S) and inside.mean() <= LARGEST_PATCH_SHARE:
                 kept.append(circle)
                 columns.append(self.problem.data.cut(inside.astype(np.float64), POSE_CELLS))
         if not kept:

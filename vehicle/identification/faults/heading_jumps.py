@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.faults.steering_evidence import COURSE_TURN_S, STEP_S, build_run_evidence, shift
+from vehicle.identification.logs.directions import FLIP_DEG
 from vehicle.identification.logs.schema import Array, Log, LogFault, list_gap_rows
 from vehicle.identification.logs.series import measure_spread, wrap_degrees
 from vehicle.identification.logs.thresholds import (
@@ -25,7 +26,7 @@ from vehicle.identification.logs.thresholds import (
 )
 
 HEADING_JUMP = "heading_jump"
-_MOST_DEG = 150.0  # chosen: more is a heading that points backwards, less than CLEARLY_APART_DEG is noise of a compass
+_MOST_DEG = 180.0 - FLIP_DEG  # more is a heading that points backwards, less than CLEARLY_APART_DEG is its noise
 _LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
 # Chosen: how near to the level of its side a heading must be (deg, share of the jump), and how far the jumps by heading
 # and by course may differ.
