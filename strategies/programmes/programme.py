@@ -98,8 +98,11 @@ def make_programme(
     check = None if table.site.lane else stands_in_way
     barred = None if check is None else BarredPlaces(table, check, tractors)
 
+    def bar_clashes(tours: list[list[int]]) -> bool:
+        return barred is not None and barred.extend(tours, lambda: [compute_tour_s(table, tour) for tour in tours])
+
     def can_be_driven(tours: list[list[int]]) -> bool:
-        if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
+        if bar_clashes(tours):
             return False
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
@@ -112,6 +115,7 @@ def make_programme(
         can_be_driven,
         seed,
         None if start is None else [list(tour) for tour in start],
+        bar_clashes,
     )
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
