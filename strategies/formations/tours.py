@@ -139,16 +139,13 @@ def share_lines(
     pieces = _cut_pieces(table, rounds)
     barred = BarredPlaces(table, stands_in_way, len(pieces.chains)) if table.site.lane is None else None
 
-    def bar_clashes(tours: list[list[int]]) -> bool:
-        return barred is not None and _bar_clashes(barred, [pieces.expand(tour) for tour in tours])
-
     def can_be_driven(tours: list[list[int]]) -> bool:
-        return not bar_clashes(tours) and False not in [
-            prove_short_runs(table, pieces.expand(tour).nodes) for tour in tours
-        ]
+        expanded = [pieces.expand(tour) for tour in tours]
+        if barred is not None and _bar_clashes(barred, expanded):
+            return False
+        return False not in [prove_short_runs(table, tour.nodes) for tour in expanded]
 
-    pose_problem = partial(pieces.pose_problem, order, barred)
-    found = search_driven_tours(table, pose_problem, pieces.list_moves, can_be_driven, bar_clashes=bar_clashes)
+    found = search_driven_tours(table, partial(pieces.pose_problem, order, barred), pieces.list_moves, can_be_driven)
     if not all(table.is_proven(u, v) for chain in pieces.chains for u, v in pairwise(chain)):
         return []
     best = _expand_tours(pieces, found)
@@ -178,7 +175,7 @@ def _expand_tours(pieces: _Pieces, found: list[list[int]]) -> list[FormationTour
 def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:
     """Bar places where tractors begin or end in each other's way; one that does so in formation does not yield."""
     kept_s = [KEEPS_S * ((not tour.before) + (not tour.after)) for tour in tours]
-    return barred.extend([tour.nodes for tour in tours], lambda: kept_s)
+    return barred.extend([tour.nodes for tour in tours], kept_s)
 
 
 def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> float:

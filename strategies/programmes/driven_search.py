@@ -17,7 +17,6 @@ Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
 PoseProblem = Callable[[Floats], OrderProblem]
 ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
-BarClashes = Callable[[Tours], bool]
 
 MOST_ROUNDS = 80  # of searching and driving
 NEAR_NODES = 8  # whose moves from a node are estimated first
@@ -63,26 +62,24 @@ def search_driven_tours(
     can_be_driven: Callable[[Tours], bool],
     seed: int = 1,
     start: Tours | None = None,
-    bar_clashes: BarClashes = lambda _: False,
 ) -> Tours:
     """The best tours whose moves were all driven well and that can be driven as a whole; empty without any.
 
     `pose_problem` takes the costs (n + 1, n + 1) of moves, `list_moves` gives the pairs of nodes that tours move
-    between; the search begins with `start`. `bar_clashes` says whether tractors of tours begin or end in each other's
-    way, and bars such places from all that is posed next. Ends when no tours that may use moves not yet driven promise
-    to be clearly cheaper than the best of those that were.
+    between; the search begins with `start`. Ends when no tours that may use moves not yet driven promise to be clearly
+    cheaper than the best of those that were.
     """
 
-    def get_proven_s() -> Floats:
-        return np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S)
+    def pose_proven() -> OrderProblem:
+        return pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
 
     tours = start
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
-        before, refining = tours if number else None, 1 if tours is None else REFINING
-        costs, share = table.estimate_costs(), 1.0 / refining if is_settled else 0.0
-        tours, cost_s = _search_apart(pose_problem, bar_clashes, costs, share, seed + number, tours)
-        if is_settled and cost_s >= best_s - WORTH_SHARE * best_s:
+        problem, before = pose_problem(table.estimate_costs()), tours if number else None
+        kicks = problem.kicks if tours is None else problem.kicks // REFINING
+        tours = search_programmes(problem, kicks if is_settled else 0, seed + number, tours)
+        if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             if can_be_driven(best):
                 return best
             best_s = math.inf
@@ -90,28 +87,13 @@ def search_driven_tours(
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue
-        settled, settled_s = tours, compute_cost_s(pose_problem(get_proven_s()), tours)
-        if not are_driven:
-            settled, settled_s = _search_apart(pose_problem, bar_clashes, get_proven_s(), 1.0, seed + number, tours)
+        proven = pose_proven()
+        settled = tours if are_driven else search_programmes(proven, proven.kicks, seed + number, tours)
+        settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
     while best and not can_be_driven(best):
-        tours, _ = _search_apart(pose_problem, bar_clashes, get_proven_s(), 1.0, seed, best)
+        proven = pose_proven()
+        tours = search_programmes(proven, proven.kicks, seed, best)
         best = Tours() if tours == best else tours
     return best
-
-
-def _search_apart(
-    pose_problem: PoseProblem, bar_clashes: BarClashes, costs: Floats, share: float, seed: int, start: Tours | None
-) -> tuple[Tours, float]:
-    """Tours by these costs of moves and their own cost, by a `share` of the perturbations of a thorough search.
-
-    Where tractors then begin or end in each other's way, the tours are improved without those places, until none do or
-    there is nowhere else. Without perturbations tours are on the way to others, and may clash.
-    """
-    problem = pose_problem(costs)
-    tours, before = search_programmes(problem, int(share * problem.kicks), seed, start), None
-    while share and bar_clashes(tours) and tours != before:
-        problem, before = pose_problem(costs), tours
-        tours = search_programmes(problem, 0, seed, before)
-    return tours, compute_cost_s(problem, tours)

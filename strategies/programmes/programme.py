@@ -98,11 +98,8 @@ def make_programme(
     check = None if table.site.lane else stands_in_way
     barred = None if check is None else BarredPlaces(table, check, tractors)
 
-    def bar_clashes(tours: list[list[int]]) -> bool:
-        return barred is not None and barred.extend(tours, lambda: [compute_tour_s(table, tour) for tour in tours])
-
     def can_be_driven(tours: list[list[int]]) -> bool:
-        if bar_clashes(tours):
+        if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
             return False
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
@@ -115,7 +112,6 @@ def make_programme(
         can_be_driven,
         seed,
         None if start is None else [list(tour) for tour in start],
-        bar_clashes,
     )
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}

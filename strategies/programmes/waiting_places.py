@@ -103,10 +103,9 @@ class BarredPlaces:
         """Seconds (tractors, nodes) of ways in (0) or home (1), NO_MOVE_S where a tractor is barred."""
         return np.where(self.masks[side], NO_MOVE_S, ends_s)
 
-    def extend(self, tours: Sequence[Sequence[int]], measure_s: Callable[[], Sequence[float]]) -> bool:
-        """Bar places of tours that clash, of the tractor that is done sooner by `measure_s`; whether there were any."""
-        clashes = list(self._iter_clashes(tours))
-        return bool(clashes) and self.bar(clashes, tours, measure_s())
+    def extend(self, tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
+        """Bar places of tours that clash, of the tractor that is done sooner; whether there were any."""
+        return self.bar(list(self._iter_clashes(tours)), tours, seconds)
 
     def bar(self, clashes: Sequence[Clash], tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
         """Bar the tractor that is done sooner from its place and all that clash with the other's; whether any was."""

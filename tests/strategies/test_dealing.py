@@ -165,12 +165,12 @@ def test_two_never_end_at_one_corner_nor_begin_there() -> None:
         return bool((np.hypot(*(driving[:, :2] - standing[:2]).T) < 2.0).any())
 
     barred = BarredPlaces(make_table(lines), stands_in_way, 2)
-    assert not barred.extend([[0], [3]], lambda: [50.0, 50.0]), "one ends where the other begins"
-    assert barred.extend([[0], [4, 2]], lambda: [50.0, 90.0])
+    assert not barred.extend([[0], [3]], [50.0, 50.0]), "one ends where the other begins"
+    assert barred.extend([[0], [4, 2]], [50.0, 90.0])
     assert barred.masks[1].tolist() == [[True, False, True, False, False, False], [False] * 6]
     assert not barred.masks[0].any()
     charged = barred.charge(1, np.zeros((2, 6)))
     assert (charged[0, [0, 2]] > 1e5).all()
     assert math.isclose(charged.sum(), charged[0, 0] + charged[0, 2])
-    assert barred.extend([[1], [3]], lambda: [50.0, 40.0]), "they begin there"
+    assert barred.extend([[1], [3]], [50.0, 40.0]), "they begin there"
     assert barred.masks[0].tolist() == [[False] * 6, [False, True, False, True, False, False]]
