@@ -1,38 +1,38 @@
 """Plans estimated: tours found and driven once for the ground and a number of tractors, their times by speed.
 
-The drive is at one speed of the sweep. By how much it takes longer than its tours alone, as tractors wait for each
-other and moves are refused, is taken for all speeds: as long as all move likewise, who meets whom does not change.
+The drive is at one speed of the sweep. By how much it takes longer than its tours alone and leaves more ground, as
+tractors wait for each other and moves are refused, is taken for all speeds: as long as all move likewise, who meets
+whom does not change.
 """
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 import shapely
 
-from fields.units import MPS_PER_KMH
-from planner.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.figures import add_clock_times, compute_cost
+from planner.evaluation.candidates.figures import CandidateRun, add_clock_times, compute_cost
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, weigh_order_s
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.layout_choice import compute_covered_share
-from planner.evaluation.preparation import change_terms, prepare_context
+from planner.evaluation.preparation import change_terms
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import mark_worked_shares
 from planner.request.parameter_names import UNLAID, WISHES
-from planner.request.plan_request import STRAIGHT, PlanRequest
+from planner.request.plan_request import PlanRequest
 from planner.risk.costs import DrivenTimes
-from reports.common.plan_results import PlanResult, choose_plan
+from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import LineWishes, name_lines
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
@@ -44,13 +44,9 @@ from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 STRATEGY = get_strategy("split-field")
 K = TypeVar("K")
 T = TypeVar("T")
-MOST_GROUNDS = 6
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
-MOST_PREPARED = 8  # tractors
-PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
-MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
 """Parameters whose plans may share a ground, its lines and the moves between them, for estimates of many."""
 
@@ -86,6 +82,14 @@ class _TimedTours:
     worked_share: float
 
 
+@dataclass(frozen=True)
+class _DriveFactors:
+    """By how much a drive takes longer than tours by themselves, and how much more ground it works than their lines."""
+
+    time: float = 1.0
+    ground: float = 1.0
+
+
 class GroundEstimates:
     """The plans of one layout: tours are found once for a number of tractors and an order of the headland."""
 
@@ -94,9 +98,9 @@ class GroundEstimates:
         self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = OrderedDict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
-        self._drive_factors = dict[int, float]()
+        self._drive_factors = dict[tuple[int, str | None], _DriveFactors | StrategyError]()
         self._moves = OrderedDict({_list_speeds(context.request): get_site_moves(context)})
-        self._timed = OrderedDict[tuple[SketchedPlan, tuple[float, float]], _TimedTours]()
+        self._timed = OrderedDict[tuple[SketchedPlan, str | None, tuple[float, float]], _TimedTours]()
 
     @property
     def layout(self) -> tuple[float, int]:
@@ -117,8 +121,11 @@ class GroundEstimates:
             sketch = self._sketch(count, headland, order.request)
             if isinstance(sketch, StrategyError):
                 refusal = sketch
-            else:
+                continue
+            try:
                 timed.append(self._time_driven(context, sketch))
+            except StrategyError as cannot_be_driven:
+                refusal = cannot_be_driven
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         return _build_result(context, min(timed, key=_weigh_s))
@@ -203,56 +210,98 @@ class GroundEstimates:
                 found = sketch if idle is None else _refuse_idle(tractors)
             except StrategyError as refusal:
                 found = refusal
-        _keep(self._sketches, key, found, MOST_SKETCHES)
+        keep_last(self._sketches, key, found, MOST_SKETCHES)
         return found
 
     def _time_driven(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch at the speeds of a context, by drives; prices and clock times change nothing in it."""
-        key = sketch, _list_speeds(context.request)
+        key = sketch, context.request.headland_order, _list_speeds(context.request)
         timed = self._timed.get(key)
         if timed is None:
-            factor = self._get_drive_factor(len(sketch.tours))
+            driven = self._get_drive_factors(len(sketch.tours), context.request.headland_order)
             alone = _time_tours(context, sketch, self._get_moves(context), self._covered_share)
-            timed = replace(alone, times=replace(alone.times, tractor_s=factor * alone.times.tractor_s))
-        _keep(self._timed, key, timed, MOST_SKETCHES * MOST_SPEEDS)
+            times = replace(alone.times, tractor_s=driven.time * alone.times.tractor_s)
+            timed = replace(alone, times=times, worked_share=min(driven.ground * alone.worked_share, 1.0))
+        keep_last(self._timed, key, timed, MOST_SKETCHES * MOST_SPEEDS)
         return timed
 
-    def _get_drive_factor(self, tractors: int) -> float:
-        """By how much a drive takes longer than tours by themselves, with the headland as the context has it."""
-        if tractors not in self._drive_factors:
-            self._drive_factors[tractors] = self._measure_drive_factor(tractors) if self._drives else 1.0
-        return self._drive_factors[tractors]
+    def _get_drive_factors(self, tractors: int, headland: str | None) -> _DriveFactors:
+        """What a drive differs by from tours by themselves, with the headland first or last, None for the better.
 
-    def _measure_drive_factor(self, tractors: int) -> float:
+        Raises StrategyError where none can be driven.
+        """
+        if not self._drives:
+            return _DriveFactors()
+        key = tractors, headland
+        if key not in self._drive_factors:
+            try:
+                self._drive_factors[key] = self._measure_drive_factors(tractors, headland)
+            except StrategyError as refusal:
+                self._drive_factors[key] = refusal
+        found = self._drive_factors[key]
+        if isinstance(found, StrategyError):
+            raise found
+        return found
+
+    def _measure_drive_factors(self, tractors: int, headland: str | None) -> _DriveFactors:
         """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
 
-        1 where none can be driven.
+        Raises StrategyError where none can be driven.
         """
-        requested = self._context.request
-        sketches = [self._sketch(tractors, headland, requested) for headland in requested.headland_orders or ("",)]
-        sketched = [sketch for sketch in sketches if not isinstance(sketch, StrategyError)]
-        if not sketched:
-            return 1.0
-        alone_s = min(float((np.array(one.tractor_s) + np.array(one.served_s)).max()) for one in sketched)
-        best_s = self._drive(STRATEGY.name, tractors, sketched)
-        if not math.isfinite(best_s):
-            others = [name for name in self._context.request.strategies if name != STRATEGY.name]
-            best_s = min((self._drive(name, tractors) for name in others), default=math.inf)
-        return best_s / alone_s if math.isfinite(best_s) else 1.0
-
-    def _drive(self, strategy: str, tractors: int, sketches: list[SketchedPlan] | None = None) -> float:
-        """Seconds of the plan of a strategy as driven; infinite where it cannot be driven."""
-        with suppress(StrategyError):
-            driven = run_candidate(self._context, Candidate(strategy, tractors), sketches)
-            return math.inf if driven.reason else driven.run.duration_s
-        return math.inf
+        request = replace(self._context.request, headland_order=headland)
+        context = replace(self._context, request=request)
+        context.site_cache.update(self._context.site_cache)
+        found = [self._sketch(tractors, order, request) for order in request.headland_orders or ("",)]
+        sketches = [sketch for sketch in found if not isinstance(sketch, StrategyError)]
+        try:
+            driven = _drive(context, STRATEGY.name, tractors, sketches)
+        except StrategyError as refusal:
+            quickest = _drive_quickest(context, tractors)
+            if quickest is None:
+                raise refusal
+            driven = quickest
+        alone = min(sketches, key=_find_finish_s)
+        worked_share = 0.01 * measure_coverage(driven.run, context).worked_pct
+        lines_share = self._covered_share * _find_worked_share(get_site_moves(context).lines, alone.tours)
+        return _DriveFactors(driven.run.duration_s / _find_finish_s(alone), worked_share / lines_share)
 
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
         key = _list_speeds(context.request)
         moves = self._moves.get(key) or SiteMoves(build_site(context), get_site_moves(self._context).lines)
-        _keep(self._moves, key, moves, MOST_SPEEDS)
+        keep_last(self._moves, key, moves, MOST_SPEEDS)
         return moves
+
+
+def _drive_quickest(context: PlanningContext, tractors: int) -> CandidateRun | None:
+    """The quickest plan of the strategies but split-field as driven; None where none can be."""
+    found = list[CandidateRun]()
+    for name in context.request.strategies:
+        if name != STRATEGY.name:
+            with suppress(StrategyError):
+                found.append(_drive(context, name, tractors))
+    return min(found, key=lambda one: one.run.duration_s, default=None)
+
+
+def _drive(
+    context: PlanningContext, strategy: str, tractors: int, sketches: list[SketchedPlan] | None = None
+) -> CandidateRun:
+    """The plan of a strategy as driven; raises StrategyError where it cannot be driven."""
+    driven = run_candidate(context, Candidate(strategy, tractors), sketches)
+    if driven.reason:
+        raise StrategyError(driven.reason)
+    return driven
+
+
+def _find_finish_s(sketch: SketchedPlan) -> float:
+    """Seconds of the tractor that takes longest, with its service stops."""
+    return max(tour_s + stops_s for tour_s, stops_s in zip(sketch.tractor_s, sketch.served_s, strict=True))
+
+
+def _find_worked_share(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]) -> float:
+    """The share of the ground of all lines that tours work."""
+    worked = sorted({node // 2 for tour in tours for node in tour})
+    return math.fsum(lines[number].own_m2 for number in worked) / math.fsum(line.own_m2 for line in lines)
 
 
 def _weigh_s(one: _TimedTours) -> float:
@@ -268,10 +317,7 @@ def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves
     moves_s = [float(moves.estimates.estimate_s(one, is_charged=False).sum()) for one in pairs]
     work_s = np.array(work_m) / rules.work_speed_mps
     tractor_s = work_s + np.array(moves_s) + moves.drives.rest_s + np.array(sketch.served_s)
-    worked = {node // 2 for tour in tours for node in tour}
-    all_m2 = math.fsum(line.own_m2 for line in moves.lines)
-    worked_m2 = math.fsum(moves.lines[number].own_m2 for number in sorted(worked))
-    share = covered_share * worked_m2 / all_m2
+    share = covered_share * _find_worked_share(moves.lines, tours)
     return _TimedTours(DrivenTimes(tractor_s, float(work_s.sum()), math.fsum(moves_s)), sketch.order, share)
 
 
@@ -343,147 +389,9 @@ def _estimate_energy(context: PlanningContext, times: DrivenTimes) -> tuple[floa
     return tuple((total * times.tractor_s / times.tractor_s.sum()).tolist())
 
 
-@dataclass(frozen=True)
-class OrderEstimate:
-    """The plan of each number of tractors that was asked for, the one to take, and the layout that they have.
-
-    Attributes:
-        order: what was estimated.
-        plans: one for each number of tractors, fewest first; what is not possible says why.
-        best: by the rule of `headland plan`; None where nothing is possible.
-        bearing_deg: of the tracks of the largest cell, clockwise from north.
-        headland_passes: around the field.
-        is_layout_borrowed: whether these are those of another width or speed; a plan would choose anew.
-        lines: the work lines as the best plan works them; empty without one.
-        outlines: of the field and its holes, metres; empty without lines.
-        is_scaled: whether tours are those of another width or number of tractors.
-    """
-
-    order: WorkOrder
-    plans: tuple[PlanResult, ...]
-    best: PlanResult | None
-    bearing_deg: float
-    headland_passes: int
-    is_layout_borrowed: bool
-    lines: tuple[EstimatedLine, ...]
-    outlines: tuple[Points, ...]
-    is_scaled: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _KeptGround:
-    estimates: GroundEstimates
-    is_borrowed: bool
-    field_key: str
-
-
-class KeptGrounds:
-    """The grounds used last. What is found depends on the order and, for a borrowed layout, on the one before."""
-
-    def __init__(self) -> None:
-        self._grounds = OrderedDict[str, _KeptGround]()
-        self._layouts = OrderedDict[str, tuple[float, int]]()
-        self._unprepared = list[tuple[GroundEstimates, WorkOrder]]()
-
-    def prepare(self) -> bool:
-        """Find tours or moves of one more number of tractors and speed on the ground laid out last; False without any.
-
-        Answers at once are scaled from them.
-        """
-        if not self._unprepared:
-            return False
-        estimates, order = self._unprepared.pop()
-        with suppress(HeadlandError):
-            estimates.estimate(order)
-        return True
-
-    def estimate(self, order: WorkOrder, files: str = "", *, at_once: bool = False) -> OrderEstimate:
-        """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
-
-        A width or speed that is new takes bearing and headland passes of the last answer for the same field, where it
-        may. With `at_once` nothing is laid out or sought but what no ground of the field is near to.
-        """
-        ground = self._find_near_ground(order, files) if at_once else None
-        is_scaled = ground is not None
-        ground = ground or self._find_ground(order, files)
-        estimate = ground.estimates.scale if is_scaled else ground.estimates.estimate
-        request = order.request
-        plans = tuple(estimate(_set_tractors(order, count)) for count in sorted(request.tractors))
-        feasible = [plan for plan in plans if plan.feasible]
-        is_priced = order.cost_terms is not None or request.price_per_hour is not None
-        best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
-        lines = () if best is None or is_scaled else ground.estimates.list_lines(order, best)
-        outlines = ground.estimates.list_outlines() if lines else ()
-        is_borrowed = ground.is_borrowed or is_scaled
-        return OrderEstimate(order, plans, best, *ground.estimates.layout, is_borrowed, lines, outlines, is_scaled)
-
-    def _find_near_ground(self, order: WorkOrder, files: str) -> _KeptGround | None:
-        """The ground of the nearest width and speed; None where the order's own has all tours, or the field none."""
-        own = self._grounds.get(_build_key(order, files, UNLAID))
-        if own is not None and own.estimates.knows(order):
-            return None
-        field_key = _build_key(order, files, SUMMED | {"width_m"})
-        near = (ground for ground in self._grounds.values() if ground.field_key == field_key)
-        return min(near, key=lambda ground: ground.estimates.compare(order.request), default=None)
-
-    def _find_ground(self, order: WorkOrder, files: str) -> _KeptGround:
-        key = _build_key(order, files, UNLAID)
-        field_key = _build_key(order, files, SUMMED | {"width_m"})
-        ground = self._grounds.pop(key, None)
-        if ground is None:
-            ground = self._lay_out(_forget_wishes(order), field_key)
-            self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
-        _keep(self._grounds, key, ground, MOST_GROUNDS)
-        _keep(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
-        return ground
-
-    def _lay_out(self, reference: WorkOrder, field_key: str) -> _KeptGround:
-        borrowed = _borrow_layout(reference.request, self._layouts.get(field_key))
-        if borrowed is not None:
-            with suppress(HeadlandError):  # what fits one width may not fit another
-                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
-        return _KeptGround(_lay_out_undriven(reference), False, field_key)
-
-
-def _list_prepared(order: WorkOrder) -> list[WorkOrder]:
-    """The orders from which others are scaled, the last one first: all numbers as asked, then at other speeds."""
-    faster = [replace(order, request=replace(order.request, speed_mps=each)) for each in PREPARED_MPS]
-    return [_set_tractors(one, count + 1) for one in (*faster, order) for count in reversed(range(MOST_PREPARED))]
-
-
-def _set_tractors(order: WorkOrder, count: int) -> WorkOrder:
-    return replace(order, request=replace(order.request, tractors=(count,)))
-
-
-def _lay_out_undriven(order: WorkOrder) -> GroundEstimates:
-    """A ground on which nothing is driven: an answer at once matters more than how tractors wait for each other."""
-    return GroundEstimates(prepare_context(order), drives=False)
-
-
-def _keep(kept: OrderedDict[K, T], key: K, value: T, most: int) -> None:
+def keep_last(kept: OrderedDict[K, T], key: K, value: T, most: int) -> None:
     """Keep a value as the one used last."""
     kept[key] = value
     kept.move_to_end(key)
     while len(kept) > most:
         kept.popitem(last=False)
-
-
-def _build_key(order: WorkOrder, files: str, without: Iterable[str]) -> str:
-    """What a layout depends on: the request, the content of its files, and the machines that are chosen from them."""
-    left_out = set(without)
-    values = [(one.name, getattr(order.request, one.name)) for one in fields(PlanRequest) if one.name not in left_out]
-    return repr((files, values, order.field, order.tractor, order.implement, order.supply))
-
-
-def _forget_wishes(order: WorkOrder) -> WorkOrder:
-    """The order without what is wanted of single lines, which changes no layout."""
-    return replace(order, request=replace(order.request, leave_out=None, work_first=None, give=()))
-
-
-def _borrow_layout(request: PlanRequest, layout: tuple[float, int] | None) -> PlanRequest | None:
-    """The request with bearing and headland passes of a layout; None without one, and where it asks for its own."""
-    own = request.bearing_deg, request.guidance_line, request.headland_m, request.headland_passes
-    if layout is None or own != (None,) * 4 or request.cell_bearings or request.swaths != STRAIGHT:
-        return None
-    bearing_deg, passes = layout
-    return replace(request, bearing_deg=bearing_deg, headland_passes=None if request.no_headland else passes)

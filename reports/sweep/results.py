@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -125,12 +127,8 @@ class SweepResult(ShownResult):
         times_s = np.array([one.plan.ranked_s for one in feasible])
         costs = np.array([one.plan.ranked_cost for one in feasible])
         numbers = np.array([one.numbers for one in feasible], np.int64).reshape(len(feasible), len(self.options))
-        found = [
-            OptionInfluence(
-                option, measure_influence(times_s, numbers[:, place]), measure_influence(costs, numbers[:, place])
-            )
-            for place, option in enumerate(self.options)
-        ]
+        shares = [measure_influences(values, numbers).tolist() for values in (times_s, costs)]
+        found = [OptionInfluence(option, *both) for option, *both in zip(self.options, *shares, strict=True)]
         return tuple(sorted(found, key=lambda one: -max(one.time_share, one.cost_share)))
 
     @property
@@ -149,17 +147,47 @@ def find_front(aims: Floats) -> list[int]:
     return kept
 
 
-def measure_influence(values: Floats, groups: npt.NDArray[np.int64]) -> float:
-    """Share of the variance of values (n,) that is between the means of groups (n,); 0 where they do not differ.
+def measure_influences(values: Floats, numbers: npt.NDArray[np.int64]) -> Floats:
+    """Shares (k,) of the variance of values (n,) that options with these numbers of their values (n, k) explain.
 
-    The correlation ratio eta squared, which is the first-order index of Sobol where all combinations are there.
+    Sums of one effect for each value are fitted for any of the options together; an option has what it adds to those
+    before it, on average over all orders (Lindeman, Merenda and Gold 1980). So shares add up to 1 at most also where
+    combinations without a plan leave gaps; where all are there, it is the first-order index of Sobol. Zeros where
+    values do not differ.
     """
-    total = float(values.var()) if len(values) else 0.0
-    if total <= 1e-12 * float(np.square(values).mean() if len(values) else 0.0):
-        return 0.0
-    counts = np.bincount(groups)
-    means = np.bincount(groups, values) / np.maximum(counts, 1)
-    return float((counts * np.square(means - values.mean())).sum() / (len(values) * total))
+    count, options = numbers.shape
+    shares = np.zeros(options)
+    total = float(np.square(values - values.mean()).sum()) if count else 0.0
+    if total <= 1e-12 * float(np.square(values).sum()):
+        return shares
+    products, sums, levels = _multiply_effects(values, numbers)
+    explained = {0: 0.0}
+    for chosen in range(1, 2**options):
+        rows = np.isin(levels, [option for option in range(options) if chosen >> option & 1])
+        effects, *_ = np.linalg.lstsq(products[np.ix_(rows, rows)], sums[rows], rcond=1e-9)
+        explained[chosen] = float(effects @ sums[rows]) / total
+    for option, chosen in product(range(options), explained):
+        if not chosen >> option & 1:
+            others = chosen.bit_count()
+            weight = 1.0 / (options * comb(options - 1, others))
+            shares[option] += weight * (explained[chosen | 1 << option] - explained[chosen])
+    return np.clip(shares, 0.0, 1.0)
+
+
+def _multiply_effects(values: Floats, numbers: npt.NDArray[np.int64]) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+    """Normal equations of one effect for each value of options: products (m, m), sums (m,), whose effect it is (m,)."""
+    count, options = numbers.shape
+    sizes = numbers.max(axis=0) + 1
+    begins = np.concatenate([[0], np.cumsum(sizes)])
+    columns = numbers + begins[:-1]
+    products = np.zeros((begins[-1], begins[-1]))
+    for a, b in product(range(options), repeat=2):
+        np.add.at(products, (columns[:, a], columns[:, b]), 1.0)
+    counts = np.bincount(columns.ravel(), minlength=begins[-1])
+    sums = np.zeros(begins[-1])
+    for option in range(options):
+        sums += np.bincount(columns[:, option], values - values.mean(), minlength=begins[-1])
+    return products - np.outer(counts, counts) / count, sums, np.repeat(np.arange(options), sizes)
 
 
 def _list_aims(plan: PlanResult) -> Sequence[float]:

@@ -50,8 +50,9 @@ def _list_near(problem: OrderProblem) -> Tours:
     may_follow = (problem.allowed.T.astype(int) @ problem.allowed)[np.ix_(lines, lines)] > 0
     move_s = np.where(may_follow & (lines[:, None] != lines), problem.move_s, NO_MOVE_S)
     nearest = np.argsort(move_s, axis=1, kind="stable")[:, :NEAR_NODES]
-    near: Tours = np.argwhere(np.take_along_axis(move_s, nearest, axis=1) < NO_MOVE_S).tolist()
-    return [[a, int(nearest[a, place])] for a, place in near]
+    nodes, places = np.nonzero(np.take_along_axis(move_s, nearest, axis=1) < NO_MOVE_S)
+    near: Tours = np.column_stack([nodes, nearest[nodes, places]]).tolist()
+    return near
 
 
 def search_driven_tours(

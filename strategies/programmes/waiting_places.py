@@ -32,16 +32,16 @@ HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class StandingCheck:
-    """Whether tractors stand in the way of others, as the scheduler sees it.
+    """Whether tractors stand in the way of others, as the scheduler sees it; all of one site have the same machine.
 
     Attributes:
         models: (1,) their MODEL record.
         clearance_m, beside_clearance_m: how near they may come, and how near beside each other.
     """
 
-    models: npt.NDArray[np.void]
+    models: npt.NDArray[np.void] = field(compare=False)
     clearance_m: float
     beside_clearance_m: float
 
@@ -129,6 +129,12 @@ class BarredPlaces:
 
     def _do_clash(self, side: int, a: int, b: int) -> bool:
         """Whether two that begin (or end) with these nodes each stand where the other has to pass."""
+        known, key = self.table.moves.clashes, (self.stands_in_way, side, min(a, b), max(a, b))
+        if key not in known:
+            known[key] = self._find_clash(side, a, b)
+        return known[key]
+
+    def _find_clash(self, side: int, a: int, b: int) -> bool:
         p, q = self._get_part(side, a), self._get_part(side, b)
         reach_m = 2.0 * self.table.site.body.reach_m
         lengths_m = sum(math.dist(part[0, :2], part[-1, :2]) for part in (p, q))

@@ -14,7 +14,7 @@ from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
 from planner.sweeps import estimates
-from planner.sweeps.estimates import KeptGrounds, OrderEstimate
+from planner.sweeps.kept_grounds import KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_lines
 from tests.service.conftest import Shared, bearer
@@ -100,7 +100,7 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
     grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = estimate(grounds)
-    monkeypatch.setattr("planner.sweeps.estimates.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
     dearer = estimate(grounds, tractors="1-3", price_per_hour=80.0, start="09:00", deadline="12:00")
     assert len(dearer.plans) == 3
     assert (dearer.plans[0].cost or 0.0) > (first.plans[0].cost or 0.0)
@@ -135,7 +135,7 @@ def test_an_answer_at_once_is_scaled_from_the_nearest_width(
     first, laid_out = estimate(grounds), estimate(grounds, width=6.4)
     own = KeptGrounds()
     assert not estimate(own, at_once=True).is_scaled, "without a ground one is laid out"
-    monkeypatch.setattr("planner.sweeps.estimates.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
     monkeypatch.setattr("planner.sweeps.estimates.sketch_plans", pytest.fail)
     assert not estimate(own, at_once=True, start="08:00", price_per_hour=30.0).is_scaled
     scaled = estimate(own, at_once=True, width=6.4)

@@ -143,7 +143,7 @@ def test_starts_are_staggered_on_the_first_working_leg() -> None:
 def make_table(lines: Sequence[WorkLine]) -> Any:
     body = SimpleNamespace(guide_m=0.0, reach_m=2.0)
     site = SimpleNamespace(body=body, axle_m=0.0, rules=RULES, lane=None)
-    return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines), starts=())
+    return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines), starts=(), moves=SimpleNamespace(clashes={}))
 
 
 def test_places_to_wait() -> None:

@@ -14,7 +14,7 @@ from planner.errors import RequestError
 from reports.common.drawing_sizes import ChartAxis
 from reports.common.rendering import ReportError
 from reports.sweep.page import render_sweep_page, render_sweep_png
-from reports.sweep.results import find_front, measure_influence
+from reports.sweep.results import find_front, measure_influences
 from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
 from reports.sweep.wording import build_command
 from tests.printing import print_text
@@ -42,23 +42,32 @@ def test_the_front_is_what_brute_force_finds(aims: np.ndarray) -> None:
 def test_influences_of_a_sum_are_the_shares_of_its_variances(first: np.ndarray, second: np.ndarray) -> None:
     values = (first[:, None] + second[None, :]).ravel()
     groups = np.repeat(np.arange(len(first)), len(second)), np.tile(np.arange(len(second)), len(first))
-    shares = [measure_influence(values, one.astype(np.int64)) for one in groups]
+    shares = measure_influences(values, np.column_stack(groups).astype(np.int64)).tolist()
     total = first.var() + second.var()
     if total > 1e-6:
         assert shares == pytest.approx([first.var() / total, second.var() / total], abs=1e-6)
 
 
 def test_what_only_combinations_explain_is_nobodys() -> None:
-    values, groups = np.array([1.0, -1.0, -1.0, 1.0]), np.array([0, 0, 1, 1])
-    assert measure_influence(values, groups) == 0.0
-    assert measure_influence(np.ones(4), groups) == 0.0
+    values, numbers = np.array([1.0, -1.0, -1.0, 1.0]), np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    assert measure_influences(values, numbers).tolist() == pytest.approx([0.0, 0.0])
+    assert measure_influences(np.ones(4), numbers).tolist() == [0.0, 0.0]
+
+
+def test_influences_add_up_where_combinations_have_no_plan() -> None:
+    """Two options whose effects add up, of which five of nine combinations are there."""
+    numbers = np.array([[0, 0], [0, 1], [0, 2], [1, 0], [2, 0]])
+    values = numbers @ np.array([3.0, 1.0])
+    shares = measure_influences(values, numbers)
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares[0] > shares[1] > 0.0
 
 
 def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> None:
     text = " ".join(print_text(build_sweep_screen(build_result()), 100).split())
     assert "my field, 3.92 ha: 12 combinations" in text
     assert "6 m, 1 tractor, price per hour 40: 1 h 40 min, 72 EUR; estimated." in text
-    assert "Of the difference in time: tractors 63 %, working width 56 %." in text and "in cost: working width" in text
+    assert "Of the difference in time: tractors 52 %, working width 45 %" in text and "in cost: working width" in text
     assert "2 combinations have no plan, the first: There is no work for 3." in text
     assert "Estimated: each number of tractors was driven once" in text
 

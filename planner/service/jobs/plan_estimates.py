@@ -30,7 +30,7 @@ from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
 
 if TYPE_CHECKING:
-    from planner.sweeps.estimates import KeptGrounds
+    from planner.sweeps.kept_grounds import KeptGrounds
 
 MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S, PROCESS_LIFE_S = 20.0, 60.0, 3600.0
@@ -227,7 +227,7 @@ class _EstimateQueue:
 
     def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:
         from planner.service.sandbox.estimating import estimate_order
-        from planner.sweeps.estimates import KeptGrounds
+        from planner.sweeps.kept_grounds import KeptGrounds
 
         self._inline = self._inline or KeptGrounds()
         with WORKING_FOLDER_LOCK, chdir(order["folder"]):

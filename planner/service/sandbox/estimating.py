@@ -23,7 +23,8 @@ from planner.risk.costs import build_hire_terms
 from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
 from planner.service.sandbox.confinement import confine_process, list_library_folders
 from planner.service.sandbox.readings import build_work_order
-from planner.sweeps.estimates import KeptGrounds, OrderEstimate, Points
+from planner.sweeps.estimates import Points
+from planner.sweeps.kept_grounds import KeptGrounds, OrderEstimate
 from reports.common.wording import round_up_to_minute
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
