@@ -20,7 +20,7 @@ from strategies.moves.closed_forms import (
 )
 from strategies.moves.move import Move
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
-from strategies.path_planning.paths import PATH_KINDS, Pose, place_in_frame
+from strategies.path_planning.paths import PATH_KINDS, Pose, place_in_frame, shift_pose_ahead
 from strategies.site.site import Site
 
 Floats = npt.NDArray[np.float64]
@@ -78,14 +78,32 @@ class MoveFinder:
         ]
 
     def list_folded_moves(self, a: Pose, b: Pose) -> list[Move]:
-        """Moves with the implement folded, in closed form, else the one by search; none where it does not fold."""
-        if self.site.folded is None:
+        """Moves with the implement folded, in closed form, else by search; none where it does not fold.
+
+        To unfold beside an edge a machine has to stand straight: some drive past b along its line and back up to it.
+        """
+        site = self.site
+        if site.folded is None:
             return []
-        found = self.list_moves(a, b, is_folded=True) or [
-            move for move in [self._search_within(a, b, self.site.rules.max_reverse_m, True)] if move is not None
-        ]
-        stands_s = 2.0 * self.site.get_fold_s(True)
-        return [replace(move, drive_s=move.drive_s + stands_s, is_folded=True) for move in found]
+        found = self._find_folded(a, b)
+        if site.allowed_kinds[3]:
+            back = np.array([[site.rules.radius_m, 0.0, -1.0]])
+            for move in self._find_folded(a, shift_pose_ahead(b, site.rules.radius_m)):
+                found.append(self._build_move(a, np.concatenate((move.rows, back)), move.kind))
+        return [replace(move, drive_s=move.drive_s + 2.0 * site.get_fold_s(True), is_folded=True) for move in found]
+
+    def _find_folded(self, a: Pose, b: Pose) -> list[Move]:
+        found = self.list_moves(a, b, is_folded=True)
+        searched = None if found else self._search_within(a, b, self.site.rules.max_reverse_m, is_folded=True)
+        return found if searched is None else [searched]
+
+    def _build_move(self, a: Pose, rows: Floats, kind: str) -> Move:
+        """The move of rows (k, 3) from a, with its seconds and charges."""
+        site, kept, only = self.site, self.site.kept, np.zeros(1, np.int64)
+        weights = weigh_forms(np.array(a), rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
+        drive_s, charge_s, settling_s = weights[0].tolist()
+        charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / site.rules.max_reverse_m - 1.0)
+        return Move(a, rows, kind, drive_s, charge_s, settling_s)
 
     def search(self, a: Pose, b: Pose) -> Move | None:
         """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
@@ -94,18 +112,12 @@ class MoveFinder:
         return next((move for limit_m in limits_m if (move := self._search_within(a, b, limit_m)) is not None), None)
 
     def _search_within(self, a: Pose, b: Pose, max_reverse_m: float, is_folded: bool = False) -> Move | None:
-        site, kept, remaining_m = self.site, self.site.kept, self._get_remaining_m(b)
-        body = self._get_body(is_folded)
-        start, goal, only = np.array(a), np.array(b), np.zeros(1, np.int64)
-        how = self.radii[:1], *self._costs, site.allowed_kinds, max_reverse_m
-        rows, seconds = search_move(start, goal, remaining_m, *how, MOST_POSES, *body)
+        body, start, goal = self._get_body(is_folded), np.array(a), np.array(b)
+        how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
+        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, MOST_POSES, *body)
         if seconds == np.inf:
             return None
-        rows = shorten_rows(start, rows, *how, *body)
-        weights = weigh_forms(start, rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
-        drive_s, charge_s, settling_s = weights[0].tolist()
-        charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / site.rules.max_reverse_m - 1.0)
-        return Move(a, rows, "route", drive_s, charge_s, settling_s)
+        return self._build_move(a, shorten_rows(start, rows, *how, *body), "route")
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""
