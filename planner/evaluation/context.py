@@ -42,12 +42,14 @@ class Stand:
         used: what it has used of its load.
         ahead: poses in the middle of the lines that it was to work next, in order: the search for a plan begins so.
         number: that of its machine in the plan before, from 1; 0 where nobody would name it.
+        is_folded: whether its implement is folded.
     """
 
     pose: Pose
     used: float = 0.0
     ahead: tuple[Pose, ...] = ()
     number: int = 0
+    is_folded: bool = False
 
     def move_by(self, east_m: float, north_m: float) -> Stand:
         """The same stand in metres from another origin."""

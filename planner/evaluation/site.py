@@ -102,10 +102,11 @@ def build_site_moves(
     if going_on is None:
         return SiteMoves(site, lines)
     lines = leave_done_lines(site, lines, going_on.error_m)
-    poses = [stand.pose for stand in going_on.stands]
-    lines, starts = begin_where_tractors_stand(site, lines, poses, going_on.error_m)
+    stands = [(stand.pose, stand.is_folded) for stand in going_on.stands]
+    lines, starts = begin_where_tractors_stand(site, lines, stands, going_on.error_m)
+    folded = frozenset(node for node, (_, is_folded) in zip(starts, stands, strict=True) if is_folded)
     orders = find_orders(site, lines, starts, [stand.ahead for stand in going_on.stands])
-    return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands), orders)
+    return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands), orders, folded)
 
 
 def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:

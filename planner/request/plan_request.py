@@ -82,6 +82,7 @@ _RAIN_HELP = (
 _FOLD_HELP = "Width of the implement when folded, metres (3); its own: it does not fold."
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
+_TRANSPORT = NumberLimits("transport width", "m", low=0.1, high=MAX_LENGTH_M)
 _PRICE = NumberLimits(high=MAX_PRICE)
 _SECTIONS = NumberLimits("number of sections", low=1, high=144)  # a boom of 36 m with valves 25 cm apart
 
@@ -393,7 +394,7 @@ class PlanRequest:
         ),
     ] = STRAIGHT
     open_edges: Annotated[bool, OptionHelp("Let machines swing freely over edges that are not fenced.", FIELD)] = False
-    transport_width_m: Annotated[Number | None, OptionHelp(_FOLD_HELP, MACHINES), _LENGTH("transport width")] = None
+    transport_width_m: Annotated[Number | None, OptionHelp(_FOLD_HELP, MACHINES), _TRANSPORT] = None
     sections: Annotated[Count, OptionHelp("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
     leave_out: Annotated[
         Text | None,

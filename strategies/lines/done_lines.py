@@ -136,15 +136,18 @@ def build_round_corners(legs: Iterable[Leg], radius_m: float, width_m: float) ->
 
 
 def begin_where_tractors_stand(
-    site: Site, lines: Sequence[WorkLine], poses: Sequence[Pose], error_m: float
+    site: Site, lines: Sequence[WorkLine], stands: Sequence[tuple[Pose, bool]], error_m: float
 ) -> tuple[list[WorkLine], tuple[int, ...]]:
-    """The lines with those that tractors standing at poses of the guided point begin with, and the nodes of these.
+    """The lines with those that tractors begin with, which stand at poses of the guided point, folded or not, and the
+    nodes of these.
 
-    A tractor that stands on a line where it joins what is done goes on along it; any other begins at its place.
+    A tractor that stands on a line where it joins what is done goes on along it; any other begins at its place, as one
+    does that is folded.
     """
     lines, starts = list(lines), list[int]()
-    for pose in poses:
-        number, rest = next(_iter_rests(site, lines, pose, START_OVERLAP_M + error_m, starts), (len(lines), None))
+    for pose, is_folded in stands:
+        rests = iter(()) if is_folded else _iter_rests(site, lines, pose, START_OVERLAP_M + error_m, starts)
+        number, rest = next(rests, (len(lines), None))
         if rest is None:
             lines.append(_stand_at(pose, site.rules.tool_m))
         else:

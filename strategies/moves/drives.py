@@ -67,7 +67,7 @@ class MoveDrive:
     is_folded: Flags
 
 
-Alike = tuple[Pose, bytes, bool, bool, bytes, bytes]
+Alike = tuple[Pose, bytes, bool, int, bytes, bytes]
 
 
 @dataclass(eq=False)
@@ -120,7 +120,7 @@ class MoveDrives:
             seen = np.empty((0, 2)) if points is None else _see_from(pose, points)
             lines.append((np.round(seen, ALIKE_DIGITS) + 0.0).tobytes())
         start = START if self.is_level else move.start
-        return start, move.rows.tobytes(), move.is_work, move.is_folded, lines[0], lines[1]
+        return start, move.rows.tobytes(), move.is_work, move.is_folded + move.begins_folded, lines[0], lines[1]
 
     def _drive_together(self, todo: Sequence[tuple[Alike, Passage]]) -> None:
         """Drive some moves at once, each as if it were alone; the others again where one got stuck."""
@@ -236,7 +236,8 @@ def build_move_legs(site: Site, move: Move, task: LegTask) -> list[Leg]:
     legs = build_path_legs(site, move.path, task, is_work=move.is_work)
     if not move.is_folded:
         return legs
-    return [leg.copy_with(folded=True, stand_s=0.0 if k else site.get_fold_s(True)) for k, leg in enumerate(legs)]
+    stands_s = [site.get_fold_s(not move.begins_folded), *[0.0] * len(legs)]
+    return [leg.copy_with(folded=True, stand_s=stand_s) for leg, stand_s in zip(legs, stands_s, strict=False)]
 
 
 def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool = False) -> list[Leg]:

@@ -28,6 +28,7 @@ class Move:
         leave_m, join_m: by how much the line left is lifted early, and the line begun is lowered late.
         is_work: whether the implement stays down.
         is_folded: whether it is folded on the way: the tractor stands to fold before it and to unfold after it.
+        begins_folded: whether it is folded already.
     """
 
     start: Pose
@@ -40,6 +41,7 @@ class Move:
     join_m: float = 0.0
     is_work: bool = False
     is_folded: bool = False
+    begins_folded: bool = False
 
     @property
     def cost_s(self) -> float:

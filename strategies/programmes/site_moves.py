@@ -49,6 +49,7 @@ class SiteMoves:
         starts: nodes of the lines that tractors standing on the field begin with, in the order of the tractors.
         used: what each of these has used of its load.
         orders: the nodes that each of these was to work before, its start first; a search begins with them.
+        folded: those of the starts at which a tractor stands with its implement folded.
         ends, begins: poses of the guided point where nodes end and begin; the entrance comes last.
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
         clashes: by who says so, side and nodes, whether two that begin or end with these are in each other's way.
@@ -59,6 +60,7 @@ class SiteMoves:
     starts: tuple[int, ...] = ()
     used: tuple[float, ...] = ()
     orders: tuple[tuple[int, ...], ...] = ()
+    folded: frozenset[int] = frozenset()
     finder: MoveFinder = field(init=False)
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
@@ -114,13 +116,17 @@ class SiteMoves:
     def list_cut_moves(self, u: int, v: int) -> tuple[Move, ...]:
         """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged."""
         if (u, v) not in self._cut_moves:
-            self._cut_moves[u, v] = () if self.gate in (u, v) else tuple(self._list_cut_moves(u, v))
+            self._cut_moves[u, v] = () if self.gate in (u, v) or u in self.folded else tuple(self._list_cut_moves(u, v))
         return self._cut_moves[u, v]
 
     def list_folded_moves(self, u: int, v: int) -> tuple[Move, ...]:
         """Moves between lines with the implement folded, the cheapest first."""
         if (u, v) not in self._folded_moves:
-            found = [] if self.gate in (u, v) else self.finder.list_folded_moves(self.ends[u], self.begins[v])
+            found = (
+                []
+                if self.gate in (u, v) or u in self.folded
+                else self.finder.list_folded_moves(self.ends[u], self.begins[v])
+            )
             self._folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
         return self._folded_moves[u, v]
 
@@ -149,6 +155,11 @@ class SiteMoves:
     def _list_options(self, u: int, v: int) -> list[Move]:
         """Every kind of move between the ends of two nodes, the cheapest first."""
         a, b = self.ends[u], self.begins[v]
+        if u in self.folded:
+            moves = self.finder.list_folded_moves(a, b)
+            stood_s = self.site.get_fold_s(True)
+            begun = [replace(one, drive_s=one.drive_s - stood_s, begins_folded=True) for one in moves]
+            return sorted(begun, key=attrgetter("cost_s"))
         options = self.finder.list_moves(a, b)
         if self.gate not in (u, v):
             p, q = self.lines[u // 2], self.lines[v // 2]
@@ -171,6 +182,8 @@ class SiteMoves:
         return sorted(found, key=attrgetter("cost_s"))
 
     def _search(self, u: int, v: int) -> Move | None:
+        if u in self.folded:
+            return None
         found = self.finder.search(self.ends[u], self.begins[v])
         radius_m = self.site.rules.radius_m
         ends = None if found is not None or self.gate in (u, v) else self._cut_ends(u, v, radius_m, radius_m)

@@ -3,8 +3,10 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
@@ -12,12 +14,14 @@ from fields.geometry.field import Field
 from planner import PlanRequest, plan
 from planner.errors import RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
+from planner.evaluation.work_order import WorkOrder
+from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
-from planner.pipeline.planning import PlanningResult
+from planner.pipeline.planning import PlanningResult, plan_order
 from reports.plan.leg_list import describe_leg
 from vehicle.errors import MissionError
-from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan import Leg, Mission, Plan, list_served
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 
@@ -40,6 +44,12 @@ def plan_rooms(**options: Any) -> PlanningResult:
 @pytest.fixture(scope="module")
 def folding() -> PlanningResult:
     return plan_rooms()
+
+
+@pytest.fixture(scope="module")
+def two_rooms_farm() -> FarmImplement:
+    """A sprayer with a tank for half of the field."""
+    return FarmImplement(name="sprayer", width_m=WIDTH_M, capacity=130.0, rate_per_m2=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +91,9 @@ def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, 
 def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> None:
     legs = list_legs(folding)
     turns = [(before, leg) for before, leg in pairwise(legs) if before.folded != leg.folded]
+    assert not any(list_served(legs))
     assert turns and len(turns) % 2 == 0  # it begins and ends unfolded
-    assert all(leg.stand_s == FOLD_S and not leg.is_served for _, leg in turns)
+    assert all(leg.stand_s == FOLD_S for _, leg in turns)
     assert sum(leg.stand_s for leg in legs) == FOLD_S * len(turns)
     assert not any(leg.folded and leg.implement for leg in legs)
     assert f"stands {FOLD_S * len(turns):.0f} s in all" in folding.ranking.best.remark  # type: ignore[union-attr]
@@ -138,3 +149,40 @@ def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
     assert describe_leg(stands[0]) == "fold the implement"
     shares_s = sum(float(seconds[0]) for seconds in run.compute_time_shares().values())
     assert shares_s == pytest.approx(run.duration_s, abs=1.0) and float(run.standing_s[0]) == 0.0
+
+
+@pytest.mark.parametrize("at_s", [5.0, 60.0])
+def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tmp_path: Path, at_s: float) -> None:
+    """Some seconds after it began to fold it is unfolded still; on its way it need not fold."""
+    run = folding.run
+    assert run is not None
+    begun_s = float(run.time_s[int(np.argmax(run.find_folding_rows(0)))])
+    folding.save(tmp_path / "plan.json")
+    moment = round(begun_s + at_s)
+    done = f"{tmp_path / 'plan.json'}@0:{moment // 60:02}:{moment % 60:02}"
+    result = plan_order(WorkOrder(folding.context.request, field=build_two_rooms(), done=(done,)))
+    legs = list_legs(result)
+    assert legs[0].folded == (at_s > FOLD_S)
+    assert not legs[0].folded or legs[0].stand_s == 0.0
+    works = next(k for k, leg in enumerate(legs) if leg.implement)
+    assert works == 0 or not legs[works - 1].folded or legs[works].stand_s == FOLD_S
+
+
+def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement) -> None:
+    """Stops for the tank, on a line too, are no folding."""
+    result = plan_order(
+        WorkOrder(
+            PlanRequest(width_m=WIDTH_M, tractors=(1,), refill="headland"),
+            field=build_two_rooms(),
+            implement=two_rooms_farm.simulated_implement,
+            supply=two_rooms_farm.build_supply(240.0),
+        )
+    )
+    best, legs = result.ranking.best, list_legs(result)
+    assert best is not None and result.run is not None
+    served = list_served(legs)
+    assert best.refills == sum(served) > 0
+    assert [leg.stand_s for leg, is_served in zip(legs, served, strict=True) if is_served] == [240.0] * best.refills
+    folds = sum(before.folded != leg.folded for before, leg in pairwise(legs))
+    assert folds and float(result.run.folding_s[0]) == pytest.approx(FOLD_S * folds, abs=1.0)
+    assert float(result.run.standing_s[0]) == pytest.approx(240.0 * best.refills, abs=1.0)

@@ -118,7 +118,7 @@ def test_a_bent_line_a_turn_and_a_straight_line_are_no_corners() -> None:
 def test_a_tractor_on_its_line_goes_on_from_its_place_and_nobody_else_may() -> None:
     site = make_site(shapely.box(0.0, -2.0, 40.0, 2.0))
     left = leave_done_lines(site, [draw_line(number) for number in range(3)], 0.1)
-    lines, (start,) = begin_where_tractors_stand(site, left, [(40.0 + TOOL_M, 0.1, 0.0)], 0.1)
+    lines, (start,) = begin_where_tractors_stand(site, left, [((40.0 + TOOL_M, 0.1, 0.0), False)], 0.1)
     assert start == 0 and len(lines) == 3 and not lines[0].both_ways
     assert lines[0].get_begin(0) == pytest.approx((40.0 + TOOL_M, 0.0, 0.0), abs=1e-6)
     assert lines[0].get_end(0)[0] == LENGTH_M + TOOL_M
@@ -136,7 +136,7 @@ def test_a_tractor_on_its_line_goes_on_from_its_place_and_nobody_else_may() -> N
 def test_a_tractor_elsewhere_begins_at_its_place(pose: tuple[float, float, float]) -> None:
     site = make_site(shapely.box(0.0, -2.0, 40.0, 2.0))
     left = leave_done_lines(site, [draw_line(number) for number in range(3)], 0.1)
-    lines, (start,) = begin_where_tractors_stand(site, left, [pose], 0.1)
+    lines, (start,) = begin_where_tractors_stand(site, left, [(pose, False)], 0.1)
     place = lines[start // 2]
     assert place.is_place and lines[:3] == left
     x, y, heading = place.get_end(0)
@@ -147,14 +147,14 @@ def test_two_tractors_never_begin_with_the_same_line() -> None:
     site = make_site(shapely.box(0.0, -2.0, 40.0, 2.0))
     left = leave_done_lines(site, [draw_line(number) for number in range(3)], 0.1)
     poses = [(42.0, 0.0, 0.0), (42.2, 0.0, 0.0)]
-    lines, starts = begin_where_tractors_stand(site, left, poses, 0.1)
+    lines, starts = begin_where_tractors_stand(site, left, [(pose, False) for pose in poses], 0.1)
     assert starts == (0, 6) and lines[3].is_place
 
 
 def test_the_order_of_before_is_found_again_line_by_line() -> None:
     site = make_site(shapely.box(0.0, -2.0, 40.0, 2.0))
     left = leave_done_lines(site, [draw_line(number) for number in range(3)], 0.1)
-    lines, starts = begin_where_tractors_stand(site, left, [(40.0 + TOOL_M, 0.0, 0.0)], 0.1)
+    lines, starts = begin_where_tractors_stand(site, left, [((40.0 + TOOL_M, 0.0, 0.0), False)], 0.1)
     rest, turn, second, first = (
         Leg(np.array([[42.0, 0.0], [102.0, 0.0]]), 1.0, implement=True, task=LegTask(SWATH, 0)),
         bend(6.0, 3.0, implement=False),

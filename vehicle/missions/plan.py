@@ -7,7 +7,7 @@ for (LegTask), so that nothing has to be guessed from the legs around it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -88,11 +88,6 @@ class Leg:
     follow: FollowOrder | None = None
     stand_s: float = 0.0
     folded: bool = False
-
-    @property
-    def is_served(self) -> bool:
-        """Whether the tractor refills, unloads or charges before the leg: not where it folds, or unfolds to work."""
-        return self.stand_s > 0.0 and not (self.folded or self.implement)
 
     @cached_property
     def length_m(self) -> float:
@@ -179,6 +174,12 @@ class Plan:
         legs[leg] = legs[leg].copy_with_gates([gate])
         missions[tractor] = Mission(tuple(legs))
         return replace(self, missions=tuple(missions))
+
+
+def list_served(legs: Sequence[Leg]) -> list[bool]:
+    """Whether the tractor is served before each leg: where it stands and neither folds nor unfolds its implement."""
+    were_folded = [False, *(leg.folded for leg in legs)]
+    return [leg.stand_s > 0.0 and leg.folded == folded for leg, folded in zip(legs, were_folded, strict=False)]
 
 
 def check_plan(plan: Plan) -> None:

@@ -14,7 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.arrays import Floats, Integers, Records, find_true_spans
-from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
+from vehicle.missions.plan import (
+    DRIVE_IN,
+    ENTER,
+    HEADLAND_PASS,
+    LEAVE,
+    ROUTE,
+    SWATH,
+    TURN,
+    Leg,
+    LegTask,
+    Plan,
+    list_served,
+)
 from vehicle.records import (
     FINISHED,
     REC_LEG,
@@ -158,7 +170,7 @@ class SimulationRun:
 
     def find_folding_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
         """In which rows (t,) a tractor stands to fold or to unfold its implement."""
-        is_served = np.array([leg.is_served for leg in self.plan.missions[tractor].legs])
+        is_served = np.array(list_served(self.plan.missions[tractor].legs))
         folds: npt.NDArray[np.bool_] = (self.get_statuses(tractor) == STANDING) & ~is_served[
             self.get_leg_numbers(tractor)
         ]

@@ -204,7 +204,7 @@ def _build_helper(remaining: RemainingWork, number: int, kept_legs: int, context
         return _Helper(number, 0, None)
     used = 0.0 if context.supply is None else sum_used(legs, context.supply, context.request.width_m)
     ahead = list_places_ahead(remaining.states[number].mission.legs[kept_legs:])
-    return _Helper(number, kept_legs, Stand(Mission(tuple(legs)).end, used, ahead))
+    return _Helper(number, kept_legs, Stand(Mission(tuple(legs)).end, used, ahead, is_folded=legs[-1].folded))
 
 
 def _leave_done_work(

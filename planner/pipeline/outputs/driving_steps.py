@@ -18,7 +18,19 @@ from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter
 from vehicle.arrays import measure_along
-from vehicle.missions.plan import DRIVE, ENTER, HEADLAND_PASS, LEAVE, REFILL, ROUTE, SWATH, TURN, Leg, LegTask
+from vehicle.missions.plan import (
+    DRIVE,
+    ENTER,
+    HEADLAND_PASS,
+    LEAVE,
+    REFILL,
+    ROUTE,
+    SWATH,
+    TURN,
+    Leg,
+    LegTask,
+    list_served,
+)
 from vehicle.missions.run import (
     RecordSegment,
     SimulationRun,
@@ -170,9 +182,9 @@ def _describe_drive(
 
 def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
     """A step of standing, named after what is done there."""
-    leg = run.plan.missions[tractor].legs[run.get_leg_numbers(tractor)[segment.first_row]]
-    if not leg.is_served:
-        return replace(step, kind=FOLD if leg.folded else UNFOLD)
+    legs, number = run.plan.missions[tractor].legs, int(run.get_leg_numbers(tractor)[segment.first_row])
+    if not list_served(legs)[number]:
+        return replace(step, kind=FOLD if legs[number].folded else UNFOLD)
     service = run.plan.notes.get("service", REFILL)
     return replace(step, kind=service, amount=_find_service_amount(run, tractor, segment))
 
