@@ -80,16 +80,17 @@ class MoveFinder:
     def list_folded_moves(self, a: Pose, b: Pose) -> list[Move]:
         """Moves with the implement folded, in closed form, else by search; none where it does not fold.
 
-        To unfold beside an edge a machine has to stand straight: some drive past b along its line and back up to it.
+        To unfold beside an edge a machine has to stand straight: some drive on along the line of b and back up to it.
         """
         site = self.site
         if site.folded is None:
             return []
         found = self._find_folded(a, b)
         if site.allowed_kinds[3]:
-            back = np.array([[site.rules.radius_m, 0.0, -1.0]])
-            for move in self._find_folded(a, shift_pose_ahead(b, site.rules.radius_m)):
-                found.append(self._build_move(a, np.concatenate((move.rows, back)), move.kind))
+            on_m = site.rules.radius_m  # as far again the tractor needs to come into line with its implement
+            straighten = np.array([[on_m, 0.0, 1.0], [2.0 * on_m, 0.0, -1.0]])
+            beyond = self._find_folded(a, shift_pose_ahead(b, on_m))
+            found += [self._build_move(a, np.concatenate((one.rows, straighten)), one.kind) for one in beyond]
         return [replace(move, drive_s=move.drive_s + 2.0 * site.get_fold_s(True), is_folded=True) for move in found]
 
     def _find_folded(self, a: Pose, b: Pose) -> list[Move]:

@@ -166,7 +166,9 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     bell = shapely.union_all([shapely.box(0, 0, 60, 40), shapely.box(60, 18, 80, 22), shapely.box(80, 0, 110, 40)])
     path = tmp_path / "bell.geojson"
     path.write_text(shapely.to_geojson(bell), encoding="utf-8")
-    request = PlanRequest(str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0)
+    request = PlanRequest(
+        str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0, transport_width_m=6.0
+    )
     questions = list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",)))
     (each,) = compare_headlands(questions, SerialExecutor()).rows
     assert each.ranking is not None and each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
