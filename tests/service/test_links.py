@@ -6,6 +6,7 @@ import json
 import time
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -59,7 +60,19 @@ class Service:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    data: Path = tmp_path_factory.mktemp("service")
+    with run_service(tmp_path_factory.mktemp("service")) as running:
+        yield running
+
+
+@pytest.fixture
+def own_service(tmp_path: Path) -> Iterator[Service]:
+    """A service of a test whose tractors nobody moved before: one that was elsewhere is in doubt."""
+    with run_service(tmp_path) as running:
+        yield running
+
+
+@contextmanager
+def run_service(data: Path) -> Iterator[Service]:
     store = Store(ServiceSettings(data=data))
     hub = FleetSessions(store)
     app = fleet_app(store, hub)
@@ -252,18 +265,18 @@ def test_a_log_leaves_out_what_was_sent_twice_and_what_goes_back_in_time() -> No
     assert [line["time_s"] for line in csv.DictReader(io.StringIO(text))] == ["0.0", "0.1", "0.3"]
 
 
-def test_stop_all_reaches_every_tractor_and_one_that_joins_later(service: Service) -> None:
-    token = service.tokens["operator"]
-    with service.link("control") as operator, service.link("tractor") as tractor:
+def test_stop_all_reaches_every_tractor_and_one_that_joins_later(own_service: Service) -> None:
+    token = own_service.tokens["operator"]
+    with own_service.link("control") as operator, own_service.link("tractor") as tractor:
         hello(operator, "control", None, token)
-        hello(tractor, "tractor", 2, service.tokens["robot 2"])
+        hello(tractor, "tractor", 2, own_service.tokens["robot 2"])
         operator.send_json({"kind": "start"})
         assert until(tractor, "resume") == {"kind": "resume"}
         assert until(tractor, "release")["base_end"] == 1
         operator.send_json({"kind": "stop_all"})
         assert until(tractor, "stop")["reason"] == "stopped by stop-all"
-        with service.link("tractor") as other:
-            hello(other, "tractor", 1, service.tokens["robot 1"])
+        with own_service.link("tractor") as other:
+            hello(other, "tractor", 1, own_service.tokens["robot 1"])
             assert until(other, "stop")["reason"] == "stopped by stop-all"
         assert {"anna": 1, "what": "stop_all"}.items() >= {"what": until_event(operator, "stop_all")}.items()
 
@@ -276,12 +289,12 @@ def until_event(session: WebSocketTestSession, what: str) -> str:
             return what
 
 
-def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -> None:
-    token = service.tokens["operator"]
-    with service.link("control") as one, service.link("control") as two, service.link("tractor") as tractor:
+def test_a_lease_is_shown_to_both_and_only_the_holder_drives(own_service: Service) -> None:
+    token = own_service.tokens["operator"]
+    with own_service.link("control") as one, own_service.link("control") as two, own_service.link("tractor") as tractor:
         hello(one, "control", None, token)
         hello(two, "control", None, token)
-        hello(tractor, "tractor", 2, service.tokens["robot 2"])
+        hello(tractor, "tractor", 2, own_service.tokens["robot 2"])
         time.sleep(STOP_SEEN_S)  # since the test before has stopped all
         one.send_json({"kind": "resume"})
         tractor.send_json(state(1000, easting_m=1020.0, northing_m=2010.0, mode="remote"))
@@ -310,7 +323,7 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -
         command = until(tractor, "command")
         assert (command["steering_command_deg"], command["speed_command_mps"], command["shuttle"]) == (-5.0, 0.5, 1)
         assert until(tractor, "command")["speed_command_mps"] == 0.0  # nobody says so again: dead man
-    assert service.fleet.manager.control_leases.get_holder(1) is None
+    assert own_service.fleet.manager.control_leases.get_holder(1) is None
 
 
 def test_whose_token_is_revoked_is_turned_out_and_what_it_leased_is_free(service: Service) -> None:
