@@ -9,8 +9,8 @@ that of honest tractors, the worst of it always assumed, as a report does not sa
 - the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
   displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more; one leap that
   noise could explain is allowed for besides;
-- a receiver that smooths a leap goes over to it ever more slowly: what grows less than before is held to the limit of
-  that second sum only;
+- a receiver that smooths a leap goes over to it ever more slowly, see `is_growing`: what does not grow steadily is held
+  to the limit of that second sum only;
 - speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
 - a tractor may be beside its leg by as much as the rules let it resume.
 
@@ -51,6 +51,10 @@ SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake
 FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
 RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
+SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most
+PAIR_NOISE_M = (
+    math.sqrt(2.0) * FIX_M
+)  # noise of the difference of two fixes along one axis: what exceeds it is told from it
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
@@ -72,13 +76,47 @@ def compute_doubt_m(age_s: float, distance_m: float, pace_mps: float) -> float:
 
 
 @compile_function
-def is_growing(sums, then, recent, a, b) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the difference of two witnesses, which began `then`, has grown since `recent` about as fast as before."""
+def measure_growth(sums, kept, since, until, a, b):  # type: ignore[no-untyped-def]
+    """Seconds from one entry of the ring to another, and by how much the difference of two witnesses grew then (m),
+    along what it is now since the first of them; -1 for `until` is now."""
+    then = kept[since]
     x_m, y_m = sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
-    grown_m2 = x_m * (sums[a] - sums[b] - recent[a] + recent[b])
-    grown_m2 += y_m * (sums[a + 1] - sums[b + 1] - recent[a + 1] + recent[b + 1])
-    length_m2 = x_m * x_m + y_m * y_m
-    return bool(grown_m2 * (sums[TIME] - then[TIME]) >= GROWING_SHARE * length_m2 * (sums[TIME] - recent[TIME]))
+    length_m = math.hypot(x_m, y_m)
+    last = sums if until < 0 else kept[until]
+    grown_m2 = x_m * (last[a] - last[b] - then[a] + then[b])
+    grown_m2 += y_m * (last[a + 1] - last[b + 1] - then[a + 1] + then[b + 1])
+    return last[TIME] - then[TIME], grown_m2 / max(length_m, 1e-9)
+
+
+@compile_function
+def is_growing(sums, kept, count, back, a, b) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the difference of two witnesses has grown steadily since `back` entries of `count`, as motion does.
+
+    Of its first, middle and last part (RECENT_PARTS) the first has grown no less than on average and the last about as
+    much. A leap by L that a receiver smooths over SMOOTHED_S leads to L (1 - exp(-t / SMOOTHED_S)), of which the last
+    part of any time since it began has a smaller share: motion has more there by what is told from noise, over the
+    whole time and over every shorter one in which that could be told. In less time than has such parts it is faster
+    than tractors are, as by a clock that stands.
+    """
+    whole = back
+    if whole < RECENT_PARTS:
+        age_s, length_m = measure_growth(sums, kept, (count - back) % len(kept), -1, a, b)
+        return bool(length_m > FASTEST_MPS * age_s)
+    while back >= RECENT_PARTS:
+        part, since = back // RECENT_PARTS, (count - back) % len(kept)
+        age_s, length_m = measure_growth(sums, kept, since, -1, a, b)
+        before_s, before_m = measure_growth(sums, kept, since, (count - part) % len(kept), a, b)
+        grown_m, even_m = length_m - before_m, length_m * (1.0 - before_s / age_s)
+        faded = math.exp(-age_s / SMOOTHED_S)
+        leap_m = length_m * (math.exp(-before_s / SMOOTHED_S) - faded) / (1.0 - faded)
+        if (back == whole or even_m - leap_m >= 2.0 * PAIR_NOISE_M) and grown_m < leap_m + PAIR_NOISE_M:
+            return False
+        if back == whole:
+            first_s, first_m = measure_growth(sums, kept, since, (count - back + part) % len(kept), a, b)
+            if grown_m < GROWING_SHARE * even_m or first_m < length_m * first_s / age_s - 2.0 * PAIR_NOISE_M:
+                return False
+        back -= max(back // STRIDE, 1)
+    return True
 
 
 @compile_function
@@ -111,7 +149,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
         if back > min(counts[0], len(kept)):
             break
         place = (counts[0] - back) % len(kept)
-        then, recent = kept[place], kept[(counts[0] - max(back // RECENT_PARTS, 1)) % len(kept)]
+        then = kept[place]
         spread_m = MOTION_SHARE * (sums[DISTANCE] - then[DISTANCE]) + sums[SLACK] - then[SLACK]
         pace_mps = max(sums[PACE], then[PACE])
         limit_m = compute_doubt_m(sums[TIME] - then[TIME], 0.0, pace_mps) + spread_m
@@ -122,7 +160,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             smooth_m = math.hypot(
                 sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
             )
-            if smooth_m > limit_m + biases_m[pair] and is_growing(sums, then, recent, a, b):
+            if smooth_m > limit_m + biases_m[pair] and is_growing(sums, kept, counts[0], back, a, b):
                 found[pair] = place
         raw_m = math.hypot(
             sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
