@@ -27,6 +27,11 @@ def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
     return MachineBody(sizes, tractor.antenna_forward_m)
 
 
+def measure_passage_m(tractor: Tractor, implement: Implement) -> float:
+    """The width of the narrowest passage that a machine gets through, folded where it folds (m)."""
+    return max(implement.transport_width_m if implement.folds else implement.width_m, tractor.width_m)
+
+
 def build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
     """The outline boxes of tractor and implement, measured forward from the guided point."""
     guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m

@@ -31,7 +31,12 @@ from planner.evaluation.layout_choice import (
     lay_contours,
     list_layouts,
 )
-from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
+from planner.evaluation.machine_outlines import (
+    bend_around_obstacles,
+    build_body,
+    build_outline_boxes,
+    measure_passage_m,
+)
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.evaluation.work_order import (
@@ -41,6 +46,7 @@ from planner.evaluation.work_order import (
     load_gnss_errors,
     read_requested_field,
     resolve_guidance_line,
+    size_implement,
 )
 from planner.farm.settings import Yard
 from planner.farm.workday import Workday, build_workday
@@ -102,12 +108,12 @@ def prepare_context(
     physics = physics or build_field_physics(request, field, tractor, farm_tractor)
     tractor = adapt_to_ground(tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
-    implement = _size_implement(order, request)
+    implement = size_implement(order.implement, request)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     if request.part is not None:
         with attach_parameter("field"):
-            field = cut_field_part(field, request.margin_m, 2.0 * reach.margin_m, request.part)
+            field = cut_field_part(field, request.margin_m, measure_passage_m(tractor, implement), request.part)
     create = partial(
         PlanningContext,
         request=request,
@@ -132,13 +138,6 @@ def prepare_context(
     supplied = replace(context, supply=battery)
     supplied.site_cache.update(context.site_cache)
     return supplied
-
-
-def _size_implement(order: WorkOrder, request: PlanRequest) -> Implement:
-    """The implement with the widths of the request."""
-    widths = {"width_m": request.width_m, "transport_width_m": request.transport_width_m}
-    known = {name: width_m for name, width_m in widths.items() if width_m is not None}
-    return (order.implement or Implement()).model_copy(update=known)
 
 
 def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:

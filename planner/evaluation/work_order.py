@@ -154,6 +154,13 @@ def choose_radius_m(request: PlanRequest, tractor: Tractor, field: Field) -> flo
     return request.radius_m
 
 
+def size_implement(implement: Implement | None, request: PlanRequest) -> Implement:
+    """The implement, or a usual one, with the widths of the request."""
+    widths = {"width_m": request.width_m, "transport_width_m": request.transport_width_m}
+    known = {name: width_m for name, width_m in widths.items() if width_m is not None}
+    return (implement or Implement()).model_copy(update=known)
+
+
 def complete_cost_terms(cost_terms: CostTerms | None, workday: Workday | None, tractor: Tractor) -> CostTerms | None:
     """The prices of a farm with the drive of the tractor, and the travel and handling of its workday."""
     if cost_terms is None:

@@ -51,7 +51,7 @@ from strategies.path_planning.paths import Pose
 from strategies.program.supply import Supply
 from strategies.registry import get_strategy
 from vehicle.errors import MissionError
-from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, list_served
+from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -470,8 +470,10 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
     used = measure_used(run.plan.missions[number], at, pose, context)
-    was_folded = leg.folded != bool(run.find_folding_rows(number)[-1])  # until it has stood to fold, or to unfold
-    return Stand(pose, used, list_places_ahead(legs[at:]), number + 1, was_folded)
+    begun = poses[np.argmax(run.get_leg_numbers(number) == at)]
+    stands = at > 0 and math.dist(begun[:2], poses[-1, :2]) < MOST_SHIFT_M  # before the leg: folded as it was
+    is_folded = legs[at - 1 if stands else min(at, len(legs) - 1)].folded
+    return Stand(pose, used, list_places_ahead(legs[at:]), number + 1, is_folded)
 
 
 def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext) -> float:
@@ -492,5 +494,5 @@ def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
 
 def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
     """What legs have used of a load since it was filled last."""
-    served = max((number for number, is_served in enumerate(list_served(legs)) if is_served), default=0)
+    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
     return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0

@@ -17,6 +17,7 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.evaluation.work_order import DoneSource, FieldChoice, WorkOrder
@@ -275,8 +276,7 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
     request, field = context.request, context.layout.field
     if best is None or request.part is not None:
         return
-    implement = context.implement
-    width_m = max(implement.transport_width_m if implement.folds else implement.width_m, context.tractor.width_m)
+    width_m = measure_passage_m(context.tractor, context.implement)
     for part in list_field_parts(field, request.margin_m, width_m)[1:]:
         alike = replace(
             request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_WITHOUT_RISK

@@ -79,7 +79,7 @@ _DEADLINE_HELP = "Deadline, hh:mm; before the start: next day. Best is the cheap
 _RAIN_HELP = (
     "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
 )
-_FOLD_HELP = "Width of the implement when folded, metres (3); its own: it does not fold."
+_FOLD_HELP = "Width of the implement when folded, metres (3); its working width: it does not fold."
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
 _TRANSPORT = NumberLimits("transport width", "m", low=0.1, high=MAX_LENGTH_M)

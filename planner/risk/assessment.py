@@ -121,8 +121,8 @@ def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: 
         leg_rows = zip(mission.legs, graph.driven_s[nodes].tolist(), factor[nodes].tolist(), strict=True)
         legs = []
         for index, (leg, driven_s, share) in enumerate(leg_rows):
-            halts = index + 1 < len(mission.legs) and mission.legs[index + 1].stand_s > 0.0
-            standing = (gears[index] != leg.gear or leg.stand_s > 0.0) + (gears[index + 2] != leg.gear or halts)
+            halts = index + 1 < len(mission.legs) and mission.legs[index + 1].standing_s > 0.0
+            standing = (gears[index] != leg.gear or leg.standing_s > 0.0) + (gears[index + 2] != leg.gear or halts)
             lag = 0.5 * standing / acceleration_mps2
             legs.append(replace(leg, speed_mps=_solve_speed(leg, driven_s, share, lag)))
         missions.append(Mission(tuple(legs)))

@@ -259,7 +259,7 @@ def _build_links(run: SimulationRun, first: tuple[int, ...], records: list[_LegR
     for tractor, mission in enumerate(run.plan.missions):
         for index, leg in enumerate(mission.legs):
             after = first[tractor] + index
-            starts_standing = index == 0 or mission.legs[index - 1].gear != leg.gear or leg.stand_s > 0.0
+            starts_standing = index == 0 or mission.legs[index - 1].gear != leg.gear or leg.standing_s > 0.0
             for gate in leg.gates:
                 leader_record = records[gate.tractor]
                 offset_s = _compute_driven_offset_s(

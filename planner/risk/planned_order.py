@@ -127,7 +127,7 @@ def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
     for number, (start, end) in enumerate(pairwise(edges)):
         points = _extract_polyline(leg.points, along, start, end)
         part = replace(leg, points=points)
-        parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0))
+        parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0, fold_s=0.0))
     return parts
 
 

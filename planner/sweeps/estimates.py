@@ -253,6 +253,9 @@ class GroundEstimates:
         context.site_cache.update(self._context.site_cache)
         found = [self._sketch(tractors, order, request) for order in request.headland_orders or ("",)]
         sketches = [sketch for sketch in found if not isinstance(sketch, StrategyError)]
+        refusals = [refusal for refusal in found if isinstance(refusal, StrategyError)]
+        if not sketches:
+            raise refusals[0]
         try:
             driven = _drive(context, STRATEGY.name, tractors, sketches)
         except StrategyError as refusal:

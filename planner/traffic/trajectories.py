@@ -143,7 +143,7 @@ def compute_mission_key(mission: Mission) -> bytes:
     digest = hashlib.sha256()
     for leg in mission.legs:
         leg_facts = leg.gear, leg.implement, leg.task.is_work, bool(leg.may_wait or leg.gates), len(leg.points)
-        digest.update(struct.pack("<2d5i", leg.speed_mps, leg.stand_s, *leg_facts))
+        digest.update(struct.pack("<2d5i", leg.speed_mps, leg.standing_s, *leg_facts))
         digest.update(f"{leg.ground} {leg.task.kind}".encode())
         digest.update(np.ascontiguousarray(leg.points, dtype=np.float64).tobytes())
     return digest.digest()

@@ -118,9 +118,7 @@ def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tu
 
 def format_leg_metres(step: DriverLeg) -> str:
     """The length of a leg in metres; "" for a wait, folding or a service stop."""
-    return (
-        "" if step.kind in ("wait", "fold", "unfold", "refill", "charge", "change") else format_number(step.length_m, 0)
-    )
+    return "" if step.kind in _STANDS else format_number(step.length_m, 0)
 
 
 def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:

@@ -147,7 +147,7 @@ class MoveDrives:
             legs.insert(0, build_work_leg(self.site, _place_at(path.start, before), LegTask(SWATH)))
         if len(after):
             line = build_work_leg(self.site, _place_at(path.end, after), LegTask(SWATH))
-            legs.append(line.copy_with(stand_s=self.site.get_fold_s(move.is_folded)))
+            legs.append(line.copy_with(fold_s=self.site.get_fold_s(move.is_folded)))
         return legs
 
     def _measure(self, run: SimulationRun, number: int, legs: Sequence[Leg], key: Alike) -> MoveDrive:
@@ -157,7 +157,7 @@ class MoveDrives:
         time_s, poses = run.time_s[:rows], run.get_poses(number)[:rows]
         begun_s = self.measure_start_s(legs[0].length_m) if before else 0.0
         seen = np.column_stack([_see_from(frame, poses[:, :2]), poses[:, 2] - frame[2]])
-        is_folded = list_folded_rows(run, number)[:rows]
+        is_folded = run.find_folded_rows(number)[:rows]
         if not after:
             return MoveDrive(float(run.finish_s[number]) - begun_s, 0.0, 0.0, seen, is_folded)
         line = legs[-1]
@@ -205,12 +205,6 @@ def compute_missed_s(site: Site, missed_m2: float) -> float:
     return MISSED_FACTOR * missed_m2 * site.work_s_per_m2
 
 
-def list_folded_rows(run: SimulationRun, tractor: int) -> Flags:
-    """In which rows (t,) of a record the implement of a tractor is folded."""
-    is_folded: Flags = np.array([leg.folded for leg in run.plan.missions[tractor].legs])[run.get_leg_numbers(tractor)]
-    return is_folded
-
-
 def _see_from(pose: Pose, points: Floats) -> Floats:
     """Points (n, 2) as seen from a pose."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -236,8 +230,8 @@ def build_move_legs(site: Site, move: Move, task: LegTask) -> list[Leg]:
     legs = build_path_legs(site, move.path, task, is_work=move.is_work)
     if not move.is_folded:
         return legs
-    stands_s = [site.get_fold_s(not move.begins_folded), *[0.0] * len(legs)]
-    return [leg.copy_with(folded=True, stand_s=stand_s) for leg, stand_s in zip(legs, stands_s, strict=False)]
+    first_s = site.get_fold_s(not move.begins_folded)
+    return [leg.copy_with(folded=True, fold_s=0.0 if number else first_s) for number, leg in enumerate(legs)]
 
 
 def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool = False) -> list[Leg]:

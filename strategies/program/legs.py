@@ -26,7 +26,7 @@ def add_wait_points(legs: Sequence[Leg], every_m: float) -> list[Leg]:
         cuts = cuts[steps_m[np.minimum(cuts, len(steps_m) - 1)] > MIN_STEP_M]
         for a, b in pairwise([0, *sorted(set(cuts.tolist()) - {0, len(distances_m) - 1}), len(distances_m) - 1]):
             may_wait = leg.may_wait if a == 0 and split_legs and split_legs[-1].gear != leg.gear else True
-            part = replace(leg, points=leg.points[a : b + 1], may_wait=may_wait, stand_s=0.0 if a else leg.stand_s)
+            part = replace(leg, points=leg.points[a : b + 1], may_wait=may_wait, fold_s=0.0 if a else leg.fold_s)
             split_legs.append(part.copy_with_length(float(steps_m[a:b].sum())))
     return split_legs
 

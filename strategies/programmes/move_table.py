@@ -162,25 +162,15 @@ class MoveTable:
         self._update_cost(u, v)
 
     def find(self, u: int, v: int) -> bool:
-        """Find moves between two nodes: in closed form, else with lines cut back, else by a search, else with the
+        """Find moves between two nodes: in closed form, else with lines cut back, else by a search and with the
         implement folded; whether any is."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
         if not self._options[u, v] and (u, v) not in self._cut:
             self._cut.add((u, v))
             self._options[u, v] = list(self.moves.list_cut_moves(u, v))
-        if not self._options[u, v] and self._may_search(u, v):
-            self._searched.add((u, v))
-            found = self.moves.search(u, v)
-            folded = self.moves.list_folded_moves(u, v) if self._may_fold(u, v) else ()
-            self._folded.add((u, v))
-            self._options[u, v] = sorted([*folded, *([] if found is None else [found])], key=attrgetter("cost_s"))
-            if found is None:
-                for key in (("end", u), ("begin", v)):
-                    self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1
-        if not self._options[u, v] and self._may_fold(u, v):
-            self._folded.add((u, v))
-            self._options[u, v] = list(self.moves.list_folded_moves(u, v))
+        if not self._options[u, v]:
+            self._options[u, v] = sorted([*self._search(u, v), *self._fold(u, v)], key=attrgetter("cost_s"))
         self._update_cost(u, v)
         return bool(self._options[u, v])
 
@@ -193,6 +183,25 @@ class MoveTable:
             may_find = (u, v) not in self._cut or self._may_search(u, v) or self._may_fold(u, v)
             self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if may_find else NO_MOVE_S
         self.is_estimated[u, v] = True
+
+    def _search(self, u: int, v: int) -> list[Move]:
+        """The move by a search between two nodes that was not tried before; none where there is no hope of one."""
+        if not self._may_search(u, v):
+            return []
+        self._searched.add((u, v))
+        found = self.moves.search(u, v)
+        if found is not None:
+            return [found]
+        for key in (("end", u), ("begin", v)):
+            self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1
+        return []
+
+    def _fold(self, u: int, v: int) -> Sequence[Move]:
+        """The moves with the implement folded between two nodes that were not tried before."""
+        if not self._may_fold(u, v):
+            return ()
+        self._folded.add((u, v))
+        return self.moves.list_folded_moves(u, v)
 
     def _may_search(self, u: int, v: int) -> bool:
         """Whether a search may still find a move: not where others to or from the same place were in vain."""

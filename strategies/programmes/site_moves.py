@@ -26,7 +26,6 @@ from strategies.moves.drives import (
     MoveDrives,
     Passage,
     build_work_leg,
-    list_folded_rows,
     measure_settling,
 )
 from strategies.moves.move import Move
@@ -156,7 +155,7 @@ class SiteMoves:
         """Every kind of move between the ends of two nodes, the cheapest first."""
         a, b = self.ends[u], self.begins[v]
         if u in self.folded:
-            moves = self.finder.list_folded_moves(a, b)
+            moves = [] if v == self.gate else self.finder.list_folded_moves(a, b)
             stood_s = self.site.get_fold_s(True)
             begun = [replace(one, drive_s=one.drive_s - stood_s, begins_folded=True) for one in moves]
             return sorted(begun, key=attrgetter("cost_s"))
@@ -228,7 +227,7 @@ class SiteMoves:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
         run = self.site.drive(Plan((Mission(tuple(legs)),)))
         numbers = run.get_leg_numbers(0)
-        is_off = measure_proof_rooms(self.site, run.get_poses(0), list_folded_rows(run, 0)) < -ROOM_TOLERANCE_M
+        is_off = measure_proof_rooms(self.site, run.get_poses(0), run.find_folded_rows(0)) < -ROOM_TOLERANCE_M
         is_off[-1] |= run.outcome != DONE
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost

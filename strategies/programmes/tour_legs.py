@@ -40,7 +40,7 @@ def stand_to_unfold(site: Site, legs: Sequence[Leg]) -> list[Leg]:
     """The legs with the time that a tractor stands to unfold before each that follows a move with it folded."""
     befores = [None, *legs]
     return [
-        leg.copy_with(stand_s=site.get_fold_s(True)) if before and before.folded and not leg.folded else leg
+        leg.copy_with(fold_s=site.get_fold_s(True)) if before and before.folded and not leg.folded else leg
         for before, leg in zip(befores, legs, strict=False)
     ]
 

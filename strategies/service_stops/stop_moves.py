@@ -56,13 +56,12 @@ class StopMoves:
     def get_move(self, trip: Trip) -> Move | None:
         """The cheapest move that was driven well; None if there is none."""
         if trip not in self._moves:
-            self._moves[trip] = self._find(trip)
+            self._moves[trip] = None if self._is_barred(trip) else self._find(trip)
         return self._moves[trip]
 
     def estimate_s(self, trip: Trip) -> float:
         """Seconds with all charges: of the move if it is known, else of a closed form or of a guess; dear for none."""
-        line = self.table.lines[trip.node // 2]
-        if trip.node % 2 and not line.both_ways:
+        if self._is_barred(trip):
             return NO_MOVE_S
         if trip in self._moves:
             move = self._moves[trip]
@@ -73,6 +72,11 @@ class StopMoves:
             plain_s = math.dist(a[:2], b[:2]) / self.table.site.rules.turn_speed_mps
             self._guesses_s[trip] = forms[0].cost_s if forms else DETOUR_FACTOR * plain_s + DETOUR_S
         return self._guesses_s[trip]
+
+    def _is_barred(self, trip: Trip) -> bool:
+        """Whether its line is not driven that way, or its tractor stands folded: it unfolds where it works first."""
+        moves, line = self.table.moves, self.table.lines[trip.node // 2]
+        return (trip.node % 2 == 1 and not line.both_ways) or (trip.is_arriving and trip.node in moves.folded)
 
     def bound_flight_m(self, trip: Trip) -> float:
         """Metres that no move is shorter than."""

@@ -15,7 +15,7 @@ from typing import Any
 from strategies.path_planning.paths import Pose
 from strategies.program.supply import PLACE, Supply
 from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
-from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan, list_served
+from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
 
@@ -64,13 +64,13 @@ class _ServiceClock:
         if gate.leg >= len(begun_s):
             return math.inf
         leg = self.legs[gate.tractor][gate.leg]
-        return begun_s[gate.leg] + leg.stand_s + min(gate.after_m, leg.length_m) / leg.speed_mps
+        return begun_s[gate.leg] + leg.standing_s + min(gate.after_m, leg.length_m) / leg.speed_mps
 
     def begin_leg(self, tractor: int, begin_s: float) -> None:
         """Let a tractor begin its next leg."""
         leg = self.legs[tractor][len(self.begun_s[tractor])]
         self.begun_s[tractor].append(begin_s)
-        self.free_s[tractor] = begin_s + leg.stand_s + leg.length_m / leg.speed_mps
+        self.free_s[tractor] = begin_s + leg.standing_s + leg.length_m / leg.speed_mps
 
 
 def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]], supply: Supply) -> None:
@@ -120,7 +120,7 @@ def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: s
 
     A load is the most that one works between two stops. `served_at` is used if no leg leads to a place.
     """
-    stops_s = [leg.stand_s for legs in missions for leg, served in zip(legs, list_served(legs), strict=True) if served]
+    stops_s = [leg.stand_s for legs in missions for leg in legs if leg.stand_s > 0.0]
     if not stops_s:
         return None
     max_load_m = max(metres for legs in missions for metres in _list_worked_between_stops_m(legs))
@@ -135,8 +135,8 @@ def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: s
 def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
     """Metres worked between stops."""
     worked_m = 0.0
-    for leg, is_served in zip(legs, list_served(legs), strict=True):
-        if is_served:
+    for leg in legs:
+        if leg.stand_s > 0.0:
             yield worked_m
             worked_m = 0.0
         worked_m += leg.length_m * leg.implement
@@ -147,8 +147,8 @@ def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
     """The distinct poses in which tractors with these legs stand at a place."""
     points: dict[Pose, None] = {}
     for legs in missions:
-        for (before, leg), is_served in zip(pairwise(legs), list_served(legs)[1:], strict=True):
-            if is_served and before.task.kind == REFILL:
+        for before, leg in pairwise(legs):
+            if leg.stand_s > 0.0 and before.task.kind == REFILL:
                 (x, y), (x1, y1) = leg.points[:2].tolist()
                 points.setdefault((x, y, math.atan2(leg.gear * (y1 - y), leg.gear * (x1 - x))))
     return tuple(points)
@@ -165,7 +165,7 @@ def add_service_gates(plan: Plan, supply: Supply, width_m: float) -> Plan:
 
 def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> MissionWithStops:
     """Some legs with the stops in them, their amounts, and where a tractor may wait for its turn before each."""
-    numbers = [number for number, is_served in enumerate(list_served(legs)) if is_served]
+    numbers = [number for number, leg in enumerate(legs) if leg.stand_s > 0.0]
     loads = [supply.compute_legs_need(legs[a:b], width_m) for a, b in pairwise([0, *numbers, len(legs)])]
     stops = list[ServiceStop]()
     for number, amount in zip(numbers, supply.include_trips().list_amounts(loads), strict=True):

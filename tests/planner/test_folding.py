@@ -21,7 +21,7 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from planner.pipeline.planning import PlanningResult, plan_order
 from reports.plan.leg_list import describe_leg
 from vehicle.errors import MissionError
-from vehicle.missions.plan import Leg, Mission, Plan, list_served
+from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 
@@ -84,17 +84,17 @@ def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, 
     assert whole is not None and half is not None
     assert whole.worked_pct > 90.0 and half.worked_pct == pytest.approx(0.5 * whole.worked_pct, abs=2.0)
     assert "to fold and unfold its implement" in whole.remark and "fold" not in half.remark
-    assert "cut off" in half.remark or "lines of work are left" in half.remark
+    assert "cut off: no passage as wide as the machines (9 m)" in half.remark
     assert not any(leg.folded for leg in list_legs(rigid))
 
 
 def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> None:
     legs = list_legs(folding)
     turns = [(before, leg) for before, leg in pairwise(legs) if before.folded != leg.folded]
-    assert not any(list_served(legs))
+    assert not any(leg.stand_s for leg in legs)
     assert turns and len(turns) % 2 == 0  # it begins and ends unfolded
-    assert all(leg.stand_s == FOLD_S for _, leg in turns)
-    assert sum(leg.stand_s for leg in legs) == FOLD_S * len(turns)
+    assert all(leg.fold_s == FOLD_S for _, leg in turns)
+    assert sum(leg.fold_s for leg in legs) == FOLD_S * len(turns)
     assert not any(leg.folded and leg.implement for leg in legs)
     assert f"stands {FOLD_S * len(turns):.0f} s in all" in folding.ranking.best.remark  # type: ignore[union-attr]
 
@@ -163,9 +163,9 @@ def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tm
     result = plan_order(WorkOrder(folding.context.request, field=build_two_rooms(), done=(done,)))
     legs = list_legs(result)
     assert legs[0].folded == (at_s > FOLD_S)
-    assert not legs[0].folded or legs[0].stand_s == 0.0
-    works = next(k for k, leg in enumerate(legs) if leg.implement)
-    assert works == 0 or not legs[works - 1].folded or legs[works].stand_s == FOLD_S
+    first = next(number for number, leg in enumerate(legs) if leg.folded)
+    assert legs[first].fold_s == (0.0 if legs[0].folded else FOLD_S)
+    assert next(leg for leg in legs[first:] if not leg.folded).fold_s == FOLD_S
 
 
 def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement) -> None:
@@ -180,9 +180,8 @@ def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement) -> N
     )
     best, legs = result.ranking.best, list_legs(result)
     assert best is not None and result.run is not None
-    served = list_served(legs)
-    assert best.refills == sum(served) > 0
-    assert [leg.stand_s for leg, is_served in zip(legs, served, strict=True) if is_served] == [240.0] * best.refills
+    stops_s = [leg.stand_s for leg in legs if leg.stand_s]
+    assert best.refills and stops_s == [240.0] * best.refills
     folds = sum(before.folded != leg.folded for before, leg in pairwise(legs))
     assert folds and float(result.run.folding_s[0]) == pytest.approx(FOLD_S * folds, abs=1.0)
     assert float(result.run.standing_s[0]) == pytest.approx(240.0 * best.refills, abs=1.0)

@@ -7,7 +7,7 @@ for (LegTask), so that nothing has to be guessed from the legs around it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -74,7 +74,8 @@ class Leg:
 
     `gear` is 1 or -1; `implement` is whether the implement works. `may_wait` marks a hold point: a tractor that gives
     way may wait before this leg, where it blocks nobody. Once the gates are open the tractor stands for `stand_s`
-    seconds before the leg, to refill or unload, or to fold or unfold. `folded` is whether the implement is folded.
+    seconds before the leg, to refill or unload, and for `fold_s` to fold or unfold the implement. `folded` is whether
+    that is folded on the leg.
     """
 
     points: Floats
@@ -87,12 +88,18 @@ class Leg:
     gates: tuple[LegGate, ...] = ()
     follow: FollowOrder | None = None
     stand_s: float = 0.0
+    fold_s: float = 0.0
     folded: bool = False
 
     @cached_property
     def length_m(self) -> float:
         """Length of the polyline."""
         return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+
+    @property
+    def standing_s(self) -> float:
+        """How long the tractor stands before the leg, to be served and to fold or unfold (s)."""
+        return self.stand_s + self.fold_s
 
     @cached_property
     def ends(self) -> tuple[float, float, float, float]:
@@ -176,12 +183,6 @@ class Plan:
         return replace(self, missions=tuple(missions))
 
 
-def list_served(legs: Sequence[Leg]) -> list[bool]:
-    """Whether the tractor is served before each leg: where it stands and neither folds nor unfolds its implement."""
-    were_folded = [False, *(leg.folded for leg in legs)]
-    return [leg.stand_s > 0.0 and leg.folded == folded for leg, folded in zip(legs, were_folded, strict=False)]
-
-
 def check_plan(plan: Plan) -> None:
     """Raise MissionError at the first leg or gate that cannot be executed."""
     if not plan.missions:
@@ -217,8 +218,9 @@ def _find_leg_fault(leg: Leg) -> str:
         return f"gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse)."
     if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
         return f"speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards."
-    if not (leg.stand_s >= 0 and math.isfinite(leg.stand_s)):
-        return f"a stop of {leg.stand_s} s before the leg is not a time; use 0 or more."
+    for stop_s in (leg.stand_s, leg.fold_s):
+        if not (stop_s >= 0 and math.isfinite(stop_s)):
+            return f"a stop of {stop_s} s before the leg is not a time; use 0 or more."
     if leg.ground not in list_ground_names():
         return f"ground {leg.ground!r} is unknown; use one of: {', '.join(list_ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):

@@ -86,6 +86,8 @@ def _convert_leg(leg: Leg) -> dict[str, Any]:
     }
     if leg.stand_s:
         entry["stand_s"] = leg.stand_s
+    if leg.fold_s:
+        entry["fold_s"] = leg.fold_s
     if leg.folded:
         entry["folded"] = True
     if leg.follow:
@@ -165,6 +167,7 @@ def _build_leg(entry: Any, where: str) -> Leg:
         gates=tuple(LegGate(*_build_link(gate, "after_m", f"{where}, gate {k}")) for k, gate in enumerate(gates)),
         follow=FollowOrder(*_build_link(follow, "gap_m", f"{where}, follow")) if follow else None,
         stand_s=_get_checked_entry({"stand_s": 0.0} | entry, "stand_s", float, where),
+        fold_s=_get_checked_entry({"fold_s": 0.0} | entry, "fold_s", float, where),
         folded=_get_checked_entry({"folded": False} | entry, "folded", bool, where),
     )
 

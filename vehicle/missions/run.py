@@ -14,19 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.arrays import Floats, Integers, Records, find_true_spans
-from vehicle.missions.plan import (
-    DRIVE_IN,
-    ENTER,
-    HEADLAND_PASS,
-    LEAVE,
-    ROUTE,
-    SWATH,
-    TURN,
-    Leg,
-    LegTask,
-    Plan,
-    list_served,
-)
+from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
 from vehicle.records import (
     FINISHED,
     REC_LEG,
@@ -168,12 +156,20 @@ class SimulationRun:
         """Seconds per tractor of standing to fold and to unfold."""
         return np.array([self.find_folding_rows(k).sum() * self.step_s for k in range(self.plan.tractors)])
 
+    def find_folded_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
+        """In which rows (t,) the implement of a tractor is folded."""
+        is_folded = np.array([leg.folded for leg in self.plan.missions[tractor].legs])
+        rows: npt.NDArray[np.bool_] = is_folded[self.get_leg_numbers(tractor)]
+        return rows
+
     def find_folding_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
         """In which rows (t,) a tractor stands to fold or to unfold its implement."""
-        is_served = np.array(list_served(self.plan.missions[tractor].legs))
-        folds: npt.NDArray[np.bool_] = (self.get_statuses(tractor) == STANDING) & ~is_served[
-            self.get_leg_numbers(tractor)
-        ]
+        numbers, folds = self.get_leg_numbers(tractor), np.zeros(len(self.time_s), bool)
+        stands = self.get_statuses(tractor) == STANDING
+        for number, leg in enumerate(self.plan.missions[tractor].legs):
+            if leg.fold_s:
+                rows = np.flatnonzero(stands & (numbers == number))
+                folds[rows[round(leg.stand_s / self.step_s) if self.step_s else 0 :]] = True
         return folds
 
     def compute_time_shares(self) -> dict[str, Records]:

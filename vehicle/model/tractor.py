@@ -27,7 +27,7 @@ from vehicle.model.validation_messages import describe_validation_errors
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
-ROAD_WIDTH_M = 3.0  # of agricultural machines on public roads in most of Europe (Germany: StVZO 32, 35th exception)
+ROAD_WIDTH_M = 3.0  # of mounted and drawn implements on German roads, at most (StVZO 32)
 FOLD_S = 30.0  # assumed: hydraulic, from the seat and without the locks that a road asks for
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]

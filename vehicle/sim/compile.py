@@ -217,7 +217,7 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     counts = np.array([len(mission.legs) for mission in plan.missions])
     ends = np.cumsum(counts)
     states["leg"] = states["first_leg"] = ends - counts
-    states["stand_left"] = [mission.legs[0].stand_s for mission in plan.missions]
+    states["stand_left"] = [mission.legs[0].standing_s for mission in plan.missions]
     states["last_leg"] = ends - 1
     states["stage"], states["status"] = 1, 3
     states["away"] = [mission.enters for mission in plan.missions]
@@ -244,7 +244,7 @@ def _build_leg_rows(plan: Plan, tractor: Tractor) -> Records:
     rows = np.zeros(len(legs), dtype=LEG)
     rows["speed"] = [leg.speed_mps for leg in legs]
     rows["lookahead"] = np.where([leg.task.is_work for leg in legs], guidance.lookahead_m, guidance.turn_lookahead_m)
-    rows["stand"] = [leg.stand_s for leg in legs]
+    rows["stand"] = [leg.standing_s for leg in legs]
     rows["gear"] = [leg.gear for leg in legs]
     rows["implement"] = [leg.implement for leg in legs]
     index = {name: find_ground_index(name) for name in {leg.ground for leg in legs}}

@@ -280,7 +280,7 @@ def _has_same_path(a: Leg, b: Leg) -> bool:
     if a is b:
         return True
     traits, other_traits = (
-        (leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task.kind, leg.stand_s, len(leg.points))
+        (leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task.kind, leg.standing_s, len(leg.points))
         for leg in (a, b)
     )
     return traits == other_traits and (a.points is b.points or bool((a.points == b.points).all()))

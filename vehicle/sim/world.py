@@ -312,7 +312,7 @@ class World:
     def _expected_s(self) -> float:
         """About how long the plan takes if hardly any tractor waits."""
         mission_times_s = (
-            math.fsum(leg.stand_s + leg.length_m / leg.speed_mps for leg in mission.legs)
+            math.fsum(leg.standing_s + leg.length_m / leg.speed_mps for leg in mission.legs)
             for mission in self.plan.missions
         )
         return EXPECTED_TIME_FACTOR * max(mission_times_s) + EXPECTED_TIME_MARGIN_S

@@ -16,7 +16,6 @@ from strategies.program.supply import Supply
 from vehicle.arrays import Floats, find_true_spans
 from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
 from vehicle.energy.run_energy import compute_run_energy
-from vehicle.missions.plan import list_served
 from vehicle.missions.run import SimulationRun
 from vehicle.records import STANDING
 
@@ -72,7 +71,7 @@ def find_flat_battery(context: PlanningContext, run: SimulationRun) -> str | Non
     energy = compute_run_energy(run, context.tractor, load, context.physics.terrain, source=drive)
     entries = run.plan.notes.get("refills", ()) if isinstance(context.supply, BatterySupply) else ()
     for number, (mission, own) in enumerate(zip(run.plan.missions, energy.tractors, strict=True)):
-        is_stop = np.array(list_served(mission.legs))
+        is_stop = np.array([leg.stand_s > 0.0 for leg in mission.legs])
         amounts = np.zeros(len(mission.legs))
         if entries:
             amounts[is_stop] = [entry["amount"] for entry in entries if entry["tractor"] == number + 1]

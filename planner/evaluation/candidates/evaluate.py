@@ -33,7 +33,6 @@ from reports.common.plan_results import PlanResult
 from reports.common.shortfalls import Remark, Stake
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
-from vehicle.missions.plan import list_served
 from vehicle.missions.run import SimulationRun, find_longest_reversing
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
@@ -217,8 +216,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
         reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
     for tractor, mission in enumerate(run.plan.missions, start=1):
-        served = list_served(mission.legs)
-        stood_s = sum(leg.stand_s for leg, is_served in zip(mission.legs, served, strict=True) if not is_served)
+        stood_s = sum(leg.fold_s for leg in mission.legs)
         if stood_s:
             folding = (
                 f"tractor {tractor} stands {stood_s:.0f} s in all to fold and unfold its implement: unfolded it does "

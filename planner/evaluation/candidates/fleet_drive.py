@@ -239,5 +239,5 @@ def _estimate_rows(missions: Sequence[Mission]) -> float:
 
 def compute_timeout_s(plan: Plan) -> float:
     """More seconds than the plan takes with one tractor moving at a time: a tractor not done by then never will be."""
-    driven_s = sum(leg.stand_s + leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
+    driven_s = sum(leg.standing_s + leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
     return 600.0 + TIMEOUT_FACTOR * driven_s

@@ -14,7 +14,6 @@ from planner.evaluation.ground.coverage import InteriorCellTable, measure_excurs
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.site import MAX_OUTSIDE_M
 from reports.common.shortfalls import FENCE, OBSTACLE, OUTLINE, PlanFault
-from strategies.moves.drives import list_folded_rows
 from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
@@ -250,7 +249,7 @@ def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple
     """Every tractor with the rows of its record that are checked, those with its implement folded apart."""
     rows = np.arange(0, len(run.time_s), CHECK_ROW_STEP)
     for tractor in range(run.plan.tractors):
-        is_folded = list_folded_rows(run, tractor)[rows]
+        is_folded = run.find_folded_rows(tractor)[rows]
         for state, here in ((context, rows[~is_folded]), (context.folded, rows[is_folded])):
             if len(here):
                 yield tractor, here, state
@@ -336,7 +335,7 @@ def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags
     poses = run.get_poses(tractor)
     rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)
     passes_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in run.plan.missions[tractor].legs], dtype=bool)
-    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]], list_folded_rows(run, tractor)[rows]
+    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]], run.find_folded_rows(tractor)[rows]
 
 
 def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:

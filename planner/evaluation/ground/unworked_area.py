@@ -11,9 +11,11 @@ import shapely
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import extract_polygons
 from fields.geometry.tolerances import GRID_M
+from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.ground.left_out import find_left_out_ground
+from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import recall
 from reports.common.language import mark_text
 from reports.common.shortfalls import UnworkedPiece
@@ -56,9 +58,8 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     )
     remainder = extract_polygons(shapely.difference(boundary, build_worked_ground(context), grid_size=GRID_M))
     cut_off = _find_cut_off_ground(context)
-    parts_by_reason.append(
-        (f"cut off: no passage as wide as the machines ({_get_machine_width_m(context):g} m)", cut_off)
-    )
+    passage_m = measure_passage_m(context.tractor, context.implement)
+    parts_by_reason.append((f"cut off: no passage as wide as the machines ({passage_m:g} m)", cut_off))
     remainder = extract_polygons(shapely.difference(remainder, cut_off, grid_size=GRID_M))
     for why, zone in _iter_zones(context):
         part = extract_polygons(shapely.intersection(remainder, zone, grid_size=GRID_M))
@@ -112,10 +113,6 @@ def _iter_headland_lines(context: PlanningContext) -> Iterator[shapely.LineStrin
         yield from [headland_pass.line] if parts is None else [shapely.LineString(part) for part, _ in parts]
 
 
-def _get_machine_width_m(context: PlanningContext) -> float:
-    return max(context.implement.width_m, context.tractor.width_m)
-
-
 def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
     """Ground lost to the margin, and ground behind obstacles, by reason."""
     field = context.layout.field
@@ -138,16 +135,11 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
 
 
 def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
-    """Ground wide enough for the machines but without a passage to it; none where they fold to get through."""
-    if context.implement.folds:
-        return shapely.Polygon()
-    parts = sorted(shapely.get_parts(context.free_space), key=lambda part: (-part.area, part.bounds))
-    grown = [
-        part.buffer(0.5 * _get_machine_width_m(context), join_style="mitre", mitre_limit=MITRE_LIMIT)
-        for part in parts[1:]
-    ]
-    cut_off = shapely.intersection(shapely.union_all(grown, grid_size=GRID_M), context.layout.field.workable_region)
-    return extract_polygons(cut_off)
+    """Ground wide enough for the machines, folded where they fold, but without a passage to it."""
+    half_m, field = 0.5 * measure_passage_m(context.tractor, context.implement), context.layout.field
+    parts = sorted(shapely.get_parts(compute_free_space(field, half_m)), key=lambda part: (-part.area, part.bounds))
+    grown = [part.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for part in parts[1:]]
+    return extract_polygons(shapely.intersection(shapely.union_all(grown, grid_size=GRID_M), field.workable_region))
 
 
 def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometry]]:

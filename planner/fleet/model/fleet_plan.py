@@ -134,7 +134,7 @@ def prepare_fleet_plan(
 def _check_stop_durations(plan: Plan) -> None:
     """Raise FleetManagerError for stops of more than a day: a plan is simulated to its end before it is driven."""
     for number, mission in enumerate(plan.missions, start=1):
-        stands_s = math.fsum(leg.stand_s for leg in mission.legs)
+        stands_s = math.fsum(leg.standing_s for leg in mission.legs)
         if stands_s > LONGEST_STANDS_S:
             raise FleetManagerError(
                 f"Tractor {number} of the plan stops for {stands_s:.6g} s in all; shorten that to at most "

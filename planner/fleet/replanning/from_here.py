@@ -90,8 +90,8 @@ def _cut_leg(leg: Leg, done_m: float) -> Leg:
     """The remaining part of a leg."""
     line = shapely.LineString(leg.points)
     remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
-    stand_s = leg.stand_s if done_m <= STAND_TOLERANCE_M else 0.0  # for how long it has stood is unknown
-    return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s)
+    stand_s, fold_s = (leg.stand_s, leg.fold_s) if done_m <= STAND_TOLERANCE_M else (0.0, 0.0)  # it may have just come
+    return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s, fold_s=fold_s)
 
 
 def build_whole_plan(

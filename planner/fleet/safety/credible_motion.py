@@ -52,9 +52,7 @@ FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
 RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
 SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most
-PAIR_NOISE_M = (
-    math.sqrt(2.0) * FIX_M
-)  # noise of the difference of two fixes along one axis: what exceeds it is told from it
+PAIR_NOISE_M = math.sqrt(2.0) * FIX_M  # of the difference of two fixes along one axis: motion exceeds it
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])

@@ -29,7 +29,6 @@ from vehicle.missions.plan import (
     TURN,
     Leg,
     LegTask,
-    list_served,
 )
 from vehicle.missions.run import (
     RecordSegment,
@@ -182,9 +181,9 @@ def _describe_drive(
 
 def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
     """A step of standing, named after what is done there."""
-    legs, number = run.plan.missions[tractor].legs, int(run.get_leg_numbers(tractor)[segment.first_row])
-    if not list_served(legs)[number]:
-        return replace(step, kind=FOLD if legs[number].folded else UNFOLD)
+    if run.find_folding_rows(tractor)[segment.first_row]:
+        leg = run.plan.missions[tractor].legs[run.get_leg_numbers(tractor)[segment.first_row]]
+        return replace(step, kind=FOLD if leg.folded else UNFOLD)
     service = run.plan.notes.get("service", REFILL)
     return replace(step, kind=service, amount=_find_service_amount(run, tractor, segment))
 

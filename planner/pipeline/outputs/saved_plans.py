@@ -19,7 +19,7 @@ from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
 from planner.evaluation.planned_layout import PlannedLayout
-from planner.evaluation.work_order import load_gnss_errors
+from planner.evaluation.work_order import load_gnss_errors, size_implement
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
@@ -52,6 +52,8 @@ EARLIER_NAMES = {
 """Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
 LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sections", "transport_width_m")
 """Parameters that plans without them do not name, so that an older Headland can read those."""
+LATER_IMPLEMENT = ("transport_width_m", "fold_s")
+"""Values of an implement that are left out where they are usual, for the same reason."""
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
@@ -134,7 +136,12 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
     supply = None if isinstance(context.supply, BatterySupply) else context.supply
     if context.cost_terms is None and context.going_on is None and supply is None:
         return {}
-    machines = {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
+    implement = {
+        name: value
+        for name, value in context.implement.model_dump().items()
+        if name not in LATER_IMPLEMENT or value != Implement.model_fields[name].default
+    }
+    machines = {"tractor": context.tractor.model_dump(mode="json"), "implement": implement}
     return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
 
 
@@ -190,7 +197,7 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
                 parameter="tractor",
             )
         with attach_parameter("tractor"):
-            return resolve_tractor(request.tractor), Implement(width_m=request.width_m)
+            return resolve_tractor(request.tractor), size_implement(None, request)
     try:
         tractor, implement = (json.dumps(saved_machines[name]) for name in ("tractor", "implement"))
         return Tractor.model_validate_json(tractor), Implement.model_validate_json(implement)

@@ -59,7 +59,7 @@ export const FARM = {
         ["capacity", "Capacity, l or kg", num("Only if it carries something.")], ["rate_per_m2", "Rate per square metre, l or kg", num("0.02 is 200 l per hectare.")], ["tractors", "Fits the tractors", { list: true, hint: "Names with commas between them; by default all." }],
       ],
       more: [
-        ["hitch_m", "From the rear axle to the tools, m", num("By default 1.2.")], ["length_m", "From the first tool to the last, m", num("By default 0.7.")], ["frame_width_m", "Overall width, m", num()], ["transport_width_m", "Width when folded, m", num("By default 3; its own width: it does not fold.")], ["fold_s", "Seconds to fold on the field", num("By default 30.")], ["min_speed_kmh", "Least working speed, km/h", num()],
+        ["hitch_m", "From the rear axle to the tools, m", num("By default 1.2.")], ["length_m", "From the first tool to the last, m", num("By default 0.7.")], ["frame_width_m", "Overall width, m", num()], ["transport_width_m", "Width when folded, m", num("By default 3; its working width: it does not fold.")], ["fold_s", "Seconds to fold on the field", num("By default 30.")], ["min_speed_kmh", "Least working speed, km/h", num()],
         ["max_speed_kmh", "Greatest working speed, km/h", num()], ["turn_speed_kmh", "Speed in turns, km/h", num()], ["draft", "Implement of the table of drafts"], ["depth_cm", "Working depth, cm", num()], ["price", "List price", num()], ["hours_per_year", "Hours of use per year", num()], ["years", "Years of use", num()],
         ["headland", "Headland", { of: ["first", "last"], hint: "by the work" }], ["collects", "It fills up while working", { check: true }],
       ],

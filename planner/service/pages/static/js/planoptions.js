@@ -18,7 +18,7 @@ export const MORE = [
   ["Machines", [
     ["draft", { hint: "Such as plough or disk-harrow; by default a cultivator or a drill. The guide lists them under implements." }], ["depth_cm", { hint: "By default the usual one." }],
     ["min_speed_kmh", { hint: "By default that of the farm." }], ["max_speed_kmh", { hint: "By default that of the farm." }], ["turn_speed_kmh", { hint: "By default as at work." }],
-    ["turn", { words: { auto: "each as is quicker", u: "U-turn", omega: "loop (omega)", "switch-back": "with reversing (switch-back)" } }], ["radius", { hint: "By default that of the tractor." }], ["clearance", { hint: "By default 0.5." }], ["transport_width", { hint: "By default 3; its own width: it does not fold." }], ["sections", { hint: "By default 1: without sections." }],
+    ["turn", { words: { auto: "each as is quicker", u: "U-turn", omega: "loop (omega)", "switch-back": "with reversing (switch-back)" } }], ["radius", { hint: "By default that of the tractor." }], ["clearance", { hint: "By default 0.5." }], ["transport_width", { hint: "By default 3; its working width: it does not fold." }], ["sections", { hint: "By default 1: without sections." }],
   ]],
   ["Field", [
     ["headland", { hint: "Instead of passes." }], ["bearing", { hint: "By default the best." }], ["cell_bearing", { hint: "Such as 2=45; several with ; between." }],
