@@ -33,7 +33,7 @@ from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import DrivenTimes
 from reports.common.plan_results import PlanResult
-from strategies.lines.line_wishes import LineWishes, name_lines
+from strategies.lines.line_wishes import LineWishes, name_line
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.programme import list_pairs
@@ -184,10 +184,8 @@ class GroundEstimates:
             for place, node in enumerate(tour, start=1)
         }
         lines = [(number, line) for number, line in enumerate(get_site_moves(self._context).lines) if line.task.is_work]
-        names = name_lines([line.task for _, line in lines])
         return tuple(
-            _describe_line(name, line, *places.get(number, (None, None, 0)))
-            for name, (number, line) in zip(names, lines, strict=True)
+            _describe_line(name_line(line.task), line, *places.get(number, (None, None, 0))) for number, line in lines
         )
 
     def list_outlines(self) -> tuple[Points, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 TRACTOR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8A6D3B")
 DARK_TRACTOR_COLOURS = ("#4FA8DE", "#F08A4B", "#2FC79A", "#DE9DC2", "#8FD0F5", "#F2BE4A", "#C4A671")
 STATE_COLOURS = {"working": "#009E73", "turning": "#56B4E9", "waiting": "#E69F00", "reversing": "#CC79A7"}
-SERVICE_COLOUR = "#0072B2"  # filling and emptying tanks
+RARE_STATE_COLOURS = {"refilling": "#0072B2", "folding": "#8A6D3B"}
 FIELD_COLOUR = "#EEF2E2"
 SWATH_COLOUR = "#C3CCAA"
 HEADLAND_PASS_COLOURS = ("#DDE7F0", "#EFE3C8")  # of even and odd headland passes

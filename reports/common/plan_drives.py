@@ -105,9 +105,9 @@ class PlanDrive(ShownResult):
         boundary, holes: rings.
         swaths: centre lines (n, 2) each; `swath_names`: their names, by default their places from 1.
         xy, status: per tractor the guided point (t, 2) and its status (t,) every `step_s`: 0 finished, 1 working,
-            2 turning, 3 waiting, 4 reversing, 5 refilling.
-        seconds: per state (working, turning, waiting, reversing, and refilling where there is any) one value per
-            tractor.
+            2 turning, 3 waiting, 4 reversing, 5 refilling, 6 folding.
+        seconds: per state (working, turning, waiting, reversing, and refilling and folding where there is any) one
+            value per tractor.
         done: rings around ground that was worked before, in the same order.
         unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
         headland_passes: those that are worked; headland_order: whether "first" or "last".

@@ -17,6 +17,9 @@ from reports.common.rendering import ReportError
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
 STATUS_BY_STATE = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
 SERVICE_STATE, SERVICE_STATUS = "refilling", 5
+FOLDING_STATE, FOLDING_STATUS = "folding", 6
+RARE_STATES = (SERVICE_STATE, FOLDING_STATE)
+"""States that few drives have."""
 """Of drives in which a tank is filled or emptied, besides `STATUS_BY_STATE`."""
 SIMPLIFY_TOLERANCE_M = 0.05
 
@@ -112,7 +115,7 @@ def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
             )
         if not np.isfinite(xy).all():
             raise ReportError(f"Tractor {number} has a position that is not a finite number; give metres.")
-    for name in [*STATUS_BY_STATE, SERVICE_STATE] if SERVICE_STATE in drive.seconds else STATUS_BY_STATE:
+    for name in [*STATUS_BY_STATE, *(state for state in RARE_STATES if state in drive.seconds)]:
         if len(drive.seconds.get(name, ())) != count:
             raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
         if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
@@ -120,9 +123,9 @@ def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
 
 
 def list_states(drives: Iterable[PlanDrive]) -> list[str]:
-    """The states of drives; refilling only if one of them has it."""
-    has_stops = any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
-    return [*STATUS_BY_STATE, *([SERVICE_STATE] if has_stops else [])]
+    """The states of drives; refilling and folding only if one of them has it."""
+    had = {state for drive in drives for state, seconds in drive.seconds.items() if any(seconds)}
+    return [*STATUS_BY_STATE, *(state for state in RARE_STATES if state in had)]
 
 
 def compute_extent(drive: PlanDrive) -> MapExtent:

@@ -157,6 +157,8 @@ _CATALOGUE = (
     Figure("bound_s"),
     Figure("refills", "Refills", "Re-\nfills", _WHOLE, is_optional=True),
     Figure("refilling_s", "Refilling", "", format_duration, is_optional=True),
+    Figure("folding_s", "Folding", "", format_duration, "of the turns, standing to fold and unfold implements",
+           measure=lambda run: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
     Figure("p50_done_s", "Median time", "Median\ntime", format_duration),
@@ -215,9 +217,9 @@ SCREEN_DROPS = {
 """Of the first screen, each with the order in which it is dropped where there is no room."""
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
-    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "charges": 3, "turning_s": 5, "waiting_s": 6, "worked_pct": 4,
-    "missed_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7, "finish_probability": 3,
-    "meets_deadline": 3,
+    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 6, "charges": 3, "turning_s": 5, "waiting_s": 6,
+    "worked_pct": 4, "missed_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
+    "finish_probability": 3, "meets_deadline": 3,
 }  # fmt: skip
 """Of the table of all plans."""
 COUNT_DROPS = {
@@ -233,7 +235,8 @@ PAGE_EXTRA_KEYS = (
     "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
     "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct", "on_pareto_front",
     "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg", "steepest_along",
-    "steepest_across", "rollover", "refills", "refilling_s", "charges", "charging_s",
+    "steepest_across", "rollover", "refills", "refilling_s", "folding_s", "charges",
+    "charging_s",
 )  # fmt: skip
 """Of the page, shown on request."""
 

@@ -22,6 +22,7 @@ from reports.common.plan_drives import PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
+    FOLDING_STATUS,
     REVERSING,
     SERVICE_STATUS,
     STATUS_BY_STATE,
@@ -171,6 +172,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "reversing": REVERSING in driven,
         "waiting": STATUS_BY_STATE["waiting"] in driven,
         "refilling": SERVICE_STATUS in driven,
+        "folding": FOLDING_STATUS in driven,
         "missed": any(drive.unworked for drive in drives.values()),
         "relief": None if first.relief is None else _draw_relief(first.relief, frame),
     }
@@ -248,12 +250,12 @@ def _build_lane(
     """
     flat = np.column_stack([path.samples, np.asarray(viewport.convert_points(path.xy))])
     knots = np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int))
-    waits, refills = (
+    waits, refills, folds = (
         [
             [*viewport.convert_points(np.array([(x, y)]))[0], format_duration(seconds)]
             for x, y, seconds in find_stops(drive.xy[number], drive.status[number], drive.step_s, status)
         ]
-        for status in (STATUS_BY_STATE["waiting"], SERVICE_STATUS)
+        for status in (STATUS_BY_STATE["waiting"], SERVICE_STATUS, FOLDING_STATUS)
     )
     return {
         "knots": [int(value) for value in knots.ravel()],
@@ -262,6 +264,7 @@ def _build_lane(
         "numbers": [[*one.values()] for one in _place_labels(list_leg_numbers(marks), viewport)],
         "waits": waits,
         "refills": refills,
+        "folds": folds,
     }
 
 
@@ -312,9 +315,9 @@ def format_maps_json(
     ``title``, ``end_s``, ``width_m``, its ground in metres of the field (``boundary_m``, ``holes_m``, ``obstacles_m``,
     ``fences_m``, ``entrance_m``, ``missed_m``), the ``crs`` and ``origin_m`` of these metres, ``swaths`` and
     ``headland_passes`` (each a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of
-    its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling), and
-    ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height (``contours_m``) and the height
-    between two of them (``interval_m``).
+    its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling,
+    6 folding), and ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height
+    (``contours_m``) and the height between two of them (``interval_m``).
 
     Raises:
         ReportError: a drive cannot be drawn.

@@ -20,6 +20,7 @@ from reports.common.notebook import create_figure
 from reports.common.plan_drives import PlanDrive, Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
+    FOLDING_STATUS,
     REVERSING,
     SERVICE_STATUS,
     STATUS_BY_STATE,
@@ -123,14 +124,15 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
     parts = split_by_status(xy, status)
     looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
         ("solid", 1.3, (WORKING,)),
-        ("solid", 0.7, tuple({*range(SERVICE_STATUS + 1)} - {WORKING, REVERSING})),
+        ("solid", 0.7, tuple({*range(FOLDING_STATUS + 1)} - {WORKING, REVERSING})),
         ("dotted", 1.5, (REVERSING,)),
     )
     for style, width, statuses in looks:
         lines = [part.points for part in parts if part.status in statuses]
         collection = LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4)
         axes.add_collection(collection, autolim=False)
-    for marker, size, stop_status in (("s", 4, STATUS_BY_STATE["waiting"]), ("D", 5, SERVICE_STATUS)):
+    stops = (("s", 4, STATUS_BY_STATE["waiting"]), ("D", 5, SERVICE_STATUS), ("H", 5, FOLDING_STATUS))
+    for marker, size, stop_status in stops:
         look: dict[str, Any] = {"marker": marker, "markersize": size, "markerfacecolor": "white"}
         for x, y, _ in find_stops(xy, status, drive.step_s, stop_status):
             axes.plot(x, y, markeredgecolor=colour, zorder=5, **look)
@@ -409,6 +411,7 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
         (REVERSING in driven, line(color=ink, linewidth=1.5, linestyle="dotted", label="reversing")),
         (STATUS_BY_STATE["waiting"] in driven, mark(marker="s", markerfacecolor="white", label="waiting")),
         (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label="refill")),
+        (FOLDING_STATUS in driven, mark(marker="H", markerfacecolor="white", label="fold or unfold")),
         (count, mark(marker="o", markerfacecolor="grey", label="start")),
         (drive.entrance, mark(marker="v", markerfacecolor=ink, label="entrance")),
         (drive.headland_passes, Patch(facecolor=odd_pass, edgecolor=even_pass, label="headland passes")),

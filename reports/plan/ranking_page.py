@@ -111,7 +111,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]
     details = [*describe_ranking(ranking), *describe_physics(ranking)] if plans else []
     names, states = _build_drive_labels(plans, shown), list_states(shown.values())
-    service_colour = {SERVICE_STATE: palette.SERVICE_COLOUR} if SERVICE_STATE in states else {}
+    rare_colours = {state: colour for state, colour in palette.RARE_STATE_COLOURS.items() if state in states}
     order_remark = describe_order_optimality(plans)
     service = {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
     if any(plan.charges for plan in ranking.plans) and all(plan.refills is None for plan in ranking.plans):
@@ -130,7 +130,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "bars": [] if first is None else build_time_bars(first, states),
         "states": states,
         "service": service,
-        "state_colours": {**palette.STATE_COLOURS, **service_colour},
+        "state_colours": {**palette.STATE_COLOURS, **rare_colours},
         "cards": [] if first is None else _build_leg_cards(first, ranking.field_start or ranking.start),
         "headings": LEG_HEADINGS,
         "begin_s": get_start_time_of_day_s(ranking.field_start or ranking.start),

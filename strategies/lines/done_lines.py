@@ -53,13 +53,17 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
         return list(lines)
     known = done.buffer(error_m)
     shapely.prepare(known)
-    parts, counts, is_whole = list[WorkLine](), Counter[LegTask](), dict[LegTask, bool]()
+    parts, is_whole = list[WorkLine](), dict[LegTask, bool]()
+    counts = Counter(replace(line.task, piece=0) for line in lines)
     for line in lines:
-        for part in _cut_done_line(site, line, known, START_OVERLAP_M + error_m):
-            task = replace(line.task, piece=0)
-            parts.append(replace(part, task=replace(task, piece=counts[task])))
-            counts[task] += 1
-            is_whole[parts[-1].task] = part is line
+        whole = replace(line.task, piece=0)
+        for number, part in enumerate(cut := list(_cut_done_line(site, line, known, START_OVERLAP_M + error_m))):
+            task = replace(line.task, is_piece=line.task.is_piece or len(cut) > 1)
+            if number:
+                task = replace(task, piece=counts[whole])
+                counts[whole] += 1
+            parts.append(replace(part, task=task))
+            is_whole[task] = part is line
     least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
     return [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
 

@@ -6,7 +6,9 @@ drive where room is scarce: no move can repair a line that leaves the ground its
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -76,28 +78,27 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
     swaths = _settle_all(site, _list_swaths(site, subtract_area(due, unite_strips(site, lines))))
     lines += swaths
     left = subtract_area(due, unite_strips(site, lines))
-    rings = _settle_all(site, _list_obstacle_rings(site, left), swaths)
+    rings = _settle_all(site, _list_obstacle_rings(site, left))
     strips = clip_all_areas(_build_strips(site, rings), left)
     rings = [replace(ring, own_m2=float(strip.area)) for ring, strip in zip(rings, strips, strict=True)]
     lines += _settle_all(site, _list_leftover(site, subtract_area(left, unite_areas(strips)), lines))
-    return keep_uncovered(site, lines) + rings
+    return _number_pieces(keep_uncovered(site, lines) + rings)
 
 
-def _settle_all(site: Site, drafts: Iterable[LineDraft], before: Sequence[WorkLine] = ()) -> list[WorkLine]:
-    """The pieces of lines on which the body has room, settled by a drive where that is scarce.
+def _number_pieces(lines: Sequence[WorkLine]) -> list[WorkLine]:
+    """The lines with the pieces of each swath, and the sides of each headland pass, numbered from 0."""
+    wholes = [replace(line.task, piece=0) for line in lines]
+    counts, numbers = Counter(wholes), defaultdict[LegTask, Iterator[int]](itertools.count)
+    return [
+        replace(line, task=replace(whole, piece=next(numbers[whole]), is_piece=counts[whole] > 1))
+        for line, whole in zip(lines, wholes, strict=True)
+    ]
 
-    Pieces of the same swath, or sides of the same round, are numbered on from 0, or from those of lines laid before.
-    """
-    pieces = (piece for draft in drafts for piece in _cut_to_room(site, draft))
-    lines, counts = list[WorkLine](), dict[LegTask, int]()
-    for earlier in before:
-        task = replace(earlier.task, piece=0)
-        counts[task] = max(counts.get(task, -1), earlier.task.piece)
-    for piece in pieces:
-        counts[piece.task] = number = counts.get(piece.task, -1) + 1
-        line = _settle(site, replace(piece, task=replace(piece.task, piece=number)))
-        lines += [] if line is None else [line]
-    return lines
+
+def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
+    """The pieces of lines on which the body has room, settled by a drive where that is scarce."""
+    settled = (_settle(site, piece) for draft in drafts for piece in _cut_to_room(site, draft))
+    return [line for line in settled if line is not None]
 
 
 def unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:

@@ -39,29 +39,21 @@ def format_piece_letter(piece: int) -> str:
     return (format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
 
 
-def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
-    """Names of swaths given by (line, piece) from 0: 14, or 14a and 14b where a line has several pieces."""
-    swath_keys = tuple(swath_keys)
-    split_lines = {line for line, piece in swath_keys if piece}
-    return tuple(f"{line + 1}{format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys)
+def name_line(task: LegTask) -> str:
+    """The name of the line of a task, as wishes have it: 14, 14b, R1, R1.2."""
+    return str(LineName(task.kind, get_line_number(task), task.piece if task.is_piece else None))
 
 
-def name_lines(tasks: Sequence[LegTask]) -> list[str]:
-    """The names of lines by their tasks: tracks with their pieces, and sides of headland passes."""
-    places = [(task.number or 0, task.piece) for task in tasks]
-    tracks = [place for place, task in zip(places, tasks, strict=True) if task.kind == SWATH]
-    names = dict(zip(tracks, name_swaths(tracks), strict=True))
-    return [
-        names[place] if task.kind == SWATH else str(LineName(task.kind, *place))
-        for place, task in zip(places, tasks, strict=True)
-    ]
+def get_line_number(task: LegTask) -> int:
+    """The number of the swath or headland pass of a line, from 1."""
+    return (task.number or 0) + (task.kind == SWATH)
 
 
 def _list_names_of(task: LegTask) -> tuple[LineName, ...]:
     """What may name the line of a task: all of its track or headland pass, or its piece or side."""
     if task.number is None:
         return ()
-    number = task.number + (task.kind == SWATH)
+    number = get_line_number(task)
     return LineName(task.kind, number), LineName(task.kind, number, task.piece)
 
 

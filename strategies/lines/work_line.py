@@ -46,10 +46,15 @@ def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
     return np.vstack([begin, points[1:-1], end])
 
 
+def build_tool_path(path: Floats, tool_m: float) -> Floats:
+    """The path (n, 2) of an implement `tool_m` behind the guided point on its path (n, 2)."""
+    return cut_line(extend_line(path, tool_m, 0.0), 0.0, float(measure_along(path)[-1]))
+
+
 def build_tool_strip(path: Floats, tool_m: float, width_m: float) -> shapely.Geometry:
-    """The ground that an implement `tool_m` behind the guided point passes over on its path (n, 2)."""
-    bar = cut_line(extend_line(path, tool_m, 0.0), 0.0, float(measure_along(path)[-1]))
-    return shapely.buffer(shapely.LineString(bar), 0.5 * width_m, cap_style="flat", join_style="mitre")
+    """The ground that an implement passes over whose guided point is `tool_m` ahead of it on a path (n, 2)."""
+    bar = shapely.LineString(build_tool_path(path, tool_m))
+    return shapely.buffer(bar, 0.5 * width_m, cap_style="flat", join_style="mitre")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +116,11 @@ class WorkLine:
     def replace_path(self, direction: int, path: Floats) -> WorkLine:
         """The line with another path in a direction."""
         return replace(self, paths=(self.paths[0], path) if direction else (path, self.paths[1]))
+
+    @property
+    def tool_path(self) -> Floats:
+        """The path (n, 2) of the implement in the first direction."""
+        return build_tool_path(self.paths[0], self.tool_m)
 
     def build_strip(self, width_m: float) -> shapely.Geometry:
         """The ground that the implement passes over in the first direction."""

@@ -25,7 +25,12 @@ BEND = [[3.0 + 94.0 * k / 20, 3.0 + 4.0 * math.sin(math.pi * k / 20)] for k in r
 def leg(kind: str, number: int | None, piece: int, *points: list[float], **more: object) -> Leg:
     works = kind in ("track", "round")
     return replace(
-        Leg(np.array(points, dtype=float), 1.4, implement=works, task=LegTask(kind, number, piece)),
+        Leg(
+            np.array(points, dtype=float),
+            1.4,
+            implement=works,
+            task=LegTask(kind, number, piece, works and number == 1),
+        ),
         **more,  # type: ignore[arg-type]
     )
 

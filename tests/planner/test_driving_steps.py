@@ -12,7 +12,7 @@ from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.site import build_site
 from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps
-from strategies.lines.line_wishes import name_swaths
+from strategies.lines.line_wishes import name_line
 from strategies.moves.drives import build_path_legs
 from strategies.path_planning.turns import build_omega_turn, build_switch_back, build_u_turn
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
@@ -134,8 +134,10 @@ def test_a_way_that_hardly_bends_has_no_shape() -> None:
 
 
 def test_names_of_tracks() -> None:
-    assert name_swaths([(0, 0), (1, 0), (1, 1), (2, 0)]) == ("1", "2a", "2b", "3")
-    assert name_swaths((7, piece) for piece in range(28))[-3:] == ("8z", "8aa", "8ab")
+    assert [name_line(LegTask("track", 1, piece, True)) for piece in (0, 1)] == ["2a", "2b"]
+    assert [name_line(LegTask("track", 7, piece, True)) for piece in (25, 26, 27)] == ["8z", "8aa", "8ab"]
+    assert [name_line(LegTask(kind, 1)) for kind in ("track", "round")] == ["2", "R1"]
+    assert name_line(LegTask("round", 1, 3, True)) == "R1.4"
 
 
 def test_a_turn_into_another_cell_counts_no_tracks(place: Any) -> None:

@@ -25,7 +25,7 @@ CONTRACT = [
     "outside_m", "outside_along_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
     "order_gap_pct", "formation_pct", "reason", "on_pareto_front", "remark", "headland_passes", "headland_s",
     "transport_s", "ready_s", "done_s", "home_s", "finish_probability", "finish_probability_interval", "p50_s",
-    "p80_s", "p95_s", "expected_cost", "paid_cost", "bound_s", "refills", "refilling_s", "over_finished_m",
+    "p80_s", "p95_s", "expected_cost", "paid_cost", "bound_s", "refills", "refilling_s", "folding_s", "over_finished_m",
     "over_finished_m2", "p50_done_s", "p95_done_s", "fuel_l", *STATED, "headland_order", "fuel_l_per_ha",
     "energy_kwh", "co2_kg", "fuel_l_by_tractor", "energy_kwh_by_tractor", "steepest_along", "steepest_across",
     "rollover", "energy_kwh_per_ha", "charges", "charging_s", "spared_m2", "keeps_clearance", "is_simulated",

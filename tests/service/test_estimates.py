@@ -16,7 +16,7 @@ from planner.service.sandbox.readings import build_work_order
 from planner.sweeps import estimates
 from planner.sweeps.kept_grounds import KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
-from strategies.lines.line_wishes import name_lines
+from strategies.lines.line_wishes import name_line
 from tests.service.conftest import Shared, bearer
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
@@ -114,7 +114,7 @@ def test_lines_are_those_of_the_plan_that_is_driven(speed_kmh: float) -> None:
     order = build_work_order({"field": "denmark", "width": 6.0, "tractors": "1", "speed_kmh": speed_kmh})
     shown = KeptGrounds().estimate(order)
     lines = get_site_moves(prepare_context(order)).lines
-    assert [one.name for one in shown.lines] == name_lines([line.task for line in lines])
+    assert [one.name for one in shown.lines] == [name_line(line.task) for line in lines]
     for one, line in zip(shown.lines, lines, strict=True):
         assert [one.points[0], one.points[-1]] in [[tuple(path[0]), tuple(path[-1])] for path in line.paths]
 

@@ -51,12 +51,14 @@ class LegTask:
     (a longer route to it), "drive-in" (from the headland line until the implement is over it), "enter" (from the
     entrance of the field to where work begins), "leave" (back to the entrance), "refill" (to where the tank is filled)
     or "drive" (anything else). `number` is the swath or headland pass that is worked or driven to, None where there is
-    none; `piece` counts the pieces of an interrupted swath.
+    none; `piece` counts the pieces of an interrupted swath or the sides of a headland pass, and `is_piece` is whether
+    the layout has several.
     """
 
     kind: str = DRIVE
     number: int | None = None
     piece: int = 0
+    is_piece: bool = field(default=False, compare=False)
 
     @property
     def is_work(self) -> bool:

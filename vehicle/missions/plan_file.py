@@ -74,8 +74,11 @@ def format_plan(
 
 
 def _convert_leg(leg: Leg) -> dict[str, Any]:
+    task: dict[str, Any] = {"kind": leg.task.kind, "number": leg.task.number, "piece": leg.task.piece}
+    if leg.task.is_piece != (leg.task.piece > 0):
+        task["is_piece"] = leg.task.is_piece
     entry: dict[str, Any] = {
-        "task": {"kind": leg.task.kind, "number": leg.task.number, "piece": leg.task.piece},
+        "task": task,
         "may_wait": leg.may_wait,
         "gear": leg.gear,
         "speed_mps": leg.speed_mps,
@@ -151,6 +154,7 @@ def _check_version(version: Any) -> None:
 def _build_leg(entry: Any, where: str) -> Leg:
     task = _get_checked_entry(entry, "task", dict, where)
     number = _get_checked_entry(task, "number", int, f"{where}, task", optional=True)
+    piece = _get_checked_entry(task, "piece", int, f"{where}, task")
     gates, follow = _get_checked_entry(entry, "gates", list, where), entry.get("follow")
     return Leg(
         points=_build_points(entry, where),
@@ -161,7 +165,8 @@ def _build_leg(entry: Any, where: str) -> Leg:
         task=LegTask(
             _get_checked_entry(task, "kind", str, f"{where}, task"),
             number,
-            _get_checked_entry(task, "piece", int, f"{where}, task"),
+            piece,
+            _get_checked_entry({"is_piece": piece > 0} | task, "is_piece", bool, f"{where}, task"),
         ),
         may_wait=_get_checked_entry(entry, "may_wait", bool, where),
         gates=tuple(LegGate(*_build_link(gate, "after_m", f"{where}, gate {k}")) for k, gate in enumerate(gates)),

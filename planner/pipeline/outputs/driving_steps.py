@@ -16,7 +16,7 @@ import shapely
 
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
-from strategies.lines.line_wishes import format_piece_letter
+from strategies.lines.line_wishes import format_piece_letter, name_line
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import (
     DRIVE,
@@ -56,24 +56,13 @@ HEADLAND = "headland"  # what finished headland passes are called, beside the na
 Rows = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class _StepNames:
-    """What the names of steps need: lines with several pieces, and the spacing of lines (m)."""
-
-    lettered_lines: frozenset[int]
-    width_m: float
-
-
 def list_steps(
     run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES
 ) -> tuple[tuple[DriverLeg, ...], ...]:
     """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
-    tasks = (leg.task for mission in run.plan.missions for leg in mission.legs)
-    split_lines = {one.number for one in tasks if one.number is not None and one.piece and one.kind == SWATH}
-    names = _StepNames(frozenset(split_lines), width_m)
-    worked_ground = _list_worked_ground(run, names)
+    worked_ground = _list_worked_ground(run, width_m)
     return tuple(
-        tuple(_iter_steps(run, tractor, names, worked_ground, measures)) for tractor in range(run.plan.tractors)
+        tuple(_iter_steps(run, tractor, width_m, worked_ground, measures)) for tractor in range(run.plan.tractors)
     )
 
 
@@ -86,7 +75,7 @@ class _WorkedGround:
     finished_row: Rows
 
 
-def _list_worked_ground(run: SimulationRun, names: _StepNames) -> _WorkedGround:
+def _list_worked_ground(run: SimulationRun, width_m: float) -> _WorkedGround:
     """The ground of every leg of work."""
     lines, labels, rows = list[shapely.LineString](), list[str](), list[int]()
     for tractor, mission in enumerate(run.plan.missions):
@@ -94,10 +83,9 @@ def _list_worked_ground(run: SimulationRun, names: _StepNames) -> _WorkedGround:
         for number, leg in enumerate(mission.legs):
             if leg.task.is_work and leg.task.number is not None:
                 lines.append(shapely.LineString(leg.points))
-                part = _name_part(leg.task, names.lettered_lines)
-                labels.append(HEADLAND if leg.task.kind == HEADLAND_PASS else f"{leg.task.number + 1}{part}")
+                labels.append(HEADLAND if leg.task.kind == HEADLAND_PASS else name_line(leg.task))
                 rows.append(int(np.searchsorted(leg_numbers, number, side="right")))
-    strips = shapely.buffer(np.array(lines, dtype=np.object_), 0.5 * names.width_m, cap_style="flat")
+    strips = shapely.buffer(np.array(lines, dtype=np.object_), 0.5 * width_m, cap_style="flat")
     return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64))
 
 
@@ -124,7 +112,7 @@ def _measure_finished_crossing(
 
 
 def _iter_steps(
-    run: SimulationRun, tractor: int, names: _StepNames, worked_ground: _WorkedGround, measures: StepMeasures
+    run: SimulationRun, tractor: int, width_m: float, worked_ground: _WorkedGround, measures: StepMeasures
 ) -> Iterator[DriverLeg]:
     legs = run.plan.missions[tractor].legs
     groups = number_leg_steps(legs)
@@ -139,7 +127,7 @@ def _iter_steps(
             yield replace(step, for_tractors=_find_awaited_tractors(run, tractor, segment))
             continue
         members = np.flatnonzero(groups == segment.group)
-        named = _build_step(legs, int(members[0]), int(members[-1]), names)
+        named = _build_step(legs, int(members[0]), int(members[-1]), width_m)
         yield replace(
             named,
             from_s=step.from_s,
@@ -214,7 +202,7 @@ def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: RecordSegm
     return tuple(sorted(closed_by)) or (() if follow is None else (follow.tractor + 1,))
 
 
-def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -> DriverLeg:
+def _build_step(legs: Sequence[Leg], first: int, last: int, width_m: float) -> DriverLeg:
     """The step of the legs `first` to `last`, without time and place."""
     task, kind_group = legs[first].task, classify_task(legs[first].task)
     goal = next((leg for leg in range(first, len(legs)) if legs[leg].task.is_work), None)
@@ -227,9 +215,7 @@ def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -
     if kind_group in (DRIVE, LEAVE) or task.number is None:
         return replace(step, kind=kind_group if kind_group in (ENTER, LEAVE) else DRIVE)
     numbered_step = replace(step, number=task.number + (not on_headland_pass), is_headland_pass=on_headland_pass)
-    numbered_step = replace(
-        numbered_step, part=str(task.piece + 1) if on_headland_pass else _name_part(task, names.lettered_lines)
-    )
+    numbered_step = replace(numbered_step, part=_name_part(task, on_headland_pass))
     step_legs = legs[first : last + 1]
     if kind_group == ENTER:
         return numbered_step
@@ -245,7 +231,7 @@ def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -
         and before.number == task.number
     )
     swaths_over = (
-        _count_swaths_over(legs, first - 1, goal, names.width_m) if first and goal is not None and not is_way else None
+        _count_swaths_over(legs, first - 1, goal, width_m) if first and goal is not None and not is_way else None
     )
     kind = CORNER if is_corner else ROUTE if is_way else TURN
     return replace(numbered_step, kind=kind, over_swaths=swaths_over, shape="" if is_way else _classify_turn(step_legs))
@@ -266,8 +252,10 @@ def _count_swaths_over(legs: Sequence[Leg], from_index: int, to_index: int, widt
     return swath_count if swath_count and parallel and spaced else None
 
 
-def _name_part(task: LegTask, lettered: frozenset[int]) -> str:
-    return format_piece_letter(task.piece) if task.number in lettered else ""
+def _name_part(task: LegTask, is_side: bool) -> str:
+    if not task.is_piece:
+        return ""
+    return str(task.piece + 1) if is_side else format_piece_letter(task.piece)
 
 
 def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:

@@ -27,7 +27,7 @@ from fields.geometry.geodesy import LocalPlane, project
 from planner.errors import RequestError, mark_parameter, suggest_name
 from reports.common.palette import get_tractor_colour
 from reports.plan.guidance_export import GUIDANCE_FORMATS, find_guidance_format
-from strategies.lines.line_wishes import name_swaths
+from strategies.lines.line_wishes import name_line
 from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, REFILL, Leg, LegTask, Plan
 from vehicle.missions.plan import SWATH as SWATH_TASK
@@ -81,9 +81,8 @@ def build_guidance(saved: SavedPlan, tractor: int | None = None) -> PlanGuidance
         )
     frame = _PlanCoordinates(saved.crs, saved.origin_m)
     tractor_numbers = range(1, count + 1) if tractor is None else (tractor,)
-    line_names = _name_lines(plan)
     tractors = tuple(
-        TractorLines(number, get_tractor_colour(number - 1), tuple(_iter_lines(plan, number, line_names, frame)))
+        TractorLines(number, get_tractor_colour(number - 1), tuple(_iter_lines(plan, number, frame)))
         for number in tractor_numbers
     )
     boundary, area_m2, inside, obstacles, entrance = _read_field_ground(saved.ground, field, frame)
@@ -104,29 +103,19 @@ def find_format(format_name: str) -> GuidanceFormat:
     return guidance_format
 
 
-def _name_lines(plan: Plan) -> dict[tuple[str, int, int], str]:
-    """Names of swaths and sides of headland passes, by kind, number and piece."""
-    tasks = {leg.task for mission in plan.missions for leg in mission.legs if leg.task.is_work}
-    places = sorted({(task.number or 0, task.piece) for task in tasks if task.kind == SWATH_TASK})
-    swaths = dict(zip(places, name_swaths(places), strict=True))
-    return {
-        (task.kind, task.number or 0, task.piece): (
-            f"track {swaths[task.number or 0, task.piece]}"
-            if task.kind == SWATH_TASK
-            else f"round {task.number or 0} side {task.piece + 1}"
-        )
-        for task in tasks
-    }
+def _name_line(task: LegTask) -> str:
+    """ "track 14b" or "round 1 side 2"."""
+    if task.kind == SWATH_TASK:
+        return f"track {name_line(task)}"
+    return f"round {task.number or 0}" + (f" side {task.piece + 1}" if task.is_piece else "")
 
 
-def _iter_lines(
-    plan: Plan, number: int, line_names: dict[tuple[str, int, int], str], frame: _PlanCoordinates
-) -> Iterator[GuidedLine]:
+def _iter_lines(plan: Plan, number: int, frame: _PlanCoordinates) -> Iterator[GuidedLine]:
     """The lines of a tractor in driving order."""
     segments = list(_iter_worked_segments(plan.missions[number - 1].legs))
     digits = max(ORDER_DIGITS, len(str(len(segments))))
     for order, (task, points_m) in enumerate(segments, start=1):
-        line_name = line_names[task.kind, task.number or 0, task.piece]
+        line_name = _name_line(task)
         points = frame.convert_to_degrees(points_m)
         yield GuidedLine(
             name=f"T{number} {order:0{digits}d} {line_name}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,13 +35,15 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
-from strategies.lines.line_wishes import name_swaths
+from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS
+from strategies.lines.lay_lines import LEFTOVER
+from strategies.lines.line_wishes import name_line
+from strategies.lines.work_line import WorkLine
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import SWATH
 from vehicle.missions.run import SimulationRun
-from vehicle.records import TURNING
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
 USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
@@ -50,15 +53,16 @@ CUT_OFF_TOLERANCE_M = 0.5  # the place of a piece may lie this far beside the cu
 MAX_ENDS = 60
 
 
-def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
-    """The field with its headland passes, cells and swaths, without tractors."""
+def build_field_picture(context: PlanningContext, title: str, lines: Sequence[WorkLine]) -> PlanDrive:
+    """The field with its headland passes, cells and the swaths among work lines, without tractors."""
     layout = context.layout
+    swaths = [line for line in lines if line.task.kind == SWATH]
     boundary = layout.field.original_boundary or layout.field.boundary
     return PlanDrive(
         title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
         holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
-        swaths=[swath.points_m for swath in layout.swaths],
+        swaths=[line.tool_path for line in swaths],
         width_m=layout.width_m,
         step_s=0.1,
         xy=(),
@@ -66,8 +70,11 @@ def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
         finish_s=(),
         seconds={"working": (), "turning": (), "waiting": (), "reversing": ()},
         entrance=layout.field.entrance,
-        swath_names=name_swaths((swath.line, swath.piece) for swath in layout.swaths),
-        headland_passes=tuple(_build_pass_line(one) for one in context.headland_passes),
+        swath_names=tuple(name_line(line.task) for line in swaths),
+        headland_passes=(
+            *(_build_pass_line(one) for one in context.headland_passes),
+            *(HeadlandPassLine(line.task.number or 0, line.tool_path) for line in lines if line.group[0] == LEFTOVER),
+        ),
         cells=tuple(_build_cell_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_outline_obstacles(layout.field),
         fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
@@ -99,14 +106,17 @@ def _build_relief(context: PlanningContext) -> Relief | None:
 
 def build_run_picture(context: PlanningContext, run: SimulationRun, result: PlanResult) -> PlanDrive:
     """The run of a plan on its field, as plain arrays."""
-    plural = "s" if result.tractors > 1 else ""
+    title = f"{result.strategy}, {result.tractors} tractor{'s' if result.tractors > 1 else ''}, turns: {result.turn}"
+    worked = {leg.task for mission in run.plan.missions for leg in mission.legs if leg.task.is_work}
     shares = run.compute_time_shares() | ({} if context.supply is None else {"refilling": run.standing_s})
+    if run.folding_s.any():
+        shares |= {"turning": shares["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}
     return replace(
-        build_field_picture(context, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
+        build_field_picture(context, title, [line for line in get_site_moves(context).lines if line.task in worked]),
         step_s=float(run.time_s[1] - run.time_s[0]),
         xy=tuple(compute_guided_path(run, context, tractor) for tractor in range(run.plan.tractors)),
         status=tuple(
-            np.where(run.find_folding_rows(tractor), TURNING, run.get_statuses(tractor))
+            np.where(run.find_folding_rows(tractor), FOLDING_STATUS, run.get_statuses(tractor))
             for tractor in range(run.plan.tractors)
         ),
         finish_s=tuple(float(t) for t in run.finish_s),
@@ -124,7 +134,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
 def build_refused_picture(context: PlanningContext, ranking: PlanRanking) -> PlanDrive:
     """The field with its layout, where no plan works: the places where plans fail are marked."""
     places = {(round(one.x_m, 1), round(one.y_m, 1)) for plan in ranking.plans for one in plan.faults}
-    picture = build_field_picture(context, f"{context.layout.field.name}: no plan works")
+    picture = build_field_picture(context, f"{context.layout.field.name}: no plan works", get_site_moves(context).lines)
     return replace(picture, fault_places=tuple(sorted(places)))
 
 
@@ -352,9 +362,10 @@ def build_outline_picture(context: PlanningContext) -> PlanDrive:
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
+    title = f"{layout.field.name}: {len(layout.swaths)} track{plural} at {bearing}"
     largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
     return replace(
-        build_field_picture(context, f"{layout.field.name}: {len(layout.swaths)} track{plural} at {bearing}"),
+        build_field_picture(context, title, get_site_moves(context).lines),
         unworked=list_simplified_rings(tuple(unworked)),
         largest_missed=exclude_cut_off_piece(largest, layout.field),
     )

@@ -13,8 +13,8 @@ import shapely
 from planner.errors import RequestError
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage
-from strategies.lines.line_wishes import name_swaths
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, REFILL, SWATH, LegTask, Plan
+from strategies.lines.line_wishes import name_line
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, REFILL, SWATH, Plan
 from vehicle.missions.run import SimulationRun
 
 if TYPE_CHECKING:
@@ -68,31 +68,17 @@ def _load_geopandas() -> Any:
 
 def _iter_driven_rows(plan: Plan) -> Iterator[Row]:
     """What every tractor drives: legs of one task one after another are one line."""
-    names = _name_tasks(plan)
     for number, mission in enumerate(plan.missions, start=1):
         for order, (task, group) in enumerate(groupby(mission.legs, key=lambda leg: leg.task), start=1):
             legs = list(group)
             yield {
                 "kind": KIND_OF_TASK.get(task.kind, TURN_KIND),
-                "name": names.get((task.kind, task.number, task.piece)),
+                "name": name_line(task) if task.kind == SWATH else f"R{task.number}" if task.is_work else None,
                 "tractor": number,
                 "order": order,
                 "length_m": math.fsum(leg.length_m for leg in legs),
                 "geometry": shapely.LineString(np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])),
             }
-
-
-def _name_tasks(plan: Plan) -> dict[tuple[str, int | None, int], str]:
-    """Names of swaths (14, or 14a and 14b) and headland passes (R1), by task."""
-    tasks: set[LegTask] = {leg.task for mission in plan.missions for leg in mission.legs if leg.task.is_work}
-    places = sorted((task.number or 0, task.piece) for task in tasks if task.kind == SWATH)
-    swath_names = dict(zip(places, name_swaths(places), strict=True))
-    return {
-        (task.kind, task.number, task.piece): (
-            swath_names[task.number or 0, task.piece] if task.kind == SWATH else f"R{task.number}"
-        )
-        for task in tasks
-    }
 
 
 def _iter_field_rows(context: PlanningContext) -> Iterator[Row]:

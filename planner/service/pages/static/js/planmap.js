@@ -6,7 +6,7 @@ import { colours } from "./palette.js";
 import { polygon, line, hatch, contours, tractor, trackNames, soil, edge, marker } from "./layers.js";
 import { mapLegend, planEntries } from "./legend.js";
 
-const DOING = ["done", "working", "turning", "waiting", "reversing", "refilling"];
+const DOING = ["done", "working", "turning", "waiting", "reversing", "refilling", "folding"];
 
 export class PlanMap {
   constructor() {
