@@ -114,11 +114,21 @@ class PlanningContext:
 
     @property
     def gate_half_width_m(self) -> float:
-        """How far to either side of the entrance the fence is open: implements come in unfolded."""
+        """How far to either side of the entrance the fence is open, so that machines come in."""
         if self.gateway is None:
             return GATE_HALF_WIDTH_M
-        machine_m = max(self.implement.contact_width_m, self.tractor.width_m)
-        return max(GATE_HALF_WIDTH_M, 0.5 * machine_m + GATE_MARGIN_M)
+        at_gate = self.folded if self.folds_at_gate else self
+        return max(GATE_HALF_WIDTH_M, at_gate.machine_half_m + GATE_MARGIN_M)
+
+    @property
+    def folds_at_gate(self) -> bool:
+        """Whether the implement folds because it is too wide for the entrance."""
+        return self.implement.folds and self.machine_half_m + GATE_MARGIN_M > GATE_HALF_WIDTH_M
+
+    @property
+    def machine_half_m(self) -> float:
+        """Half the width of the tractor with its implement (m)."""
+        return 0.5 * max(self.implement.contact_width_m, self.tractor.width_m)
 
     @cached_property
     def folded(self) -> PlanningContext:

@@ -21,7 +21,7 @@ from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
-from strategies.site.ground import build_body_outline, build_ground
+from strategies.site.ground import Ground, build_body_outline, build_ground
 from strategies.site.site import MISSED_FACTOR, FoldedBody, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
@@ -49,6 +49,13 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
     spare_m = max(GUIDANCE_MARGIN_SHARE * min(margin_m, MAX_GUIDANCE_MARGIN_M), margin_m - MAX_GUIDANCE_MARGIN_M)
     field, operation = context.layout.field, context.request.operation
     taken = shapely.Polygon() if blocked is None else blocked
+
+    def build_grounds(lane: shapely.Geometry) -> tuple[Ground, Ground]:
+        allowed = (_compute_allowed(context, lane, *more_m) for more_m in ((0.0, spare_m), (TOLERANCE_M, EDGE_M)))
+        ground, proof_ground = (build_ground(shapely.difference(one, taken), cap_m) for one in allowed)
+        return ground, proof_ground
+
+    ground, proof_ground = build_grounds(shapely.Polygon())
     is_kept = operation in KEPT_GROUND_OPERATIONS or operation in STANDING_CROP_OPERATIONS
     return Site(
         layout=context.layout,
@@ -57,14 +64,16 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         costs=context.costs,
         body=body,
         folded=_build_folded_body(context),
-        ground=build_ground(shapely.difference(_compute_allowed(context, 0.0, spare_m), taken), cap_m),
-        proof_ground=build_ground(shapely.difference(_compute_allowed(context, TOLERANCE_M, EDGE_M), taken), cap_m),
+        ground=ground,
+        proof_ground=proof_ground,
+        gate_grounds=None if context.gateway is None else build_grounds(_build_lane_ground(context)),
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
+        folds_at_gate=context.folds_at_gate,
         drive=partial(_drive_alone, context, context.physics.terrain),
         drive_level=partial(_drive_alone, context, None),
         is_alike=context.physics.terrain is None and not field.ground_zones,
@@ -117,8 +126,11 @@ def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:
     return found
 
 
-def _compute_allowed(context: PlanningContext, tolerance_m: float, fence_m: float) -> shapely.Geometry:
-    """What bodies may touch: up to the overhang beyond edges, but `fence_m` off fences, and off obstacles as asked.
+def _compute_allowed(
+    context: PlanningContext, lane: shapely.Geometry, tolerance_m: float, fence_m: float
+) -> shapely.Geometry:
+    """What bodies may touch: up to the overhang beyond edges and on a lane, but `fence_m` off fences, and off obstacles
+    as asked.
 
     From obstacles a drive keeps the whole margin, measured to the tolerance of proofs.
 
@@ -133,7 +145,7 @@ def _compute_allowed(context: PlanningContext, tolerance_m: float, fence_m: floa
     overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
     near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
     edges = shapely.intersection(field.compute_overhang_region(overhang_m), near)
-    outside = shapely.union(edges, _build_lane_ground(context)).buffer(tolerance_m, join_style="mitre")
+    outside = shapely.union(edges, lane).buffer(tolerance_m, join_style="mitre")
     obstacle_m = context.request.margin_m + tolerance_m
     blocked = [one.buffer(max(obstacle_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
     return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(fence_m)]))
@@ -157,10 +169,10 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     lane = context.gateway
     if lane is None:
         return shapely.Polygon()
-    reach_m = build_body(context.tractor, context.implement).reach_m
+    at_gate = context.folded if context.folds_at_gate else context
+    reach_m = build_body(at_gate.tractor, at_gate.implement).reach_m
     ends = [shift_pose_ahead(lane.edge_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
-    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m) + LANE_SPARE_M
-    return shapely.buffer(shapely.LineString(ends), half_m, cap_style="flat")
+    return shapely.buffer(shapely.LineString(ends), at_gate.machine_half_m + LANE_SPARE_M, cap_style="flat")
 
 
 def _drive_alone(context: PlanningContext, terrain: Terrain | None, plan: Plan) -> SimulationRun:

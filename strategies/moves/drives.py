@@ -41,11 +41,15 @@ START: Pose = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A move with the stretches (n, 2) of lines before and after it; None where it begins or ends at rest."""
+    """A move with the stretches (n, 2) of lines before and after it; None where it begins or ends at rest.
+
+    `at_gate` is whether it is part of a way in or out.
+    """
 
     move: Move
     before: Floats | None
     after: Floats | None
+    at_gate: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,7 @@ class MoveDrives:
         Ground missed because a line is begun beside it is charged.
         """
         drives = self.drive(passages)
-        return [self._judge(each.move, drive) for each, drive in zip(passages, drives, strict=True)]
+        return [self._judge(each, drive) for each, drive in zip(passages, drives, strict=True)]
 
     def measure_start_s(self, distance_m: float) -> float:
         """Seconds from rest to so far along a straight line (at most SETTLE_M)."""
@@ -176,13 +180,14 @@ class MoveDrives:
         off_m: Floats = shapely.distance(long, shapely.points(poses[:, :2] - back))
         return off_m
 
-    def _judge(self, move: Move, drive: MoveDrive | None) -> Move | None:
+    def _judge(self, passage: Passage, drive: MoveDrive | None) -> Move | None:
         """A move as driven, if it keeps to the ground of its place and finds its line."""
+        move, site = passage.move, self.site.at_gate if passage.at_gate else self.site
         if drive is None or drive.off_m > MOST_OFF_SHARE * self.site.width_m:
             return None
         places = _place_at(move.start, drive.poses[:, :2])
         poses = np.column_stack([places, drive.poses[:, 2] + move.start[2]])
-        if measure_proof_rooms(self.site, poses, drive.is_folded).min() < -ROOM_TOLERANCE_M:
+        if measure_proof_rooms(site, poses, drive.is_folded).min() < -ROOM_TOLERANCE_M:
             return None
         cut_s = (move.leave_m + move.join_m) / self.site.rules.work_speed_mps
         return replace(move, drive_s=drive.drive_s - cut_s, settling_s=compute_missed_s(self.site, drive.missed_m2))
@@ -227,7 +232,11 @@ def build_work_leg(site: Site, points: Floats, task: LegTask) -> Leg:
 
 def build_move_legs(site: Site, move: Move, task: LegTask) -> list[Leg]:
     """The legs of a move; the tractor stands before the first to fold its implement where the move needs that."""
-    legs = build_path_legs(site, move.path, task, is_work=move.is_work)
+    return fold_legs(site, move, build_path_legs(site, move.path, task, is_work=move.is_work))
+
+
+def fold_legs(site: Site, move: Move, legs: list[Leg]) -> list[Leg]:
+    """Legs with the implement folded if a move that is driven on them needs that."""
     if not move.is_folded:
         return legs
     first_s = site.get_fold_s(not move.begins_folded)

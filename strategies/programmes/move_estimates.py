@@ -99,18 +99,21 @@ class MoveEstimates:
         limits = site.allowed_kinds, site.rules.max_reverse_m
         lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
         most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
-        body, ground, kept = site.body, site.ground, site.kept
+        kept, found_s = site.kept, np.empty((len(pairs), 2))
         a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
-        found_s: Floats = compute_move_costs(
-            a_poses,
-            _see_from(a_poses, b_poses),
-            most_cuts_m[pairs],
-            np.array([(0.0, 0.0), *CUTS_M]),
-            np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
-            (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
-            (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
-            (kept.grid, kept.frame, site.wheels_s_per_m),
-        )
+        at_gate = (pairs == len(self.ends) - 1).any(axis=1)
+        for ground, folds, here in ((site.ground, False, ~at_gate), (site.at_gate.ground, site.folds_at_gate, at_gate)):
+            body = site.get_body(folds)
+            found_s[here] = site.get_fold_s(folds) + compute_move_costs(
+                a_poses[here],
+                _see_from(a_poses[here], b_poses[here]),
+                most_cuts_m[pairs[here]],
+                np.array([(0.0, 0.0), *CUTS_M]),
+                np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
+                (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
+                (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
+                (kept.grid, kept.frame, site.wheels_s_per_m),
+            )
         return found_s
 
     def _list_work_s(self, u: int, v: int) -> list[tuple[float, float]]:

@@ -212,4 +212,4 @@ class MoveTable:
 
     def _may_fold(self, u: int, v: int) -> bool:
         """Whether a move with the implement folded may still be found."""
-        return self.site.folded is not None and (u, v) not in self._folded and self.gate not in (u, v)
+        return self.site.folded is not None and (u, v) not in self._folded

@@ -34,7 +34,7 @@ from strategies.path_planning.paths import Pose
 from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
-from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
@@ -61,6 +61,7 @@ class SiteMoves:
     orders: tuple[tuple[int, ...], ...] = ()
     folded: frozenset[int] = frozenset()
     finder: MoveFinder = field(init=False)
+    gate_finder: MoveFinder = field(init=False)
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
@@ -72,7 +73,8 @@ class SiteMoves:
     _driven: dict[Move, Move | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.finder = MoveFinder(self.site, measure_settling(self.site))
+        settling = measure_settling(self.site)
+        self.finder, self.gate_finder = (MoveFinder(site, settling) for site in (self.site, self.site.at_gate))
         self.drives = MoveDrives(self.site, self.site.is_alike)
         nodes, lane = range(2 * len(self.lines)), self.site.lane
         self.ends: list[Pose] = [self.lines[k // 2].get_end(k % 2) for k in nodes]
@@ -115,19 +117,29 @@ class SiteMoves:
     def list_cut_moves(self, u: int, v: int) -> tuple[Move, ...]:
         """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged."""
         if (u, v) not in self._cut_moves:
-            self._cut_moves[u, v] = () if self.gate in (u, v) or u in self.folded else tuple(self._list_cut_moves(u, v))
+            is_whole = self.gate in (u, v) or u in self.folded
+            self._cut_moves[u, v] = () if is_whole else tuple(self._list_cut_moves(u, v))
         return self._cut_moves[u, v]
 
     def list_folded_moves(self, u: int, v: int) -> tuple[Move, ...]:
-        """Moves between lines with the implement folded, the cheapest first."""
+        """Moves with the implement folded, the cheapest first: it is folded already where a tractor comes in or stands
+        so, and stays so where it leaves."""
         if (u, v) not in self._folded_moves:
+            finder, begins = self._get_finder(u, v), u == self.gate or u in self.folded
+            spared_s = (begins + (v == self.gate)) * self.site.get_fold_s(True)
             found = (
-                []
-                if self.gate in (u, v) or u in self.folded
-                else self.finder.list_folded_moves(self.ends[u], self.begins[v])
+                replace(one, drive_s=one.drive_s - spared_s, begins_folded=begins)
+                for one in finder.list_folded_moves(self.ends[u], self.begins[v])
             )
             self._folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
         return self._folded_moves[u, v]
+
+    def _get_finder(self, u: int, v: int) -> MoveFinder:
+        return self.gate_finder if self.gate in (u, v) else self.finder
+
+    def _must_fold(self, u: int, v: int) -> bool:
+        """Whether the implement is folded there in any case."""
+        return u in self.folded or (self.gate in (u, v) and self.site.folds_at_gate)
 
     def search(self, u: int, v: int) -> Move | None:
         """A move by search, if need be between lines cut back by the turning radius."""
@@ -148,18 +160,15 @@ class SiteMoves:
 
     def has_way(self, u: int, v: int) -> bool:
         """Whether more than a pocket of ground is reached from where u ends, and leads to where v begins."""
-        finder = self.finder
+        finder = self._get_finder(u, v)
         return finder.has_way_on(self.ends[u], backwards=False) and finder.has_way_on(self.begins[v], backwards=True)
 
     def _list_options(self, u: int, v: int) -> list[Move]:
         """Every kind of move between the ends of two nodes, the cheapest first."""
         a, b = self.ends[u], self.begins[v]
-        if u in self.folded:
-            moves = [] if v == self.gate else self.finder.list_folded_moves(a, b)
-            stood_s = self.site.get_fold_s(True)
-            begun = [replace(one, drive_s=one.drive_s - stood_s, begins_folded=True) for one in moves]
-            return sorted(begun, key=attrgetter("cost_s"))
-        options = self.finder.list_moves(a, b)
+        if self._must_fold(u, v):
+            return list(self.list_folded_moves(u, v))
+        options = self._get_finder(u, v).list_moves(a, b)
         if self.gate not in (u, v):
             p, q = self.lines[u // 2], self.lines[v // 2]
             options += list_work_moves(self.site, self.finder, p, u % 2, q, v % 2)
@@ -181,9 +190,9 @@ class SiteMoves:
         return sorted(found, key=attrgetter("cost_s"))
 
     def _search(self, u: int, v: int) -> Move | None:
-        if u in self.folded:
+        if self._must_fold(u, v):
             return None
-        found = self.finder.search(self.ends[u], self.begins[v])
+        found = self._get_finder(u, v).search(self.ends[u], self.begins[v])
         radius_m = self.site.rules.radius_m
         ends = None if found is not None or self.gate in (u, v) else self._cut_ends(u, v, radius_m, radius_m)
         if ends is None:
@@ -210,7 +219,8 @@ class SiteMoves:
     def _build_passage(self, u: int, v: int, move: Move) -> Passage:
         stands = u == self.gate or self.lines[u // 2].is_place
         before = None if stands else self.cut_before(u, move.leave_m)
-        return Passage(move, before, None if v == self.gate else self.cut_after(v, move.join_m))
+        after = None if v == self.gate else self.cut_after(v, move.join_m)
+        return Passage(move, before, after, at_gate=self.gate in (u, v))
 
     def cut_before(self, node: int, leave_m: float) -> Floats:
         """The stretch (n, 2) of a node that is driven with the move which leaves it so far before its end."""
@@ -227,7 +237,10 @@ class SiteMoves:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
         run = self.site.drive(Plan((Mission(tuple(legs)),)))
         numbers = run.get_leg_numbers(0)
-        is_off = measure_proof_rooms(self.site, run.get_poses(0), run.find_folded_rows(0)) < -ROOM_TOLERANCE_M
+        poses, is_folded = run.get_poses(0), run.find_folded_rows(0)
+        at_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in legs])[numbers]
+        rooms = [measure_proof_rooms(site, poses, is_folded) for site in (self.site, self.site.at_gate)]
+        is_off = np.where(at_gate, rooms[1], rooms[0]) < -ROOM_TOLERANCE_M
         is_off[-1] |= run.outcome != DONE
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost

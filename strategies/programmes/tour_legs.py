@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from strategies.lines.work_line import cut_line
-from strategies.moves.drives import build_move_legs, build_path_legs, build_work_leg
+from strategies.moves.drives import build_move_legs, build_path_legs, build_work_leg, fold_legs
 from strategies.moves.move import Move
 from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
@@ -116,7 +116,7 @@ def build_way_in(table: MoveTable, node: int) -> list[Leg]:
     move = _require_move(table, table.gate, node)
     path = join_paths([lane.build_path_in(), move.path], move.kind)
     legs = build_path_legs(table.site, path, replace(line.task, kind=ENTER))
-    return add_wait_points(legs, ROUTE_WAIT_M)
+    return add_wait_points(fold_legs(table.site, move, legs), ROUTE_WAIT_M)
 
 
 def build_way_out(table: MoveTable, node: int) -> list[Leg]:
@@ -125,4 +125,5 @@ def build_way_out(table: MoveTable, node: int) -> list[Leg]:
         return []
     move = _require_move(table, node, table.gate)
     path = join_paths([move.path, lane.build_path_out()], move.kind)
-    return add_wait_points(build_path_legs(table.site, path, LegTask(LEAVE)), ROUTE_WAIT_M)
+    legs = build_path_legs(table.site, path, LegTask(LEAVE))
+    return add_wait_points(fold_legs(table.site, move, legs), ROUTE_WAIT_M)

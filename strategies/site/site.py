@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,10 +44,11 @@ class Site:
         folded: the implement as it is folded for moves that have no room else; None for one that does not fold.
         ground: what the body may touch in plans.
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
+        gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
-        lane: through the entrance, None without one.
+        lane: through the entrance, None without one; `folds_at_gate` is whether it is too narrow for the implement.
         drive, drive_level: simulate tractors, on the ground of the field and on level ground.
         is_alike: whether its ground is level and the same everywhere.
         corner_factor: seconds to finish ground left in corners of the headland, to those that it takes to work it with
@@ -62,12 +63,14 @@ class Site:
     folded: FoldedBody | None
     ground: Ground
     proof_ground: Ground
+    gate_grounds: tuple[Ground, Ground] | None
     kept: Ground
     wheels_s_per_m: float
     axle_m: float
     bar_m: float
     turn_kinds: tuple[str, ...]
     lane: EntranceLane | None
+    folds_at_gate: bool
     drive: Drive
     drive_level: Drive
     is_alike: bool
@@ -80,6 +83,14 @@ class Site:
     def get_fold_s(self, is_folded: bool) -> float:
         """How long a tractor stands before and after a move with its implement folded or not (s)."""
         return self.folded.fold_s if is_folded and self.folded is not None else 0.0
+
+    @cached_property
+    def at_gate(self) -> Site:
+        """The site as it is for ways in and out."""
+        if self.gate_grounds is None:
+            return self
+        ground, proof_ground = self.gate_grounds
+        return replace(self, ground=ground, proof_ground=proof_ground)
 
     @property
     def width_m(self) -> float:

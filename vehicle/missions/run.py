@@ -6,7 +6,7 @@ The legs of one swath, headland side, turn or route are one step, drive-in inclu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -131,6 +131,12 @@ class SimulationRun:
     def get_leg_numbers(self, tractor: int) -> Integers:
         """Number of the leg a tractor is on, shape (t,)."""
         return self.record[:, tractor, REC_LEG].astype(np.int64)
+
+    def find_task_rows(self, tractor: int, kinds: Collection[str]) -> npt.NDArray[np.bool_]:
+        """In which rows (t,) a tractor is on a leg whose task is of one of some kinds."""
+        is_such = np.array([leg.task.kind in kinds for leg in self.plan.missions[tractor].legs])
+        rows: npt.NDArray[np.bool_] = is_such[self.get_leg_numbers(tractor)]
+        return rows
 
     def get_statuses(self, tractor: int) -> Integers:
         """Status of a tractor, as the constants of vehicle.records, shape (t,)."""

@@ -125,11 +125,9 @@ def measure_candidate(
 def measure_headland_phase_s(run: SimulationRun) -> float | None:
     """Seconds from the first tractor's start on the headland passes to the last one's end; None without passes."""
     times = []
-    for tractor, mission in enumerate(run.plan.missions):
-        is_headland_leg = np.array([leg.task.kind == HEADLAND_PASS for leg in mission.legs])
-        headland_rows = np.flatnonzero(
-            is_headland_leg[run.get_leg_numbers(tractor)] & (run.get_statuses(tractor) != FINISHED)
-        )
+    for tractor in range(run.plan.tractors):
+        is_on_headland = run.find_task_rows(tractor, (HEADLAND_PASS,))
+        headland_rows = np.flatnonzero(is_on_headland & (run.get_statuses(tractor) != FINISHED))
         times += (
             [float(run.time_s[headland_rows[0]]), float(run.time_s[headland_rows[-1]])] if len(headland_rows) else []
         )

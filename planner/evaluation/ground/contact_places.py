@@ -196,7 +196,7 @@ def describe_position(x_m: float, y_m: float, context: PlanningContext) -> str:
 
 def _iter_outline_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
     for tractor in range(run.plan.tractors):
-        depths_m = measure_outside_m(run.get_poses(tractor), context)
+        depths_m = measure_outside_m(run, tractor, context)
         rows = np.flatnonzero(depths_m >= MAX_OUTSIDE_M)
         for group in _split_rows(rows):
             deepest = int(group[np.argmax(depths_m[group])])
@@ -334,8 +334,8 @@ def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags
     """Poses (t, 3) of a tractor that are measured, whether each is on the way in or out, and with it folded."""
     poses = run.get_poses(tractor)
     rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)
-    passes_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in run.plan.missions[tractor].legs], dtype=bool)
-    return poses[rows], passes_gate[run.get_leg_numbers(tractor)[rows]], run.find_folded_rows(tractor)[rows]
+    passes_gate = run.find_task_rows(tractor, (ENTER, LEAVE))
+    return poses[rows], passes_gate[rows], run.find_folded_rows(tractor)[rows]
 
 
 def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:

@@ -20,6 +20,7 @@ from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.shortfalls import UnworkedPiece
 from vehicle.jit import compile_function
+from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
 TABLE_CELLS = 20_000
@@ -185,22 +186,25 @@ def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:
 
 def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
     """The farthest (m) that the guided points' paths go outside the field; 0 where they stay inside."""
-    boundary = context.layout.field.region_without_obstacles
+    return max(float(np.max(measure_outside_m(run, tractor, context))) for tractor in range(run.plan.tractors))
+
+
+def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext) -> Points:
+    """How far (t,) the guided point of a tractor is outside the field; 0 inside.
+
+    On the way in and out the gate of the entrance counts as ground of the field.
+    """
+    boundary, poses = context.layout.field.region_without_obstacles, run.get_poses(tractor)
     shapely.prepare(boundary)
-    inside = InteriorCellTable(boundary, abs(_get_antenna_offset_m(context)))
-    farthest_m = 0.0
-    for tractor in range(run.plan.tractors):
-        poses = run.get_poses(tractor)
-        path = locate_antenna(poses[inside.find_uncertain(poses)], context)
-        outside = path[~shapely.contains_xy(boundary, path[:, 0], path[:, 1])]
-        farthest_m = max(farthest_m, float(np.max(shapely.distance(shapely.points(outside), boundary), initial=0.0)))
-    return farthest_m
-
-
-def measure_outside_m(poses: Points, context: PlanningContext) -> Points:
-    """How far (t,) the guided point is outside the field at poses (t, 3) of the centre of mass; 0 inside."""
-    boundary = context.layout.field.region_without_obstacles
-    return np.asarray(shapely.distance(shapely.points(locate_antenna(poses, context)), boundary))
+    outside_m, inside = np.zeros(len(poses)), InteriorCellTable(boundary, abs(_get_antenna_offset_m(context)))
+    near = inside.find_uncertain(poses)
+    path = locate_antenna(poses[near], context)
+    is_out = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
+    near, path = near[is_out], path[is_out]
+    outside_m[near] = shapely.distance(shapely.points(path), boundary)
+    at_gate, with_gate = run.find_task_rows(tractor, (ENTER, LEAVE))[near], shapely.union(boundary, context.gate_area)
+    outside_m[near[at_gate]] = shapely.distance(shapely.points(path[at_gate]), with_gate)
+    return outside_m
 
 
 def count_reversals(run: SimulationRun) -> int:
