@@ -14,6 +14,7 @@ from fields.geometry.field import Field
 from planner import PlanRequest, plan
 from planner.errors import RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
+from planner.evaluation.ground.coverage import compute_guided_path, measure_outside_m
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
 from planner.pipeline.outputs.driving_steps import list_steps
@@ -21,7 +22,7 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from planner.pipeline.planning import PlanningResult, plan_order
 from reports.plan.leg_list import describe_leg
 from vehicle.errors import MissionError
-from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 
@@ -185,3 +186,25 @@ def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement) -> N
     folds = sum(before.folded != leg.folded for before, leg in pairwise(legs))
     assert folds and float(result.run.folding_s[0]) == pytest.approx(FOLD_S * folds, abs=1.0)
     assert float(result.run.standing_s[0]) == pytest.approx(240.0 * best.refills, abs=1.0)
+
+
+CORNER_M = shapely.box(0.0, 0.0, 160.0, 90.0)
+
+
+@pytest.mark.parametrize(("width_m", "folds"), [(6.0, False), (12.0, True)])
+@pytest.mark.parametrize("place_m", [3.0, 45.0])
+def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: bool, place_m: float) -> None:
+    """Near a corner or not: the lane through it is no ground of lines and turns, and a gate of 10 m takes no 12 m."""
+    gated = Field("gated", CORNER_M, entrance=(0.0, place_m))
+    result = plan(PlanRequest(width_m=width_m, tractors=(1,)), field=gated)
+    best, legs, run = result.ranking.best, list_legs(result), result.run
+    assert best is not None and run is not None and (best.worked_pct or 0.0) > 97.0
+    passes = [leg for leg in legs if leg.task.kind in (ENTER, LEAVE)]
+    assert {leg.folded for leg in passes} == {folds}
+    assert float(run.folding_s[0]) == pytest.approx(2.0 * FOLD_S * folds, abs=1.0)
+    assert (best.measured["folding_s"] or 0.0) == pytest.approx(float(run.folding_s[0]))
+    within = run.find_task_rows(0, (ENTER, LEAVE))
+    guided = compute_guided_path(run, result.context, 0)
+    outside_m = shapely.distance(shapely.points(guided), CORNER_M)
+    assert float(outside_m[~within].max()) < 0.5
+    assert float(measure_outside_m(run, 0, result.context)[within].max()) < 0.5

@@ -5,6 +5,7 @@ import shapely
 
 from fields import Field
 from fields.geometry.obstacles import Obstacle
+from planner import plan
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
@@ -51,3 +52,16 @@ def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: Plann
     # What nobody can get to is missed, and not charged: the rest of the field is finished at the rate it was driven.
     worked_m2 = cut.layout.field.area_m2 - result.missed_m2
     assert result.finished_s == pytest.approx(result.time_s * (cut.layout.field.area_m2 - left.area) / worked_m2)
+
+
+def test_the_map_names_lines_as_the_list_of_legs_does() -> None:
+    """A tree cuts a track: its pieces have one name each, on the map, in the list and in what is asked of lines."""
+    tree = Obstacle("tree", shapely.Point(50.0, 41.0), 3.0)
+    treed = Field("treed", shapely.box(0, 0, 120, 90), obstacles=(tree,))
+    result = plan(PlanRequest(width_m=3.0, tractors=(1,)), field=treed)
+    drawn = next(iter(result.pictures.values()))
+    worked = {f"{step.number}{step.part}" for step in drawn.steps[0] if step.kind == "track"}
+    assert set(drawn.swath_names) == worked and any(name.endswith("b") for name in worked)
+    cut = next(name for name in worked if name.endswith("b"))
+    without = plan(PlanRequest(width_m=3.0, tractors=(1,), leave_out=cut), field=treed)
+    assert set(next(iter(without.pictures.values())).swath_names) == worked - {cut}
