@@ -12,7 +12,13 @@ import shapely
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
-from planner.evaluation.machine_outlines import build_body
+from planner.evaluation.machine_outlines import (
+    GATE_HALF_WIDTH_M,
+    GATE_MARGIN_M,
+    build_body,
+    folds_at_gate,
+    measure_half_m,
+)
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.farm.workday import Workday
 from planner.request.plan_request import PlanRequest
@@ -29,8 +35,6 @@ from vehicle.model.tractor import Implement, Tractor
 
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
-# A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
-GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -117,18 +121,12 @@ class PlanningContext:
         """How far to either side of the entrance the fence is open, so that machines come in."""
         if self.gateway is None:
             return GATE_HALF_WIDTH_M
-        at_gate = self.folded if self.folds_at_gate else self
-        return max(GATE_HALF_WIDTH_M, at_gate.machine_half_m + GATE_MARGIN_M)
+        return max(GATE_HALF_WIDTH_M, measure_half_m(self.tractor, self.at_gate.implement) + GATE_MARGIN_M)
 
     @property
-    def folds_at_gate(self) -> bool:
-        """Whether the implement folds because it is too wide for the entrance."""
-        return self.implement.folds and self.machine_half_m + GATE_MARGIN_M > GATE_HALF_WIDTH_M
-
-    @property
-    def machine_half_m(self) -> float:
-        """Half the width of the tractor with its implement (m)."""
-        return 0.5 * max(self.implement.contact_width_m, self.tractor.width_m)
+    def at_gate(self) -> PlanningContext:
+        """The same with the implement as it passes the entrance."""
+        return self.folded if folds_at_gate(self.tractor, self.implement) else self
 
     @cached_property
     def folded(self) -> PlanningContext:
@@ -155,5 +153,5 @@ class PlanningContext:
         """The ground about the entrance where machines come in from outside; empty without an entrance."""
         if self.gateway is None:
             return shapely.Polygon()
-        reach_m = build_body(self.tractor, self.implement).reach_m
+        reach_m = build_body(self.tractor, self.at_gate.implement).reach_m
         return shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m + reach_m)

@@ -17,6 +17,8 @@ from vehicle.sim.compile import compute_contact_boxes
 
 # Times the planned radius or half the machine: a tighter bend is driven more slowly, but leaves less ground.
 BEND_RADIUS_FACTOR = 1.1
+# A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
+GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 
 def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
@@ -30,6 +32,16 @@ def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
 def measure_passage_m(tractor: Tractor, implement: Implement) -> float:
     """The width of the narrowest passage that a machine gets through, folded where it folds (m)."""
     return max(implement.transport_width_m if implement.folds else implement.width_m, tractor.width_m)
+
+
+def measure_half_m(tractor: Tractor, implement: Implement) -> float:
+    """Half the width of a tractor with its implement (m)."""
+    return 0.5 * max(implement.contact_width_m, tractor.width_m)
+
+
+def folds_at_gate(tractor: Tractor, implement: Implement) -> bool:
+    """Whether an implement is folded on the way in and out, because it is too wide for the entrance."""
+    return implement.folds and measure_half_m(tractor, implement) + GATE_MARGIN_M > GATE_HALF_WIDTH_M
 
 
 def build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:

@@ -35,6 +35,7 @@ from planner.evaluation.machine_outlines import (
     bend_around_obstacles,
     build_body,
     build_outline_boxes,
+    folds_at_gate,
     measure_passage_m,
 )
 from planner.evaluation.planned_layout import PlannedLayout
@@ -101,14 +102,14 @@ def prepare_context(
         tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
     with attach_parameter("refill"):
         supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
-    workday, cost_terms = _settle_terms(order, request, field, tractor)
+    implement = size_implement(order.implement, request)
+    workday, cost_terms = _settle_terms(order, request, field, tractor, implement)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)
     farm_tractor = None if cost_terms is None else cost_terms.tractor
     physics = physics or build_field_physics(request, field, tractor, farm_tractor)
     tractor = adapt_to_ground(tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
-    implement = size_implement(order.implement, request)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     if request.part is not None:
@@ -146,18 +147,19 @@ def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     Times of turns are not measured anew, and no batteries sized: the context is for estimates.
     """
     request, rules = order.name_choices(), context.driving_rules
-    workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor)
+    workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor, context.implement)
     rules = replace(rules, **_list_speeds(request))
     return replace(context, request=request, driving_rules=rules, workday=workday, cost_terms=cost_terms)
 
 
 def _settle_terms(
-    order: WorkOrder, request: PlanRequest, field: Field, tractor: Tractor
+    order: WorkOrder, request: PlanRequest, field: Field, tractor: Tractor, implement: Implement
 ) -> tuple[Workday | None, CostTerms | None]:
     """The day and the prices of an order on its field; None for what no farm gives."""
     with attach_parameter("farm"):
-        times = order.times
-        workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard())
+        times, has_gate = order.times, field.entrance is not None and not request.no_headland
+        fold_s = implement.fold_s if has_gate and folds_at_gate(tractor, implement) else 0.0
+        workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard(), fold_s)
         workday = workday.begin_on_field() if workday is not None and order.begins_on_field else workday
     return workday, complete_cost_terms(order.cost_terms, workday, tractor)
 

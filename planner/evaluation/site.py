@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.tolerances import EDGE_M
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.machine_outlines import build_body
+from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from strategies.lines.done_lines import begin_where_tractors_stand, find_orders, leave_done_lines
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
@@ -73,7 +73,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
-        folds_at_gate=context.folds_at_gate,
+        folds_at_gate=folds_at_gate(context.tractor, context.implement),
         drive=partial(_drive_alone, context, context.physics.terrain),
         drive_level=partial(_drive_alone, context, None),
         is_alike=context.physics.terrain is None and not field.ground_zones,
@@ -169,10 +169,10 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     lane = context.gateway
     if lane is None:
         return shapely.Polygon()
-    at_gate = context.folded if context.folds_at_gate else context
-    reach_m = build_body(at_gate.tractor, at_gate.implement).reach_m
+    tractor, implement = context.tractor, context.at_gate.implement
+    reach_m = build_body(tractor, implement).reach_m
     ends = [shift_pose_ahead(lane.edge_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
-    return shapely.buffer(shapely.LineString(ends), at_gate.machine_half_m + LANE_SPARE_M, cap_style="flat")
+    return shapely.buffer(shapely.LineString(ends), measure_half_m(tractor, implement) + LANE_SPARE_M, cap_style="flat")
 
 
 def _drive_alone(context: PlanningContext, terrain: Terrain | None, plan: Plan) -> SimulationRun:

@@ -174,14 +174,17 @@ class Workday:
             yield WorkPause(BREAK, first + off, last + off)
 
 
-def build_workday(field: Field, start_s: int | None, times: FarmTimes, yard: Yard) -> Workday:
-    """The workday of a job on a field by the times and the yard of a farm; raises RequestError."""
+def build_workday(field: Field, start_s: int | None, times: FarmTimes, yard: Yard, gate_fold_s: float = 0.0) -> Workday:
+    """The workday of a job on a field by the times and the yard of a farm; raises RequestError.
+
+    `gate_fold_s` of unfolding and of folding belong to the drive, as they are done inside the entrance.
+    """
     road = estimate_field_road(field, yard, times)
     road_duties = () if road is None else (Duty(ROAD, road.seconds),)
     return Workday(
         start_s,
-        (*road_duties, Duty(UNFOLD, times.unfold_s)),
-        (Duty(FOLD, times.fold_s), *road_duties),
+        (*road_duties, Duty(UNFOLD, max(0.0, times.unfold_s - gate_fold_s))),
+        (Duty(FOLD, max(0.0, times.fold_s - gate_fold_s)), *road_duties),
         times.break_spans_s,
         times.shift_span_s,
         0.0 if road is None else road.length_m,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fields.units import MINUTE_S
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
@@ -216,11 +217,11 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
         reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
     for tractor, mission in enumerate(run.plan.missions, start=1):
-        stood_s = sum(leg.fold_s for leg in mission.legs)
-        if stood_s:
+        stood_min = sum(leg.fold_s for leg in mission.legs) / MINUTE_S
+        if stood_min:
             folding = (
-                f"tractor {tractor} stands {stood_s:.0f} s in all to fold and unfold its implement: unfolded it does "
-                "not get through everywhere"
+                f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
+                "unfolded it does not get through everywhere"
             )
             remarks.append(Remark(Stake.TIME, folding))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
