@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from fields.geometry.field import Field
+from fields.units import MINUTE_S
 from planner import PlanRequest, plan
 from planner.errors import RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
@@ -97,7 +98,7 @@ def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> No
     assert all(leg.fold_s == FOLD_S for _, leg in turns)
     assert sum(leg.fold_s for leg in legs) == FOLD_S * len(turns)
     assert not any(leg.folded and leg.implement for leg in legs)
-    assert f"stands {FOLD_S * len(turns):.0f} s in all" in folding.ranking.best.remark  # type: ignore[union-attr]
+    assert f"stands {FOLD_S * len(turns) / MINUTE_S:.1f} min in all" in folding.ranking.best.remark  # type: ignore[union-attr]
 
 
 def test_a_machine_stands_as_long_as_legs_say(folding: PlanningResult) -> None:
