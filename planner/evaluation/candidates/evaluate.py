@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from fields.units import MINUTE_S
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
@@ -216,14 +218,13 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
-    for tractor, mission in enumerate(run.plan.missions, start=1):
-        stood_min = sum(leg.fold_s for leg in mission.legs) / MINUTE_S
-        if stood_min:
-            folding = (
-                f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
-                "unfolded it does not get through everywhere"
-            )
-            remarks.append(Remark(Stake.TIME, folding))
+    tractor = 1 + int(np.argmax(run.folding_s))
+    if stood_min := float(run.folding_s.max()) / MINUTE_S:
+        folding = (
+            f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
+            "unfolded it does not get through everywhere"
+        )
+        remarks.append(Remark(Stake.TIME, folding))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
     if slow_m > MIN_SLOW_M:
         slow = f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all"
