@@ -12,7 +12,7 @@ import typer
 
 from planner.cli.common.options import (
     DEFAULT_FIELD,
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     AsJson,
     ClusterOption,
     CsvOption,
@@ -138,7 +138,7 @@ def compare_headlands(
         form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.rows):
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -214,7 +214,7 @@ def compare_bearings(
         comparison = compare(orders, executor, progress, render_refusal)
     AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
     if all(row.best is None for row in comparison.rows):
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _parse_bearings(text: str) -> tuple[float, ...]:

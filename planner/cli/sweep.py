@@ -14,7 +14,7 @@ import typer
 
 from planner.cli.common.options import (
     DEFAULT_FIELD,
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     ClusterOption,
     CsvOption,
     ExecutorChoice,
@@ -152,7 +152,7 @@ def sweep(
         order = swept.build_point_order(picked.numbers)
         _drive(order, result, picked, executor_choice, save, form.is_for_programs)
     if result.best is None:
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fields.units import HOUR_S
+from fields.units import HOUR_S, PCT
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.risk.monte_carlo import SampledOutcomes
 from reports.common.language import mark_text
 from vehicle.missions.run import SimulationRun
 
-PCT_TO_SHARE = 0.01
+PCT_TO_SHARE = 1.0 / PCT
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
 Array = npt.NDArray[np.float64]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from fields.geometry.tolerances import ROUNDING
 from fields.units import PCT
 from planner.farm.random_inputs import (
     MAX_SLIP_PCT,
@@ -256,7 +257,6 @@ def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[
 
 QUANTILES = (0.50, 0.80, 0.95)
 VARIANCE_SAMPLES = 2000
-SAME_VARIANCE_S2 = 1e-9
 DEFAULT_SAMPLES = 10_000
 DEFAULT_UNCERTAINTY = UncertaintySettings()
 
@@ -362,7 +362,7 @@ def compute_variance_shares(
         return float(np.var(sample_outcomes(graph, uncertainty, samples=samples, seed=settings.seed).finish_s))
 
     total_variance = compute_variance(settings.uncertainty)
-    if total_variance < SAME_VARIANCE_S2:
+    if total_variance < ROUNDING:
         return dict.fromkeys(RANDOM_INPUTS, 0.0)
     shares = {
         name: max(0.0, 1.0 - compute_variance(settings.uncertainty.disable_input(name)) / total_variance)

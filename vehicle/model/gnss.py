@@ -26,7 +26,8 @@ from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 
 FILE_KIND = "a CSV file"
-GRID_CELLS, CENTRE_CELL, MIN_FIXES = 32, 16, 100
+GRID_CELLS, MIN_FIXES = 32, 100
+CENTRE_CELL = GRID_CELLS // 2
 # Chosen, s: how long a patch of soil pushes, a rut or a clod at walking pace, and a receiver drifts to one side.
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
 Table = npt.NDArray[np.int64]

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.units import HOUR_S
 from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
@@ -109,7 +110,7 @@ class JumpDetector:
         del self.jumps[:-MAX_JUMPS]
 
 
-FALSE_ALARM_S = 200.0 * 3600.0  # mean driving time between false alarms, at least, if the noise is as given
+FALSE_ALARM_S = 200.0 * HOUR_S  # mean driving time between false alarms, at least, if the noise is as given
 SIZE_FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both signs, small and large
 WIDENING_FACTOR = 1.5  # of innovations that are only too large
 MIN_FIXES_IN_A_ROW = 3

@@ -51,8 +51,8 @@ FieldsArgument = Annotated[
     ),
 ]
 DEFAULT_FIELD = "iwamizawa"
-NO_PLAN_STATUS = 3
-"""Exit status where no plan meets the request."""
+NO_RESULT_STATUS = 3
+"""Exit status where no plan meets the request, and where a diagnosis has nothing to save."""
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]

@@ -17,13 +17,14 @@ import shapely
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from fields.sample_fields import list_sample_names
+from fields.units import DAY_S
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_physics, read_request
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Plan
-from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
+from vehicle.missions.plan_file import FARTHEST_M, SavedPlan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names
 from vehicle.records import WAITING
@@ -31,8 +32,7 @@ from vehicle.sim.world import World
 
 CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 SHORTEST_LEG_S = 0.05
-LONGEST_STANDS_S = 86400.0  # of one tractor of a plan, all its refills
-FARTHEST_M = 1e8  # that frames of the link take, more than twice round the earth
+LONGEST_STANDS_S = DAY_S  # of one tractor of a plan, all its refills
 Ring = tuple[tuple[float, float], ...]
 
 

@@ -37,7 +37,7 @@ from planner.service.settings import LIMITS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 
-STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S, TOKEN_PERIOD_S = 0.05, 1.0, 1.0, 1.0
+STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S = 0.05, 1.0, 1.0
 DELETED_TEXT = "This fleet was deleted."
 EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = 2, 3, 10  # columns of recorded rows
 Files = Mapping[str, tuple[str, bytes]]
@@ -310,7 +310,7 @@ class FleetSessions:
 
     async def _watch_tokens(self) -> None:
         while True:
-            await asyncio.sleep(TOKEN_PERIOD_S)
+            await asyncio.sleep(LOOK_PERIOD_S)
             try:
                 await self.check_tokens()
             except Exception:

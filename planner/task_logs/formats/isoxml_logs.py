@@ -21,7 +21,7 @@ from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
-from fields.units import DAY_S
+from fields.units import DAY_S, KILO
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
@@ -40,7 +40,7 @@ from vehicle.identification.errors import LogError
 _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", "G": "B", "H": "I", "I": "H"}
 """Parts of a position in a record, with the kind of their number (struct)."""
 DEGREES_PER_UNIT = 1e-7
-METRES_PER_MM = 1e-3
+METRES_PER_MM = 1.0 / KILO
 TLG_EPOCH = date(1980, 1, 1)
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
