@@ -129,7 +129,11 @@ def _convert_usage_errors() -> Iterator[None]:
     except Exception as error:
         if not hasattr(error, "format_message") or type(error).__name__ == HELP_SHOWN_ERROR:
             raise
-        raise MisuseError(_describe_misuse(error)) from None
+        sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
+        sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
+        context = getattr(error, "ctx", None)
+        command = getattr(context, "command_path", None) or "headland"
+        raise MisuseError(f"{sentence}; {command} --help lists the options.") from None
 
 
 app = typer.Typer(
@@ -173,7 +177,9 @@ for _name, _group in _GROUPS.items():
 
 def main() -> None:
     """Run the command line; errors become exit statuses only here."""
-    _replace_unencodable_characters()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="replace")
     try:
         with repeat_interrupts():
             app()
@@ -234,15 +240,6 @@ def _name_bad_number(found: re.Match[str]) -> str:
     return f"Invalid value for '{option}': '{value}' is not a valid {kind}"
 
 
-def _describe_misuse(error: Any) -> str:
-    """The sentence for arguments that typer cannot use."""
-    sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
-    sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
-    context = getattr(error, "ctx", None)
-    command = getattr(context, "command_path", None) or "headland"
-    return f"{sentence}; {command} --help lists the options."
-
-
 def _is_out_of_memory(error: BaseException) -> bool:
     """Whether memory ran out, also while a library was loaded."""
     if isinstance(error, ImportError):
@@ -270,13 +267,6 @@ def _shorten_arguments(sentence: str) -> str:
         for text in (word, " ".join(word.split()).rstrip(".")):
             sentence = sentence.replace(text, shorten_middle(text)) if text else sentence
     return sentence
-
-
-def _replace_unencodable_characters() -> None:
-    """Print a question mark for characters that the terminal lacks."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
-            stream.reconfigure(errors="replace")
 
 
 def _discard_output() -> None:

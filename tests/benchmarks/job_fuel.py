@@ -67,11 +67,6 @@ def read_log(header: Path) -> TimeLog:
     return TimeLog(header.stem, log.time_s - log.time_s[0], values)
 
 
-def read_jobs(folder: Path) -> list[tuple[Job, TimeLog]]:
-    """Jobs with their logs."""
-    return [(build_job(log), log) for log in read_logs(folder)]
-
-
 def build_job(log: TimeLog) -> Job:
     """A job of a log; the harvested mass between two rows is what it had flowing."""
     speed = np.nan_to_num(log.values[SPEED]) * MPS_PER_UNIT
@@ -168,7 +163,7 @@ def main() -> None:
     parser.add_argument("--rolling", type=float, default=0.08)
     parser.add_argument("--efficiency", type=float, default=0.7, help="from the engine to the axle")
     options = parser.parse_args()
-    pairs = read_jobs(options.folder)
+    pairs = [(build_job(log), log) for log in read_logs(options.folder)]
     power_w = 1000.0 * estimate_engine_kw([log for _, log in pairs[::2]])
     load = WorkLoad(rolling_share=options.rolling, engine_power_w=power_w, driveline_efficiency=options.efficiency)
     machine = Machine(options.mass_kg, DieselEngine(power_w), load)

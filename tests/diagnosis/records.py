@@ -55,7 +55,8 @@ def answer_set(one: LogSet) -> Record:
         "minutes": round(found.minutes, 2),
         **describe_diagnosis(found),
     }
-    record["unseen"] = measure_unseen(one, tractor, found)
+    held = measure_holdout(build_logs(make_unseen_frames(one), tractor), tractor, found.tractor, one.ground)
+    record["unseen"] = {"before": list_errors(held.before), "after": list_errors(held.after)}
     if one.is_varied:
         record["varied"] = {how: describe_variation(frames, how, tractor, one.ground)
                             for how in VARIATIONS if not is_as_recorded(frames, how)}  # fmt: skip
@@ -155,12 +156,6 @@ def describe_diagnosis(found: Diagnosis) -> Record:
         "savable": found.is_savable, "notes": list(found.notes), "headline": found.headline,
     })  # fmt: skip
     return out
-
-
-def measure_unseen(one: LogSet, tractor: Tractor, found: Diagnosis) -> Record:
-    """Errors on runs that the diagnosis never saw, by the tractor of the file and by the one it made."""
-    held = measure_holdout(build_logs(make_unseen_frames(one), tractor), tractor, found.tractor, one.ground)
-    return {"before": list_errors(held.before), "after": list_errors(held.after)}
 
 
 def list_errors(errors: ErrorsByHorizon) -> dict[str, dict[str, float | None]]:

@@ -86,7 +86,9 @@ def _write_method(path: str, method: str, operation: dict[str, Any]) -> str:
     given += [f"{one['name']}: {_name_type(one['schema'])} | None = None" for one in known if not one["required"]]
     query = ", ".join(f'"{one["name"]}": {one["name"]}' for one in known if one["in"] == "query")
     sent = ", body" if model else ', files={"file": file}' if content else ""
-    answer = _find_answer(operation["responses"])
+    responses = operation["responses"]
+    fine: dict[str, Any] = next((one for status, one in responses.items() if status.startswith("2")), {})
+    answer = _find_model(fine.get("content", {}).get("application/json", {}).get("schema", {}))
     address = re.sub(r"{(\w+)}", r"{quote(str(\1), safe='')}", path)
     call = f'self._send("{method.upper()}", f"{address}", {{{query}}}{sent})'
     line = f"return models.{answer}.model_validate({call}.json())" if answer else f"return bytes({call}.content)"
@@ -96,12 +98,6 @@ def _write_method(path: str, method: str, operation: dict[str, Any]) -> str:
 
 def _find_model(schema: dict[str, Any]) -> str:
     return str(schema.get("$ref", "")).rsplit("/", 1)[-1]
-
-
-def _find_answer(responses: dict[str, Any]) -> str:
-    """The model of the answer that is no refusal; "" where it is a file or empty."""
-    fine: dict[str, Any] = next((one for status, one in responses.items() if status.startswith("2")), {})
-    return _find_model(fine.get("content", {}).get("application/json", {}).get("schema", {}))
 
 
 def _name_type(schema: dict[str, Any]) -> str:

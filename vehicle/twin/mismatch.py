@@ -122,18 +122,6 @@ SHIFT_EFFECTS = (
 )  # fmt: skip
 
 
-def compute_shift_sizes(tractor: Tractor) -> Floats:
-    """Typical size (13,) of the shift by each effect, in SI, for a tractor.
-
-    Wheel angles are converted to curvatures, and right (clockwise) becomes negative.
-    """
-    sizes = np.array([get_effect(name).size.typical for name in SHIFT_EFFECTS])
-    sizes[0] = -math.tan(math.radians(sizes[0])) / tractor.wheelbase_m
-    sizes[7] = -sizes[7]
-    sizes[9] = -math.radians(sizes[9])
-    return sizes
-
-
 @dataclass(frozen=True)
 class ModelMismatch:
     """The twin's corrections exceed what noise explains.
@@ -190,7 +178,11 @@ class MismatchTest:
     """The evidence of one twin, from a time on."""
 
     def __init__(self, tractor: Tractor, time_s: float) -> None:
-        self.sizes = compute_shift_sizes(tractor)
+        sizes = np.array([get_effect(name).size.typical for name in SHIFT_EFFECTS])
+        sizes[0] = -math.tan(math.radians(sizes[0])) / tractor.wheelbase_m
+        sizes[7] = -sizes[7]
+        sizes[9] = -math.radians(sizes[9])
+        self.sizes = sizes
         self.shifts = np.zeros((SHIFT_COUNT, STATE_SIZE))
         self.whitened, self.means = np.zeros(MEASUREMENT_SIZE), np.zeros((MEASUREMENT_SIZE, SHIFT_COUNT))
         self.reset(time_s)

@@ -123,7 +123,12 @@ def prepare_fleet_plan(
     machine, implement = read_machines(saved, scenario)
     physics = read_physics(saved, scenario, machine)
     if timing is None:
-        timed_plan = _simulate_plan(saved.plan, machine, implement, physics)
+        run = World(saved.plan, machine, implement, terrain=physics.terrain, load=physics.driven_load).run()
+        if run.outcome != DONE:
+            raise FleetManagerError(
+                f"{machine.name} does not reach the end of the plan ({run.outcome}); plan again.", parameter="plan"
+            )
+        timed_plan = build_timed_missions(saved.plan, run), tuple(float(t) for t in run.finish_s), run.min_clearance_m
     else:
         timed_plan = _restore_timing(saved.plan, timing)
     plan_field = _read_plan_field(scenario, saved, field)
@@ -157,15 +162,6 @@ def _check_coordinate_range(saved: SavedPlan) -> None:
 
 TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
 """Timed missions, when each tractor is done (s), and the least distance of two (m)."""
-
-
-def _simulate_plan(plan: Plan, machine: Tractor, implement: Implement, physics: FieldPhysics) -> TimedPlan:
-    run = World(plan, machine, implement, terrain=physics.terrain, load=physics.driven_load).run()
-    if run.outcome != DONE:
-        raise FleetManagerError(
-            f"{machine.name} does not reach the end of the plan ({run.outcome}); plan again.", parameter="plan"
-        )
-    return build_timed_missions(plan, run), tuple(float(t) for t in run.finish_s), run.min_clearance_m
 
 
 def describe_timing(plan: FleetPlan) -> dict[str, Any]:

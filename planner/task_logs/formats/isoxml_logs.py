@@ -217,6 +217,8 @@ def _read_run(
     time_s = _unwrap_midnight(log.time_s, notes)
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
+    columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
+    widths = [np.median(column[column > 0]) for column in columns if (column > 0).any()]
     run = LoggedRun(
         name=name,
         log_format="ISOXML",
@@ -224,7 +226,7 @@ def _read_run(
         time_s=time_s,
         speed_mps=speed,
         is_working=is_working,
-        width_m=_estimate_width_m(log),
+        width_m=float(max(widths)) * METRES_PER_MM if widths else None,
         counters=_compute_counter_rises(log),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
@@ -274,13 +276,6 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
                 (log.values[:, place] + presentation.offset) * presentation.scale * SPEED_UNITS_MPS[presentation.unit]
             )
     return None
-
-
-def _estimate_width_m(log: TimeLog) -> float | None:
-    """The largest median width of an element, in metres; sections are parts of it."""
-    columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
-    widths = [np.median(column[column > 0]) for column in columns if (column > 0).any()]
-    return float(max(widths)) * METRES_PER_MM if widths else None
 
 
 def _compute_counter_rises(log: TimeLog) -> dict[str, float]:

@@ -37,18 +37,13 @@ def _hold(service: Service, item: str, addresses: int, short: bool) -> Row:
         with run_flood(hold_connections, service.port, list(UNFINISHED), COUNT, addresses, hold_s) as flood:
             time.sleep(ARRIVE_S)
             descriptors = service.descriptors()
-            answers = _ask_meanwhile(service, squad.fleet)
+            kind, _, seconds = greet(service.port, squad.fleet, "control", service.token("operator", "planner"))
+            answers = {"health_s": _measure_health(service), "link_s": round(seconds, 3) if kind == "welcome" else None}
             stops = squad.measure_stops(("link", "HTTP"), timeout_s=20.0)
             after = flood.collect(hold_s + 30.0)
         after["health_after_s"] = _measure_health(service)
     written = service.log_bytes() - log
     return _judge(item, addresses, stops, {**answers, **after, "descriptors": descriptors, "log_bytes": written})
-
-
-def _ask_meanwhile(service: Service, fleet: str) -> dict[str, Any]:
-    """Health and a new link for control, in seconds; None where there is none."""
-    kind, _, seconds = greet(service.port, fleet, "control", service.token("operator", "planner"))
-    return {"health_s": _measure_health(service), "link_s": round(seconds, 3) if kind == "welcome" else None}
 
 
 def _measure_health(service: Service) -> float | None:

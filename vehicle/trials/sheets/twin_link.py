@@ -232,7 +232,11 @@ def _describe_results(
     field: dict[str, LinkDeviation],
     mismatches: tuple[ModelMismatch | None, ModelMismatch | None],
 ) -> tuple[str, ...]:
-    drift = _compute_open_drift_cm()
+    master, slave = (load_tractor(name).get_power_law("soil") for name in ("eg105", "mr1000a"))
+    angles = (-np.linspace(1.0, 35.0, 341)).tolist()
+    wheel_angle_deg = min(angles, key=lambda angle: abs(master.compute_radius_m(angle) - CORNER_RADIUS_M))
+    bend = 1.0 / slave.compute_radius_m(wheel_angle_deg) - 1.0 / CORNER_RADIUS_M
+    drift = 50.0 * abs(bend) * PRE_MPS**2
     thesis, ours, sections = field[THESIS], field[PREDICT], ("5.3.1", "5.3.2")
     return (
         "5.3.1: the master is the EG105 on soil, the slave the MR1000A (Eq. 5.1), both simulated, 4 km/h. Assumed, as "
@@ -252,15 +256,6 @@ def _describe_results(
         "in the table below the thesis's method has them with frames 0.6 to 1 s old.",
         *(f"{section}: {_describe_mismatch(mismatch)}" for section, mismatch in zip(sections, mismatches, strict=True)),
     )
-
-
-def _compute_open_drift_cm() -> float:
-    """Distance (cm) of the two tractors after a second in the corner at the master's wheel angle, by their radii."""
-    master, slave = (load_tractor(name).get_power_law("soil") for name in ("eg105", "mr1000a"))
-    angles = (-np.linspace(1.0, 35.0, 341)).tolist()
-    wheel_angle_deg = min(angles, key=lambda angle: abs(master.compute_radius_m(angle) - CORNER_RADIUS_M))
-    bend = 1.0 / slave.compute_radius_m(wheel_angle_deg) - 1.0 / CORNER_RADIUS_M
-    return 50.0 * abs(bend) * PRE_MPS**2
 
 
 def _describe_mismatch(mismatch: ModelMismatch | None) -> str:
