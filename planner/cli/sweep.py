@@ -117,9 +117,7 @@ def sweep(
     cache: Annotated[
         Optional[Path],
         typer.Option(
-            "--cache",
-            help="Folder for what is estimated; it may be deleted at any time.",
-            rich_help_panel=COMPUTING,
+            "--cache", help="Folder for what is estimated; it may be deleted at any time.", rich_help_panel=COMPUTING
         ),
     ] = None,
     **options: Any,

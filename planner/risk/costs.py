@@ -183,11 +183,7 @@ def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -
     """The cost of a plan for `area_ha` of work."""
     paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
     late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
-    return PlanCost(
-        float(paid.mean()),
-        float((paid + late_ground).mean()),
-        _compute_standard_error(paid + late_ground),
-    )
+    return PlanCost(float(paid.mean()), float((paid + late_ground).mean()), _compute_standard_error(paid + late_ground))
 
 
 def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
