@@ -112,26 +112,22 @@ def predict_litres(job: Job, machine: Machine, flow_factor: float = 1.0) -> floa
     return total - idle_s * (no_load_l_per_s - machine.engine.idle_rate)
 
 
-def calibrate_crop_j_per_kg(jobs: list[Job], machine: Machine) -> float:
-    """Work of the crop with which the litres of the jobs add up; fuel grows with it in a straight line."""
+def judge(jobs: list[Job], machine: Machine) -> list[str]:
+    """Lines with the errors of every second sound job; `machine` is without crop."""
+    sound = [job for job in jobs if job.is_sound]
+    known, held = sound[::2], sound[1::2]
+    # The litres of the jobs add up with this work of the crop; fuel grows with it in a straight line.
     counted, without, with_one = (
         sum(values)
         for values in zip(
             *(
                 (job.fuel_l, predict_litres(job, machine), predict_litres(job, replace(machine, crop_j_per_kg=1000.0)))
-                for job in jobs
+                for job in known
             ),
             strict=True,
         )
     )
-    return 1000.0 * (counted - without) / (with_one - without)
-
-
-def judge(jobs: list[Job], machine: Machine) -> list[str]:
-    """Lines with the errors of every second sound job; `machine` is without crop."""
-    sound = [job for job in jobs if job.is_sound]
-    known, held = sound[::2], sound[1::2]
-    crop = calibrate_crop_j_per_kg(known, machine)
+    crop = 1000.0 * (counted - without) / (with_one - without)
     machine = replace(machine, crop_j_per_kg=crop)
     tonnes_per_ha = sum(job.mass_t for job in known) / sum(job.area_ha for job in known)
     litres_per_ha = sum(job.fuel_l for job in known) / sum(job.area_ha for job in known)

@@ -73,21 +73,6 @@ def sweep_ten_thousand() -> Sweep:
     return sweep
 
 
-def draw_requests(count: int, seed: int) -> list[PlanRequest]:
-    """Combinations of options, the samples in turn."""
-    draw = random.Random(seed)
-    return [
-        PlanRequest(
-            SAMPLES[number % len(SAMPLES)],
-            width_m=draw.choice(WIDTHS_M),
-            speed_mps=draw.choice(SPEEDS_KMH) * MPS_PER_KMH,
-            tractors=(draw.randint(1, MOST_TRACTORS),),
-            headland_order=draw.choice(HEADLAND_ORDERS),
-        )
-        for number in range(count)
-    ]
-
-
 def compare_with_drive(request: PlanRequest) -> Difference | None:
     """An estimate beside the plan to take when the same is driven; None where there is none of either."""
     axes = read_axes({"speed_kmh": list(SPEEDS_KMH), "headland_order": list(HEADLAND_ORDERS)})
@@ -111,7 +96,17 @@ def compare_with_drive(request: PlanRequest) -> Difference | None:
 def print_accuracy(count: int, seed: int) -> None:
     """Every combination, then the median and the worst difference of each figure."""
     found = []
-    for request in draw_requests(count, seed):
+    draw = random.Random(seed)
+    for request in [
+        PlanRequest(
+            SAMPLES[number % len(SAMPLES)],
+            width_m=draw.choice(WIDTHS_M),
+            speed_mps=draw.choice(SPEEDS_KMH) * MPS_PER_KMH,
+            tractors=(draw.randint(1, MOST_TRACTORS),),
+            headland_order=draw.choice(HEADLAND_ORDERS),
+        )
+        for number in range(count)
+    ]:
         difference = compare_with_drive(request)
         if difference is None:
             print(f"  {request.field}, {request.tractors[0]} tractors: no plan", flush=True)

@@ -50,8 +50,14 @@ def answer_set(one: LogSet) -> Record:
     begun = time.process_time()
     found = diagnose_frames(frames, tractor, one.ground)
     record: Record = {"cpu_s": round(time.process_time() - begun, 2), "memory_mb": measure_memory_mb()}
+    out = []
+    for fault in one.case.faults:
+        frame = frames[fault.run]
+        start = float(frame["time_s"].iloc[0])
+        to_s = None if fault.to_s is None else start + fault.to_s
+        out.append({"id": fault.id, "run": frame.attrs["name"], "from_s": start + fault.from_s, "to_s": to_s})
     record |= {
-        "faults": describe_faults(one.case, frames),
+        "faults": out,
         "minutes": round(found.minutes, 2),
         **describe_diagnosis(found),
     }
@@ -115,17 +121,6 @@ def describe_clocks(case: TruthCase) -> dict[str, dict[str, float]]:
     return {
         name: {key: getattr(clock, key) for key in list_clock_fields(clock)} for name, clock in case.columns.items()
     }
-
-
-def describe_faults(case: TruthCase, frames: Sequence[pd.DataFrame]) -> list[Record]:
-    """Faults with the name of their run and their onset in the time of its log."""
-    out = []
-    for fault in case.faults:
-        frame = frames[fault.run]
-        start = float(frame["time_s"].iloc[0])
-        to_s = None if fault.to_s is None else start + fault.to_s
-        out.append({"id": fault.id, "run": frame.attrs["name"], "from_s": start + fault.from_s, "to_s": to_s})
-    return out
 
 
 def build_logs(frames: Sequence[pd.DataFrame], tractor: Tractor) -> list[Log]:

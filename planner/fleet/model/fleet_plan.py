@@ -108,7 +108,15 @@ def prepare_fleet_plan(
     simulated from its start. Raises MissionError, RequestError, VehicleError or FleetManagerError.
     """
     saved = parse_saved_plan(text)
-    _check_stop_durations(saved.plan)
+    # A plan is simulated to its end before it is driven.
+    for number, mission in enumerate(saved.plan.missions, start=1):
+        stands_s = math.fsum(leg.standing_s for leg in mission.legs)
+        if stands_s > LONGEST_STANDS_S:
+            raise FleetManagerError(
+                f"Tractor {number} of the plan stops for {stands_s:.6g} s in all; shorten that to at most "
+                f"{LONGEST_STANDS_S:.0f} s (a day).",
+                parameter="plan",
+            )
     _check_coordinate_range(saved)
     scenario = read_request(saved)
     if tractor is not None:
@@ -134,18 +142,6 @@ def prepare_fleet_plan(
     plan_field = _read_plan_field(scenario, saved, field)
     ground = _build_driving_area(saved, plan_field, max(implement.contact_width_m, machine.width_m))
     return FleetPlan(saved, scenario, machine, implement, *timed_plan, ground, plan_field, physics)
-
-
-def _check_stop_durations(plan: Plan) -> None:
-    """Raise FleetManagerError for stops of more than a day: a plan is simulated to its end before it is driven."""
-    for number, mission in enumerate(plan.missions, start=1):
-        stands_s = math.fsum(leg.standing_s for leg in mission.legs)
-        if stands_s > LONGEST_STANDS_S:
-            raise FleetManagerError(
-                f"Tractor {number} of the plan stops for {stands_s:.6g} s in all; shorten that to at most "
-                f"{LONGEST_STANDS_S:.0f} s (a day).",
-                parameter="plan",
-            )
 
 
 def _check_coordinate_range(saved: SavedPlan) -> None:
