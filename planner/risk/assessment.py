@@ -18,8 +18,8 @@ from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
     RiskSettings,
     apply_factors,
+    compute_variance_shares,
     estimate_graph_risk,
-    estimate_risk,
     sample_outcomes,
 )
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
@@ -215,7 +215,7 @@ def add_risk_estimate(
         return result
     ordered_run = enforce_planned_order(run, tractor, implement)
     graph = build_leg_graph(ordered_run, measure_leg_consumption(ordered_run, tractor, fuel_load, terrain))
-    estimate = estimate_graph_risk(graph, criteria.settings, with_variance_shares=False)
+    estimate = estimate_graph_risk(graph, criteria.settings)
     plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
     deadline_s = criteria.settings.deadline_s
     return replace(
@@ -363,9 +363,7 @@ def check_best_plan(
     check_result = check_graph_in_physics(
         ordered_run, settings.uncertainty, tractor, implement, terrain=terrain, load=load, seed=settings.seed
     )
-    return check_result, estimate_risk(
-        ordered_run, replace(settings, samples=min(settings.samples, 2000))
-    ).variance_shares
+    return check_result, compute_variance_shares(build_leg_graph(ordered_run), settings)
 
 
 def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]) -> tuple[str, ...]:

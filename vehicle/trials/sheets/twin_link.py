@@ -57,14 +57,14 @@ class LinkDeviation:
     twin_path: Floats
 
 
-def build_corner_mission(speed_mps: float, ground: str = "soil", straight_share: float = 1.0) -> Mission:
+def build_corner_mission(speed_mps: float, straight_share: float = 1.0) -> Mission:
     """The path of Fig. 5.4: long straight, corner to the left, long straight; `straight_share` scales the straights."""
     angles = np.linspace(0.0, 0.5 * math.pi, 31)
     start_m = straight_share * FIRST_STRAIGHT_M
     arc = np.column_stack([CORNER_RADIUS_M * (np.cos(angles) - 1.0), start_m + CORNER_RADIUS_M * np.sin(angles)])
     end = arc[-1] - [straight_share * SECOND_STRAIGHT_M, 0.0]
     points = np.concatenate([[[0.0, 0.0]], arc, [end]])
-    return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
+    return Mission((Leg(points, speed_mps, ground="soil", task=LegTask(SWATH)),))
 
 
 def drive_master(
@@ -98,7 +98,6 @@ def simulate_twin_link(
     *,
     rate_hz: float,
     age_s: float,
-    noise: TractorNoise | None = None,
     sample_hz: int = 10,
     poses: bool = True,
 ) -> tuple[LinkDeviation, Twin]:
@@ -107,7 +106,7 @@ def simulate_twin_link(
     The two are compared `sample_hz` times a second. Without `poses` the twin only gets commands.
     """
     first_state = drive.reported[0]
-    twin = Twin(tractor, Implement(), _build_fix(first_state, 0.0), method=method, noise=noise)
+    twin = Twin(tractor, Implement(), _build_fix(first_state, 0.0), method=method)
     frames = list(drive.reported[:: round(MASTER_HZ / rate_hz)])
     rows = []
     samples = drive.truth[:: MASTER_HZ // sample_hz]
