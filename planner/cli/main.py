@@ -129,11 +129,7 @@ def _convert_usage_errors() -> Iterator[None]:
     except Exception as error:
         if not hasattr(error, "format_message") or type(error).__name__ == HELP_SHOWN_ERROR:
             raise
-        sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
-        sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
-        context = getattr(error, "ctx", None)
-        command = getattr(context, "command_path", None) or "headland"
-        raise MisuseError(f"{sentence}; {command} --help lists the options.") from None
+        raise MisuseError(_describe_misuse(error)) from None
 
 
 app = typer.Typer(
@@ -238,6 +234,15 @@ def _name_bad_number(found: re.Match[str]) -> str:
     values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
     value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
     return f"Invalid value for '{option}': '{value}' is not a valid {kind}"
+
+
+def _describe_misuse(error: Any) -> str:
+    """The sentence for arguments that typer cannot use."""
+    sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
+    sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", None) or "headland"
+    return f"{sentence}; {command} --help lists the options."
 
 
 def _is_out_of_memory(error: BaseException) -> bool:

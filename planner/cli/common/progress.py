@@ -11,11 +11,11 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task
 from rich.table import Column
 from rich.text import Text
 
-from planner.cli.common.terminal import DEFAULT_COLUMNS
 from reports.common.language import Reader, get_language, get_units, translate, use_reader
 
 PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
 REFRESHES_PER_S = 4
+WIDE_COLUMNS = 80
 MOST_NAMED = 2  # of what is at work, so that the line holds the bar as well
 
 
@@ -107,7 +107,7 @@ def open_stage_bar(words: str) -> Iterator[StageBar]:
     console, bar = Console(stderr=True), StageBar(words)
     columns = (
         _BarColumn(bar, bar.describe),
-        BarColumn(bar_width=24 if console.width >= DEFAULT_COLUMNS else 10),
+        BarColumn(bar_width=24 if console.width >= WIDE_COLUMNS else 10),
         _BarColumn(bar, bar.describe_left),
     )
     is_hidden = not console.is_terminal
