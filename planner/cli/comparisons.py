@@ -19,6 +19,7 @@ from planner.cli.common.options import (
     ExecutorChoice,
     FieldArgument,
     FieldsArgument,
+    HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
     build_requests,
@@ -69,12 +70,7 @@ def compare_headlands(
     corners: Annotated[
         str, typer.Option(help="Kinds of corners: square, round, auto.", rich_help_panel=WORK)
     ] = ",".join(CORNERS),
-    headland_order: Annotated[
-        Optional[str],
-        typer.Option(
-            help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-        ),
-    ] = None,
+    headland_order: HeadlandOrderOption = None,
     headland_passes: Annotated[
         Optional[str],
         typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),

@@ -19,6 +19,7 @@ from planner.cli.common.options import (
     CsvOption,
     ExecutorChoice,
     FieldsArgument,
+    HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
     get_option_name,
@@ -39,7 +40,7 @@ from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
@@ -80,12 +81,7 @@ ServiceOption = Annotated[
 def sweep(
     context: typer.Context,
     fields: FieldsArgument = None,
-    headland_order: Annotated[
-        Optional[str],
-        typer.Option(
-            help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-        ),
-    ] = None,
+    headland_order: HeadlandOrderOption = None,
     html: Annotated[
         Optional[Path],
         typer.Option(help="Write one page with cost over time, what matters and the table.", rich_help_panel=OUTPUT),
