@@ -21,7 +21,7 @@ from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
-from fields.units import DAY_S, KILO
+from fields.units import DAY_S, KILO, MPS_PER_KMH
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
@@ -57,7 +57,7 @@ MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0
 """Largest plausible rise of totals per second."""
 CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 """Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
-SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
+SPEED_UNITS_MPS = {"km/h": MPS_PER_KMH, "m/s": 1.0, "mm/s": METRES_PER_MM}
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.units import KMH_PER_MPS
 from vehicle.arrays import Floats
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
 from vehicle.model.tractor import Implement, Tractor, load_tractor
@@ -140,8 +141,8 @@ def _measure_deviation(drive: MasterDrive, real: Floats, twin: Floats) -> LinkDe
 
 
 LAN_AGE_S = 0.05  # assumed: "a tiny communication latency"
-PRE_HZ, PRE_MPS = 10.0, 4.0 / 3.6
-FIELD_HZ, FIELD_AGE_S, FIELD_MPS = 3.0, 0.3, 3.2 / 3.6
+PRE_HZ, FIELD_HZ, FIELD_AGE_S = 10.0, 3.0, 0.3
+PRE_MPS, FIELD_MPS = 4.0 / KMH_PER_MPS, 3.2 / KMH_PER_MPS
 HIDDEN = {"steering_dead_time": 0.2, "wheel_slip": 0.05}
 RATES_HZ, AGES_S = (1.0, 2.0, 3.0, 5.0, 10.0), (0.0, 0.1, 0.3, 0.6, 1.0)
 TABLE_STRAIGHT_SHARE, TABLE_SAMPLE_HZ = 0.35, 5
