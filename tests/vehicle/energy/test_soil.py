@@ -84,7 +84,8 @@ def test_a_line_is_hit_exactly_and_field_capacity_is_usual() -> None:
 
 def test_an_own_table_is_interpolated_with_the_error_of_measurements(tmp_path: Path) -> None:
     path = tmp_path / "soils.csv"
-    path.write_text("name,moisture_pct,cone_index_kpa,draft\nhome,30,400,fine\nhome,20,900,fine\n", encoding="utf-8")
+    lines = "name,moisture_pct,cone_index_kpa,draft,clay_pct", "home,30,400,fine", "home,20,900,fine,"
+    path.write_text("\n".join(lines), encoding="utf-8")  # empty or not there is left out
     soil = find_soil("home", 25.0, path)
     assert soil.cone_index_kpa == pytest.approx(600.0) and soil.draft == "fine"  # the geometric mean
     assert (soil.low_kpa, soil.high_kpa) == pytest.approx((420.0, 780.0))
