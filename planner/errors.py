@@ -6,14 +6,7 @@ otherwise. Any other exception is a bug in Headland and exits with status 1.
 
 from __future__ import annotations
 
-from fields.errors import (
-    FieldError,
-    HeadlandError,
-    attach_parameter,
-    mark_parameter,
-    shorten_value,
-    suggest_name,
-)
+from fields.errors import FieldError, HeadlandError, attach_parameter, mark_parameter, shorten_value, suggest_name
 
 __all__ = [
     "FieldError", "HeadlandError", "RequestError", "WorkerError", "attach_parameter", "mark_parameter",

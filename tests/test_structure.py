@@ -70,15 +70,6 @@ def iter_imports(nodes: Iterable[ast.AST], path: Path, modules: dict[str, Path])
                     yield full_name if full_name in modules else str(node.module)
 
 
-def count_function_lines(nodes: Iterable[ast.AST]) -> dict[str, int]:
-    """Lines of the longest function of each name."""
-    lines: dict[str, int] = {}
-    for node in nodes:
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
-            lines[node.name] = max(lines.get(node.name, 0), node.end_lineno - node.lineno + 1)
-    return lines
-
-
 @pytest.fixture(scope="module")
 def modules() -> dict[str, Path]:
     return list_modules()
@@ -90,7 +81,11 @@ def read_modules(modules: dict[str, Path]) -> dict[str, tuple[set[str], dict[str
     found = {}
     for name, path in modules.items():
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-        found[name] = set(iter_imports(nodes, path, modules)), count_function_lines(nodes)
+        lines: dict[str, int] = {}
+        for node in nodes:
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
+                lines[node.name] = max(lines.get(node.name, 0), node.end_lineno - node.lineno + 1)
+        found[name] = set(iter_imports(nodes, path, modules)), lines
     return found
 
 

@@ -352,9 +352,7 @@ def _choose_name(raw: RawShape, stem: str) -> str:
 
 
 def select_inside_obstacles(
-    inside: Sequence[tuple[RawShape, shapely.Polygon, str]],
-    shape: shapely.Polygon,
-    ignore: Callable[[str, str], None],
+    inside: Sequence[tuple[RawShape, shapely.Polygon, str]], shape: shapely.Polygon, ignore: Callable[[str, str], None]
 ) -> list[Obstacle]:
     """Polygons within a field that are obstacles; `ignore` is told the reason and name of the others."""
     are_obstacles = _judge_inside_polygons([(raw, ring.area / shape.area) for raw, ring, _ in inside])

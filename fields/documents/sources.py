@@ -128,18 +128,13 @@ def parse_field_reference(where: str | Path | GeoShape) -> FieldReference:
     return FieldReference(place, key, place in list_sample_names())
 
 
-def find_field_file(where: str) -> Path | None:
-    """The file that the name of a field means, None for a sample or a shape."""
-    source = parse_field_reference(where)
-    return None if source.is_sample or source.is_shape else Path(source.place)
-
-
 def list_field_files(where: str) -> tuple[Path, ...]:
     """Every file that a field of this name may be read from, empty for samples and shapes; they need not exist.
 
     All files of a folder; for a Shapefile its parts with the same stem, for ISOXML the other XML files of its folder.
     """
-    file = find_field_file(where)
+    source = parse_field_reference(where)
+    file = None if source.is_sample or source.is_shape else Path(source.place)
     if file is None:
         return ()
     if os.path.isdir(file):

@@ -250,14 +250,8 @@ def name_layer(features: list[Feature], name: str) -> None:
 
 def build_layer_document(layers: LayerFeatures, label: str, source: str) -> FieldDocument:
     """The document of features of layers, in which lines without a role are guidance lines; raises FieldError."""
-    features, notes = _name_guidance_lines(layers.features), tuple(layers.notes)
-    return build_document(features, label, crs=layers.crs or UNKNOWN_CRS, source=source, notes=notes)
-
-
-def _name_guidance_lines(features: list[Feature]) -> list[Feature]:
-    """The features, with a name for every line without name, role and edge, as lines with a name are guidance lines."""
     count = 0
-    for feature in features:
+    for feature in layers.features:
         properties = feature["properties"]
         if (
             feature["geometry"].get("type") in LINE_TYPES
@@ -266,7 +260,8 @@ def _name_guidance_lines(features: list[Feature]) -> list[Feature]:
         ):
             count += 1
             properties["name"] = convert_to_name_text(properties.get("name")) or f"line {count}"
-    return features
+    features, notes = layers.features, tuple(layers.notes)
+    return build_document(features, label, crs=layers.crs or UNKNOWN_CRS, source=source, notes=notes)
 
 
 def _list_features(table: LayerTable) -> list[Feature]:

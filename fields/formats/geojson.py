@@ -51,11 +51,14 @@ def parse_geojson(content: str, label: str) -> FieldDocument:
         raise FieldError(f"{label} is JSON without a 'type', so not GeoJSON; give a FeatureCollection or Polygon.")
     features = _collect_features(root, label)
     header = get_member_object(root, HEADER_KEY)
+    frame = header.get("frame")
+    if frame not in (None, LOCAL_METRES, WGS84):
+        raise FieldError(f"The frame {frame!r} of {label} is unknown; use '{LOCAL_METRES}' or '{WGS84}'.")
     return build_document(
         features,
         label,
         crs=_parse_crs(root, label),
-        frame=_parse_frame(header, label),
+        frame=frame,
         header=header,
         source=convert_to_name_text(root.get("source")),
     )
@@ -87,13 +90,6 @@ def _parse_crs(root: dict[str, Any], label: str) -> str | None:
     if not isinstance(name, str) or not name:
         raise FieldError(f"The 'crs' of {label} names no coordinate system; remove it or name an EPSG code.")
     return name
-
-
-def _parse_frame(header: dict[str, Any], label: str) -> str | None:
-    frame = header.get("frame")
-    if frame not in (None, LOCAL_METRES, WGS84):
-        raise FieldError(f"The frame {frame!r} of {label} is unknown; use '{LOCAL_METRES}' or '{WGS84}'.")
-    return frame
 
 
 def _read_geojson(path: str, label: str) -> FieldDocument:

@@ -48,22 +48,18 @@ def close_boundary_polygon(feature: Feature) -> Feature:
     points = [point for line in lines.get(geometry.get("type", ""), ()) for point in line or ()]
     if len(points) < 4:
         return feature
-    points = _cut_end_overlap(points)
-    track = shapely.LineString(points)
-    if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > MAX_CLOSING_SHARE * track.length:
-        return feature
-    properties = {**feature["properties"], "role": BOUNDARY}
-    return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
-
-
-def _cut_end_overlap(points: list[list[float]]) -> list[list[float]]:
-    """The track up to where it is nearest to its start again, without the overlap at its end."""
+    # The track up to where it is nearest to its start again, without the overlap at its end
     places = np.array(points)[:, :2]
     steps = np.hypot(*np.diff(places, axis=0).T)
     travelled_m = np.concatenate([[0.0], np.cumsum(steps)])
     late = np.flatnonzero(travelled_m >= MIN_CLOSING_SHARE * travelled_m[-1])
     distance_deg = np.hypot(*(places[late] - places[0]).T)
-    return points[: int(late[int(np.argmin(distance_deg))]) + 1]
+    points = points[: int(late[int(np.argmin(distance_deg))]) + 1]
+    track = shapely.LineString(points)
+    if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > MAX_CLOSING_SHARE * track.length:
+        return feature
+    properties = {**feature["properties"], "role": BOUNDARY}
+    return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
 
 
 FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)

@@ -73,17 +73,6 @@ def _write_kml(guidance: PlanGuidance) -> FileContents:
     root = Element("kml", {"xmlns": KML_NAMESPACE})
     top = add_child(root, "Document")
     add_child(top, "name", guidance.field)
-    _add_styles(top, guidance)
-    _add_field(top, guidance)
-    for tractor in guidance.tractors:
-        folder = add_child(top, "Folder")
-        add_child(folder, "name", f"T{tractor.number}")
-        for line in tractor.lines:
-            _add_line(folder, line)
-    return {"guidance.kml": serialise_xml(root)}
-
-
-def _add_styles(top: Element, guidance: PlanGuidance) -> None:
     tractors = {f"T{one.number}": (_convert_colour(one.colour), "2") for one in guidance.tractors}
     for name, (colour, width) in {**LINE_STYLES, **tractors}.items():
         style = add_child(top, "Style", id=name)
@@ -91,6 +80,13 @@ def _add_styles(top: Element, guidance: PlanGuidance) -> None:
         add_child(stroke, "color", colour)
         add_child(stroke, "width", width)
         add_child(add_child(style, "PolyStyle"), "fill", "0")
+    _add_field(top, guidance)
+    for tractor in guidance.tractors:
+        folder = add_child(top, "Folder")
+        add_child(folder, "name", f"T{tractor.number}")
+        for line in tractor.lines:
+            _add_line(folder, line)
+    return {"guidance.kml": serialise_xml(root)}
 
 
 def _convert_colour(colour: str) -> str:

@@ -190,7 +190,12 @@ def _assign_candidate(
     if distance_m > NEAR_FIELD_M:
         return False
     if one.raw.geometry_type == POINT and use in (ENTRANCE, REFILL):
-        return _assign_place(one, roles, shape, use)
+        if use == ENTRANCE and shapely.Polygon(shape.exterior).buffer(-MAX_ENTRANCE_INSIDE_M).covers(one.geometry):
+            roles.ignore("far-off entrance", one.label)
+            return True
+        x, y = shapely.get_coordinates(one.geometry)[0].tolist()
+        roles.places[use].append((one.label, (x, y)))
+        return True
     is_inside = shape.covers(one.geometry) if one.raw.geometry_type == POINT or not use else distance_m == 0.0
     is_near = is_inside or (use == OBSTACLE and distance_m <= one.size_m)
     if covered.covers(one.geometry):
@@ -207,16 +212,6 @@ def _assign_candidate(
         roles.obstacles.append(one.build_obstacle())
     else:
         unknown.append(one)
-    return True
-
-
-def _assign_place(one: _Candidate, roles: AssumedRoles, shape: shapely.Polygon, role: str) -> bool:
-    """An entrance near the outline, or a place to refill."""
-    if role == ENTRANCE and shapely.Polygon(shape.exterior).buffer(-MAX_ENTRANCE_INSIDE_M).covers(one.geometry):
-        roles.ignore("far-off entrance", one.label)
-        return True
-    x, y = shapely.get_coordinates(one.geometry)[0].tolist()
-    roles.places[role].append((one.label, (x, y)))
     return True
 
 

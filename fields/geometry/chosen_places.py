@@ -79,11 +79,7 @@ def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
     remark = f"Left out as asked, so machines drive there: {', '.join(gone)}."
     assumed = describe_assumed_obstacles(field.obstacles)
     others = [one for one in field.remarks if one not in assumed]
-    return replace(
-        field,
-        obstacles=kept,
-        remarks=(*describe_assumed_obstacles(kept), remark, *others),
-    )
+    return replace(field, obstacles=kept, remarks=(*describe_assumed_obstacles(kept), remark, *others))
 
 
 def _find_obstacle_numbers(field: Field, text: str) -> list[int]:

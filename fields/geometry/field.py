@@ -188,10 +188,7 @@ class Field:
         return (*self.obstacles, *(Obstacle("fence", line, EDGE_M) for line in self.fences))
 
     def compute_ground_with_margin(
-        self,
-        margin_m: float,
-        max_small_m: float = 0.0,
-        extra_margin_m: float = 0.0,
+        self, margin_m: float, max_small_m: float = 0.0, extra_margin_m: float = 0.0
     ) -> Field:
         """The field reduced to the ground that may be worked, with a margin to obstacles, holes and fences.
 

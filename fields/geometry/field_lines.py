@@ -264,10 +264,7 @@ def _parse_overhang_m(value: object, description: str) -> float:
 
 
 def compute_overhang_region(
-    outline: shapely.Polygon,
-    fences: Sequence[shapely.LineString],
-    overhangs: Sequence[EdgeOverhang],
-    overhang_m: float,
+    outline: shapely.Polygon, fences: Sequence[shapely.LineString], overhangs: Sequence[EdgeOverhang], overhang_m: float
 ) -> shapely.Geometry:
     """The ground over which parts of machines may reach: the field, and beyond its open edges what is allowed there.
 

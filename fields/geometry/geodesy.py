@@ -204,7 +204,7 @@ def _check_crs_without_files(crs: str) -> None:
 
 FARMED_LATITUDES_DEG = (-56.0, 72.0)
 """No farmland lies south of Tierra del Fuego or north of the North Cape."""
-MAX_BOX_DEG2 = 6.0 * 84.0
+MAX_BOX_DEG2 = 6.0 * UTM_NORTH_DEG
 """A zone of UTM from the equator to its end; larger boxes are regions with seas between their countries."""
 _AREAS = """
     SELECT name, description, west_lon, south_lat, east_lon, north_lat FROM extent

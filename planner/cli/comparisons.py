@@ -12,13 +12,14 @@ import typer
 
 from planner.cli.common.options import (
     DEFAULT_FIELD,
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     AsJson,
     ClusterOption,
     CsvOption,
     ExecutorChoice,
     FieldArgument,
     FieldsArgument,
+    HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
     build_requests,
@@ -69,12 +70,7 @@ def compare_headlands(
     corners: Annotated[
         str, typer.Option(help="Kinds of corners: square, round, auto.", rich_help_panel=WORK)
     ] = ",".join(CORNERS),
-    headland_order: Annotated[
-        Optional[str],
-        typer.Option(
-            help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-        ),
-    ] = None,
+    headland_order: HeadlandOrderOption = None,
     headland_passes: Annotated[
         Optional[str],
         typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),
@@ -138,7 +134,7 @@ def compare_headlands(
         form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.rows):
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -214,7 +210,7 @@ def compare_bearings(
         comparison = compare(orders, executor, progress, render_refusal)
     AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
     if all(row.best is None for row in comparison.rows):
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _parse_bearings(text: str) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from planner.cli.common.options import (
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     AsJson,
     ExecutorChoice,
     ForceOption,
@@ -119,7 +119,7 @@ def plan_day_file(
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
     if not result.jobs or result.shortfalls:
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 @day.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, TractorOption
+from planner.cli.common.options import NO_RESULT_STATUS, AsJson, TractorOption
 from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from vehicle.identification.diagnosis.results import Diagnosis
 
 
-NOT_SAVED_STATUS = 3
 FixOption = Annotated[
     Optional[list[str]],
     typer.Option("--fix", help="A convention to convert from, such as steering-left-positive; may be repeated."),
@@ -133,10 +132,10 @@ def diagnose(
         from reports.diagnosis.log_checks import describe_unsaved
 
         print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
-        raise typer.Exit(NOT_SAVED_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
     if unsaved_soil is not None:
         print_sentence(str(unsaved_soil), err=True)
-        raise typer.Exit(NOT_SAVED_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _render_report(

@@ -173,7 +173,9 @@ for _name, _group in _GROUPS.items():
 
 def main() -> None:
     """Run the command line; errors become exit statuses only here."""
-    _replace_unencodable_characters()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="replace")
     try:
         with repeat_interrupts():
             app()
@@ -270,13 +272,6 @@ def _shorten_arguments(sentence: str) -> str:
         for text in (word, " ".join(word.split()).rstrip(".")):
             sentence = sentence.replace(text, shorten_middle(text)) if text else sentence
     return sentence
-
-
-def _replace_unencodable_characters() -> None:
-    """Print a question mark for characters that the terminal lacks."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
-            stream.reconfigure(errors="replace")
 
 
 def _discard_output() -> None:

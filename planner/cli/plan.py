@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     ClusterOption,
     CsvOption,
     ExecutorChoice,
@@ -232,7 +232,7 @@ def plan(
         _refuse_single_field_outputs(("--png", png), ("--save", save))
         _refuse_done_work(done or (), checkpoint)
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
-        raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
+        raise typer.Exit(0 if is_complete else NO_RESULT_STATUS)
     input_files = list_input_files({**options, "field": request.field})
     input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
@@ -253,7 +253,7 @@ def plan(
             table=partial(build_ranking_table, most_plans=None if choice.simulate_all else MOST_SHOWN_PLANS),
         )
     if not result.ranking.is_recommended:
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _describe_learned_values(ranking: PlanRanking) -> list[str]:

@@ -252,20 +252,6 @@ def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, see
         raise RequestError(f"--noise-m is {noise_m}; use 0 to 10 metres.")
     machine, implement = read_machines(saved, read_request(saved))
     mission = saved.plan.missions[tractor - 1]
-    return RobotDriver(
-        mission,
-        machine,
-        implement,
-        saved.origin_m,
-        name=f"robot {tractor}",
-        hidden=_parse_hidden_effects(hide),
-        noise_m=noise_m,
-        seed=seed * 1000 + tractor,
-        times=times,
-    )
-
-
-def _parse_hidden_effects(hide: list[str]) -> dict[str, float]:
     hidden = {}
     for text in hide:
         name, _, value = text.partition("=")
@@ -275,4 +261,14 @@ def _parse_hidden_effects(hide: list[str]) -> dict[str, float]:
             raise RequestError(
                 f"--hide {text!r} has no value; write effect=value, such as steering_offset=1.5."
             ) from None
-    return hidden
+    return RobotDriver(
+        mission,
+        machine,
+        implement,
+        saved.origin_m,
+        name=f"robot {tractor}",
+        hidden=hidden,
+        noise_m=noise_m,
+        seed=seed * 1000 + tractor,
+        times=times,
+    )

@@ -155,12 +155,6 @@ def build_settings(data: Path | None, database: str, **overrides: object) -> Ser
     # Data of the service (digests of tokens, logs, backups) can be read only by its user.
     os.umask(0o077)
     folder = find_default_data() if data is None else data
-    _check_folder(folder)
-    return ServiceSettings(data=folder, database=database, **overrides)  # type: ignore[arg-type]
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot hold the data of the service."""
     from planner.service.errors import ServiceError
 
     if folder.exists() and not folder.is_dir():
@@ -171,6 +165,7 @@ def _check_folder(folder: Path) -> None:
         raise ServiceError(f"The folder {folder} cannot be made: {error.strerror}; give another --data.") from None
     if not os.access(folder, os.W_OK):
         raise ServiceError(f"The folder {folder} cannot be written to: no permission; give another --data.")
+    return ServiceSettings(data=folder, database=database, **overrides)  # type: ignore[arg-type]
 
 
 def _run_server(settings: ServiceSettings) -> None:

@@ -14,11 +14,12 @@ import typer
 
 from planner.cli.common.options import (
     DEFAULT_FIELD,
-    NO_PLAN_STATUS,
+    NO_RESULT_STATUS,
     ClusterOption,
     CsvOption,
     ExecutorChoice,
     FieldsArgument,
+    HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
     get_option_name,
@@ -39,7 +40,7 @@ from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
@@ -80,12 +81,7 @@ ServiceOption = Annotated[
 def sweep(
     context: typer.Context,
     fields: FieldsArgument = None,
-    headland_order: Annotated[
-        Optional[str],
-        typer.Option(
-            help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-        ),
-    ] = None,
+    headland_order: HeadlandOrderOption = None,
     html: Annotated[
         Optional[Path],
         typer.Option(help="Write one page with cost over time, what matters and the table.", rich_help_panel=OUTPUT),
@@ -117,9 +113,7 @@ def sweep(
     cache: Annotated[
         Optional[Path],
         typer.Option(
-            "--cache",
-            help="Folder for what is estimated; it may be deleted at any time.",
-            rich_help_panel=COMPUTING,
+            "--cache", help="Folder for what is estimated; it may be deleted at any time.", rich_help_panel=COMPUTING
         ),
     ] = None,
     **options: Any,
@@ -152,7 +146,7 @@ def sweep(
         order = swept.build_point_order(picked.numbers)
         _drive(order, result, picked, executor_choice, save, form.is_for_programs)
     if result.best is None:
-        raise typer.Exit(NO_PLAN_STATUS)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def pick_plan(result: SweepResult, row: int | None) -> SweptPlan:

@@ -177,10 +177,6 @@ Clock = Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)]
 Break = Annotated[str, FROM_TIMES, AfterValidator(_validate_break)]
 
 
-def _define_clock(description: str) -> Any:
-    return define_value(None, description, "none", strict=True)
-
-
 class FarmTimes(FileSection):
     """Handling times, shift and breaks. Durations are seconds, times of day "hh:mm" in quotes.
 
@@ -194,8 +190,8 @@ class FarmTimes(FileSection):
     refill_s: float = define_number(
         300.0, 0.0, MAX_DURATION_S, "s to refill or unload at the service point", "assumed: one big bag or tank"
     )
-    shift_start: Clock = _define_clock("hh:mm in quotes")
-    shift_end: Clock = _define_clock("hh:mm in quotes")
+    shift_start: Clock = define_value(None, "hh:mm in quotes", "none", strict=True)
+    shift_end: Clock = define_value(None, "hh:mm in quotes", "none", strict=True)
     breaks: tuple[Break, ...] = define_value((), "such as '12:00-12:30', in quotes", "none: robots need none")
     road_speed_kmh: float = define_number(
         25.0, 0.5, 80.0, "km/h on the road", "assumed: with an implement, villages included"

@@ -156,18 +156,14 @@ class RobotDriver:
             self._begun_s, self._clock_s = now, time.time() - now
         if now - self._last_contact_s > SILENCE_S and not self._silent:
             self._silent = True
-            self._stop_if_led_and_silent()
+            is_following = self._ordered_to_drive and math.isfinite(self.stepper.speed_limit_mps)
+            if is_following or self.stepper.state.mode == REMOTE:
+                self._stand_for_silence()
         if now - self._last_contact_s > self._horizon_s and self._ordered_to_drive and not self._stopped_by_silence:
             self._stand_for_silence()
         self.stepper.advance((now - self._begun_s) * self.times)
         self.sequence += 1
         return self._build_state(now)
-
-    def _stop_if_led_and_silent(self) -> None:
-        """After a second of silence: stop if following another tractor or driven by remote control."""
-        is_following = self._ordered_to_drive and math.isfinite(self.stepper.speed_limit_mps)
-        if is_following or self.stepper.state.mode == REMOTE:
-            self._stand_for_silence()
 
     def _stand_for_silence(self) -> None:
         """Stop until frames arrive again; under remote control until a new order."""

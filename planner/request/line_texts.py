@@ -28,7 +28,16 @@ def read_line_wishes(leave_out: str | None, work_first: str | None, give: tuple[
     )
     given, named = list[tuple[int, tuple[LineName, ...]]](), list(out)
     for text in give:
-        given.append(_read_given(text))
+        # "2=5-8" is a tractor and its lines.
+        tractor, is_given, names = text.partition("=")
+        number = int(tractor) if tractor.strip().isdecimal() and len(tractor.strip()) < 4 else 0
+        if not is_given or number < 1:
+            raise HeadlandError(
+                f"{mark_parameter('give')} {shorten_value(text)} is not a tractor with its tracks; write for "
+                "instance 2=5-8.",
+                parameter="give",
+            )
+        given.append((number, parse_line_names(names, "give")))
         named += given[-1][1]
         _check_number(named, "give")
     twice = next((name for name, count in Counter(named).items() if count > 1), None)
@@ -46,19 +55,6 @@ def read_line_wishes(leave_out: str | None, work_first: str | None, give: tuple[
             parameter="leave_out",
         )
     return LineWishes(out, first, tuple(given))
-
-
-def _read_given(text: str) -> tuple[int, tuple[LineName, ...]]:
-    """ "2=5-8" as a tractor and its lines."""
-    tractor, is_given, names = text.partition("=")
-    number = int(tractor) if tractor.strip().isdecimal() and len(tractor.strip()) < 4 else 0
-    if not is_given or number < 1:
-        raise HeadlandError(
-            f"{mark_parameter('give')} {shorten_value(text)} is not a tractor with its tracks; write for "
-            "instance 2=5-8.",
-            parameter="give",
-        )
-    return number, parse_line_names(names, "give")
 
 
 def check_first_lines(wishes: LineWishes, headland_orders: Sequence[str]) -> None:

@@ -194,7 +194,12 @@ def check_option_limits(request: Any) -> None:
         option = find_annotation_metadata(annotation, OptionHelp)
         limits = find_annotation_metadata(annotation, NumberLimits)
         if limits is not None:
-            _check_limits(name, value, limits)
+            written = value if limits.scale == 1.0 else value / limits.scale
+            if not limits.contains(written):
+                subject = f"The {limits.label} ({mark_parameter(name)})" if limits.label else mark_parameter(name)
+                number = str(written) if isinstance(written, int) else f"{written:g}"
+                unit = f" {limits.unit}" if limits.unit else ""
+                raise RequestError(f"{subject} is {number}{unit}; {limits.describe_range()}.")
         if option is not None and option.choices and value not in option.choices:
             close = suggest_name(value, option.choices)
             raise RequestError(
@@ -205,15 +210,6 @@ def check_option_limits(request: Any) -> None:
 @functools.cache
 def _list_annotations(model: Hashable) -> tuple[tuple[str, Any], ...]:
     return tuple(get_type_hints(cast("type", model), include_extras=True).items())
-
-
-def _check_limits(name: str, value: float, limits: NumberLimits) -> None:
-    written = value if limits.scale == 1.0 else value / limits.scale
-    if not limits.contains(written):
-        subject = f"The {limits.label} ({mark_parameter(name)})" if limits.label else mark_parameter(name)
-        number = str(written) if isinstance(written, int) else f"{written:g}"
-        unit = f" {limits.unit}" if limits.unit else ""
-        raise RequestError(f"{subject} is {number}{unit}; {limits.describe_range()}.")
 
 
 def describe_fault(fault: Mapping[str, Any], location: str) -> str:

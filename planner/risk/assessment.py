@@ -18,20 +18,16 @@ from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
     RiskSettings,
     apply_factors,
+    compute_variance_shares,
     estimate_graph_risk,
-    estimate_risk,
     sample_outcomes,
 )
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    build_quality_key,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, build_quality_key
 from reports.common.shortfalls import Shortfall
-from reports.common.wording import format_duration, format_price
+from reports.common.wording import LEAST_SHARE, format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -46,7 +42,6 @@ TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1
 ACCELERATION_MPS2 = 0.7
 Array = npt.NDArray[np.float64]
-MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +214,7 @@ def add_risk_estimate(
         return result
     ordered_run = enforce_planned_order(run, tractor, implement)
     graph = build_leg_graph(ordered_run, measure_leg_consumption(ordered_run, tractor, fuel_load, terrain))
-    estimate = estimate_graph_risk(graph, criteria.settings, with_variance_shares=False)
+    estimate = estimate_graph_risk(graph, criteria.settings)
     plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
     deadline_s = criteria.settings.deadline_s
     return replace(
@@ -317,7 +312,7 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
             else f"No plan finishes before the rain; the closest is {format_duration(late_s)} late.",
         )
     surest = max(plan.finish_probability or 0.0 for plan in plans)
-    if surest >= MIN_FINISH_PROBABILITY:
+    if surest >= LEAST_SHARE:  # else no plan meets the limit
         return plans, None
     return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} of the samples."
 
@@ -367,9 +362,7 @@ def check_best_plan(
     check_result = check_graph_in_physics(
         ordered_run, settings.uncertainty, tractor, implement, terrain=terrain, load=load, seed=settings.seed
     )
-    return check_result, estimate_risk(
-        ordered_run, replace(settings, samples=min(settings.samples, 2000))
-    ).variance_shares
+    return check_result, compute_variance_shares(build_leg_graph(ordered_run), settings)
 
 
 def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]) -> tuple[str, ...]:

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fields.units import HOUR_S
+from fields.units import HOUR_S, PCT
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.risk.monte_carlo import SampledOutcomes
 from reports.common.language import mark_text
 from vehicle.missions.run import SimulationRun
 
-PCT_TO_SHARE = 0.01
+PCT_TO_SHARE = 1.0 / PCT
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
 Array = npt.NDArray[np.float64]
@@ -183,11 +183,7 @@ def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -
     """The cost of a plan for `area_ha` of work."""
     paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
     late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
-    return PlanCost(
-        float(paid.mean()),
-        float((paid + late_ground).mean()),
-        _compute_standard_error(paid + late_ground),
-    )
+    return PlanCost(float(paid.mean()), float((paid + late_ground).mean()), _compute_standard_error(paid + late_ground))
 
 
 def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Array:

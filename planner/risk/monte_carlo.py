@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from fields.geometry.tolerances import ROUNDING
 from fields.units import PCT
 from planner.farm.random_inputs import (
     MAX_SLIP_PCT,
@@ -17,10 +18,9 @@ from planner.farm.random_inputs import (
     compute_log_deviation,
 )
 from planner.farm.workday import Workday
-from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
+from planner.risk.leg_graph import WORK_PASS, LegGraph
 from planner.risk.rain import RainForecast
 from planner.risk.random_events import StopEvents, create_generator, draw_lognormal, draw_stop_events
-from vehicle.missions.run import SimulationRun
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
 MAX_SLIP_SHARE = MAX_SLIP_PCT / PCT
@@ -256,7 +256,6 @@ def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[
 
 QUANTILES = (0.50, 0.80, 0.95)
 VARIANCE_SAMPLES = 2000
-SAME_VARIANCE_S2 = 1e-9
 DEFAULT_SAMPLES = 10_000
 DEFAULT_UNCERTAINTY = UncertaintySettings()
 
@@ -297,7 +296,6 @@ class RiskEstimate:
 
     `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. The quantiles are of the
     finish of the last tractor, `p50_done_s` and `p95_done_s` of the end of field work by the clock.
-    `variance_shares` are the shares of the variance of the finish that vanish when an input is switched off, by name.
     """
 
     finish_probability: float | None
@@ -307,16 +305,10 @@ class RiskEstimate:
     p95_s: float
     p50_done_s: float
     p95_done_s: float
-    variance_shares: dict[str, float]
     outcomes: SampledOutcomes
 
 
-def estimate_risk(run: SimulationRun, settings: RiskSettings, *, with_variance_shares: bool = True) -> RiskEstimate:
-    """The risk figures of a finished run."""
-    return estimate_graph_risk(build_leg_graph(run), settings, with_variance_shares=with_variance_shares)
-
-
-def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_variance_shares: bool = True) -> RiskEstimate:
+def estimate_graph_risk(graph: LegGraph, settings: RiskSettings) -> RiskEstimate:
     """The risk figures of a leg graph."""
     limit_s = settings.sample_field_limit_s()
     outcomes = sample_outcomes(
@@ -335,34 +327,31 @@ def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_varianc
         p95_s=p95,
         p50_done_s=p50_done_s,
         p95_done_s=p95_done_s,
-        variance_shares=compute_variance_shares(graph, settings) if with_variance_shares else {},
         outcomes=outcomes,
     )
 
 
-def compute_wilson_interval(hits: int, trials: int, z: float = INTERVAL_SIGMAS) -> tuple[float, float]:
-    """Wilson score interval of a share (Wilson 1927); by default 95 %."""
-    share, square = hits / trials, z * z / trials
+def compute_wilson_interval(hits: int, trials: int) -> tuple[float, float]:
+    """Wilson score interval of a share (Wilson 1927) at 95 %."""
+    share, square = hits / trials, INTERVAL_SIGMAS**2 / trials
     middle = (share + 0.5 * square) / (1.0 + square)
-    half = z / (1.0 + square) * math.sqrt(share * (1.0 - share) / trials + 0.25 * square / trials)
+    half = INTERVAL_SIGMAS / (1.0 + square) * math.sqrt(share * (1.0 - share) / trials + 0.25 * square / trials)
     low = 0.0 if hits == 0 else max(0.0, middle - half)
     return low, 1.0 if hits == trials else min(1.0, middle + half)
 
 
-def compute_variance_shares(
-    graph: LegGraph, settings: RiskSettings, samples: int = VARIANCE_SAMPLES
-) -> dict[str, float]:
+def compute_variance_shares(graph: LegGraph, settings: RiskSettings) -> dict[str, float]:
     """Share of the variance of the finishing time that goes with each input, the others left on, the largest first.
 
     All on the same random numbers. The shares need not add up to 1: inputs act together.
     """
-    samples = min(samples, settings.samples)
+    samples = min(VARIANCE_SAMPLES, settings.samples)
 
     def compute_variance(uncertainty: UncertaintySettings) -> float:
         return float(np.var(sample_outcomes(graph, uncertainty, samples=samples, seed=settings.seed).finish_s))
 
     total_variance = compute_variance(settings.uncertainty)
-    if total_variance < SAME_VARIANCE_S2:
+    if total_variance < ROUNDING:
         return dict.fromkeys(RANDOM_INPUTS, 0.0)
     shares = {
         name: max(0.0, 1.0 - compute_variance(settings.uncertainty.disable_input(name)) / total_variance)

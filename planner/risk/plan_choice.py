@@ -265,7 +265,12 @@ def _describe_cost(plan: PlanFigures, unit: str) -> str:
 def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:
     """How an alternative does: its probability, its fuel, or its time with the objective fastest or without a limit."""
     if objective == LEAST_FUEL and plan.energy is not None and chosen.energy:
-        return _describe_energy_change(plan.energy, chosen.energy, "electricity" if plan.is_electric else "fuel")
+        name = "electricity" if plan.is_electric else "fuel"
+        change_pct = round(100.0 * (plan.energy / chosen.energy - 1.0))
+        if not change_pct:
+            return f"as much {name}"
+        equal_remark = ABOUT_EQUAL if _is_too_near(plan.energy, chosen.energy, 0.0) else ""
+        return f"{abs(change_pct)} % {'more' if change_pct > 0 else 'less'} {name}{equal_remark}"
     if objective == FASTEST or plan.probability is None or chosen.probability is None:
         return _describe_time_change(plan, chosen, objective)
     if plan.probability == 0.0:
@@ -274,15 +279,6 @@ def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective
     if is_interval_wide(plan.interval) and has_indistinct_probability(plan, chosen):
         return f"{probability_text} (no clear difference with {chosen.samples} samples)"
     return probability_text + (ABOUT_EQUAL if objective == SUREST and has_same_probability(plan, chosen) else "")
-
-
-def _describe_energy_change(energy: float, reference: float, name: str) -> str:
-    """The change of fuel or electricity, as `name` says, in per cent of that of the chosen plan."""
-    change_pct = round(100.0 * (energy / reference - 1.0))
-    if not change_pct:
-        return f"as much {name}"
-    equal_remark = ABOUT_EQUAL if _is_too_near(energy, reference, 0.0) else ""
-    return f"{abs(change_pct)} % {'more' if change_pct > 0 else 'less'} {name}{equal_remark}"
 
 
 def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:

@@ -125,17 +125,12 @@ def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
     edges = [0.0, *cuts_m, float(along[-1])]
     parts = []
     for number, (start, end) in enumerate(pairwise(edges)):
-        points = _extract_polyline(leg.points, along, start, end)
+        inside = (along > start + 1e-3) & (along < end - 1e-3)
+        ends = np.array([[np.interp(at, along, leg.points[:, axis]) for axis in (0, 1)] for at in (start, end)])
+        points = np.vstack([ends[:1], leg.points[inside], ends[1:]])
         part = replace(leg, points=points)
         parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0, fold_s=0.0))
     return parts
-
-
-def _extract_polyline(points: Points, along: Points, start: float, end: float) -> Points:
-    """The polyline from one distance along it to another."""
-    inside = (along > start + 1e-3) & (along < end - 1e-3)
-    ends = np.array([[np.interp(at, along, points[:, axis]) for axis in (0, 1)] for at in (start, end)])
-    return np.vstack([ends[:1], points[inside], ends[1:]])
 
 
 OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between outlines: under a metre of driving
@@ -259,19 +254,14 @@ def _mark_segments(run: SimulationRun, tractor: int) -> Array:
         scale = leg.length_m / max(along[end] - along[begin], 1e-6)
         first = begin
         while first < end:
-            last = _find_segment_end(along, turned, first, end)
+            distance_row = int(np.searchsorted(along, along[first] + SEGMENT_M))
+            turned_row = int(np.searchsorted(turned, turned[first] + SEGMENT_RAD))
+            last = min(max(first + 1, min(distance_row, turned_row)), end)
             start_m, end_m = ((along[row] - along[begin]) * scale for row in (first, last))
             times = run.time_s[first], run.time_s[last], run.time_s[begin]
             marks.append((tractor, leg_of_row[begin], first, last, start_m, end_m, *times))
             first = last
     return np.array(marks, dtype=np.float64)
-
-
-def _find_segment_end(along: Array, turned: Array, first: int, end: int) -> int:
-    """Last row of a segment: after SEGMENT_M, after a turn by SEGMENT_RAD, or at the end of the leg."""
-    distance_row = int(np.searchsorted(along, along[first] + SEGMENT_M))
-    turned_row = int(np.searchsorted(turned, turned[first] + SEGMENT_RAD))
-    return min(max(first + 1, min(distance_row, turned_row)), end)
 
 
 def _list_rows(first: int, last: int) -> IntArray:

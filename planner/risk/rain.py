@@ -70,7 +70,14 @@ def parse_rain(text: str, start_s: int | None) -> RainForecast:
 def parse_ensemble(text: str, file_name: str, start_s: int | None) -> RainForecast:
     """Rain from the text of a CSV file as in `parse_rain`; `file_name` names it in refusals."""
     table = parse_table(text, f"{mark_parameter('rain')} file {file_name}", RequestError, keeps_empty=True)
-    _reject_empty_line(text, file_name)
+    # The csv module skips an empty line in a single column: it may mean a dry member or nothing.
+    head, *lines = text.splitlines() or [""]
+    for number, line in enumerate(lines, 2):
+        if "," not in head and not line.strip():
+            raise RequestError(
+                f"{mark_parameter('rain')} file {file_name} is empty in line {number}; write dry there for a member "
+                "without rain, or delete the line."
+            )
     column = table.find_column(("time", "hours"))
     if column is None:
         raise RequestError(f"{table.label} has no column of times; give it a header with time (hh:mm) or hours.")
@@ -88,17 +95,6 @@ def parse_ensemble(text: str, file_name: str, start_s: int | None) -> RainForeca
             "least one of them with a time."
         )
     return RainForecast(tuple(onsets_s), (1.0 / count,) * len(onsets_s))
-
-
-def _reject_empty_line(text: str, file_name: str) -> None:
-    """Refuse an empty line in a single column, which csv skips: it may mean a dry member or nothing."""
-    head, *lines = text.splitlines() or [""]
-    for number, line in enumerate(lines, 2):
-        if "," not in head and not line.strip():
-            raise RequestError(
-                f"{mark_parameter('rain')} file {file_name} is empty in line {number}; write dry there for a member "
-                "without rain, or delete the line."
-            )
 
 
 def _parse_percentages(text: str, start_s: int | None) -> RainForecast:

@@ -10,6 +10,7 @@ from itertools import product
 from math import prod
 from typing import Any
 
+from fields.geometry.tolerances import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
@@ -18,7 +19,6 @@ from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 MOST_POINTS = 100_000
 MOST_VALUES = 1000
 _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
-_ROUNDING = 1e-9
 _TEXTS = ("tractors", "start_s", "deadline_s", "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
@@ -159,5 +159,5 @@ def _read_numbers(option: RequestOption, part: str) -> list[Any]:
             f"step above 0, from no more than to, {MOST_VALUES} values at most.",
             parameter=option.parameter,
         )
-    count = int((last - first) / step + 1.0 + _ROUNDING)
+    count = int((last - first) / step + 1.0 + ROUNDING)
     return [option.type(round(first + number * step, 9)) for number in range(count)]

@@ -174,10 +174,6 @@ class Sweep:
         self._points = list(list_points(self.axes))
         self._tasks = [build_tasks(self.axes, partial(self.build_order, name)) for name in self.fields]
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
-        self._check_tracks()
-
-    def _check_tracks(self) -> None:
-        """Raise RequestError where something is wanted of single tracks, and several layouts number them."""
         varied = [axis.option.name for axis in self.axes if axis.parameter not in UNLAID and len(axis.values) > 1]
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"

@@ -336,18 +336,14 @@ def _insert_learned_values(
         accepted.append(learned)
     text = remove_blocks(text, LEARNED_SECTION, {learned.key for learned in accepted})
     for learned in accepted:
-        text = append_block(text, LEARNED_SECTION, _build_learned_entry(learned))
+        entries: dict[str, Any] = {"key": learned.key, "value": learned.value}
+        if learned.low is not None and learned.high is not None:
+            entries |= {"low": learned.low, "high": learned.high}
+        names = list(learned.runs[:MAX_RUN_NAMES])
+        unnamed_count = len(learned.runs) - len(names)
+        origin = learned.measured + (f" (and {unnamed_count} more runs)" if unnamed_count else "")
+        text = append_block(text, LEARNED_SECTION, {**entries, "origin": origin, "runs": names})
     return text, outcomes
-
-
-def _build_learned_entry(learned: LearnedOutcome) -> dict[str, Any]:
-    entries: dict[str, Any] = {"key": learned.key, "value": learned.value}
-    if learned.low is not None and learned.high is not None:
-        entries |= {"low": learned.low, "high": learned.high}
-    names = list(learned.runs[:MAX_RUN_NAMES])
-    unnamed_count = len(learned.runs) - len(names)
-    origin = learned.measured + (f" (and {unnamed_count} more runs)" if unnamed_count else "")
-    return {**entries, "origin": origin, "runs": names}
 
 
 def _locate_toml_value(farm_file: FarmFile, key: str) -> tuple[str, int | None, str]:

@@ -128,20 +128,16 @@ def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
             "and no way of waiting that was tried avoids it"
         )
     if run.outcome == STALL:
-        return _explain_stall(run)
+        # One tractor that cannot follow its path, and where, or all that are not done wait.
+        unfinished = np.flatnonzero(~np.isfinite(run.finish_s)).tolist()
+        lost = next((tractor for tractor in unfinished if run.get_statuses(tractor)[-1] != WAITING), None)
+        if lost is None:
+            return "tractors wait for each other and none moves any more"
+        (x, y), speed_mps = run.record[-1, lost, REC_PLACE], abs(float(run.record[-1, lost, REC_SPEED]))
+        if speed_mps > MIN_MOVING_MPS:
+            return f"tractor {lost + 1} drives beside its path at ({x:.0f}, {y:.0f}) m: it cannot follow it there"
+        return f"tractor {lost + 1} stands still at ({x:.0f}, {y:.0f}) m: it cannot follow its path there"
     return f"a tractor does not finish: still driving after {run.time_s[-1]:.0f} s{_describe_slow_work(run)}"
-
-
-def _explain_stall(run: SimulationRun) -> str:
-    """Why none gets on: one tractor that cannot follow its path, and where, or all that are not done wait."""
-    unfinished = np.flatnonzero(~np.isfinite(run.finish_s)).tolist()
-    lost = next((tractor for tractor in unfinished if run.get_statuses(tractor)[-1] != WAITING), None)
-    if lost is None:
-        return "tractors wait for each other and none moves any more"
-    (x, y), speed_mps = run.record[-1, lost, REC_PLACE], abs(float(run.record[-1, lost, REC_SPEED]))
-    if speed_mps > MIN_MOVING_MPS:
-        return f"tractor {lost + 1} drives beside its path at ({x:.0f}, {y:.0f}) m: it cannot follow it there"
-    return f"tractor {lost + 1} stands still at ({x:.0f}, {y:.0f}) m: it cannot follow its path there"
 
 
 def _describe_slow_work(run: SimulationRun) -> str:

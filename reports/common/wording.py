@@ -73,7 +73,8 @@ def is_us() -> bool:
     return get_units() == US
 
 
-SURE_SHARE = 0.995  # a probability that is written as 100 % is not said again
+LEAST_SHARE = 0.005  # less is 0 in whole per cent
+SURE_SHARE = 1.0 - LEAST_SHARE  # a probability that is written as 100 % is not said again
 LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals

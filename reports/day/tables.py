@@ -13,14 +13,7 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
-from reports.common.text_tables import (
-    AnswerLines,
-    FittedTable,
-    TableColumn,
-    build_table,
-    format_sentence,
-    format_title,
-)
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, build_table, format_sentence, format_title
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.answer import (
     describe_day_certainty,

@@ -8,13 +8,7 @@ from urllib.parse import quote
 
 from reports.common import palette
 from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.notebook import (
-    NOT_DRAWN,
-    ResultView,
-    build_view,
-    encode_picture,
-    render_fragment,
-)
+from reports.common.notebook import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, join_list
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
@@ -54,13 +48,7 @@ from reports.diagnosis.sentences import (
     sort_findings,
 )
 from reports.diagnosis.tables import build_diagnosis_dict, build_effect_table, format_diagnosis_json, list_found
-from vehicle.identification.diagnosis.results import (
-    CONSTANT_LAW,
-    EQUIVALENT,
-    NOT_VISIBLE,
-    Diagnosis,
-    Finding,
-)
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
 
 if TYPE_CHECKING:
@@ -255,10 +243,7 @@ def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
         table=lambda: [_flatten_effect(entry) for entry in build_diagnosis_dict(diagnosis)["effects"]],
         draw=(lambda axes: draw_errors(axes, diagnosis)) if diagnosis.before else None,
         not_drawn=f"{NOT_DRAWN}: the logs are too short for errors.",
-        files={
-            ".json": lambda: format_diagnosis_json(diagnosis),
-            ".html": lambda: render_diagnosis_page(diagnosis),
-        },
+        files={".json": lambda: format_diagnosis_json(diagnosis), ".html": lambda: render_diagnosis_page(diagnosis)},
     )
 
 

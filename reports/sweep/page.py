@@ -21,13 +21,7 @@ from reports.common.rendering import ReportError, render_template
 from reports.common.wording import capitalize_first, format_duration, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
 from reports.sweep.results import SweepResult, SweptPlan
-from reports.sweep.tables import (
-    build_front_table,
-    format_sweep_csv,
-    format_sweep_json,
-    list_rows,
-    render_sweep_parquet,
-)
+from reports.sweep.tables import build_front_table, format_sweep_csv, format_sweep_json, list_rows, render_sweep_parquet
 from reports.sweep.wording import (
     ESTIMATED,
     build_query,
@@ -77,8 +71,7 @@ def render_sweep_page(result: SweepResult) -> str:
 def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[tuple[int, ...], int]) -> dict[str, Any]:
     """All points, those of the front, ticks, and what the script of the page shows of a point."""
     x_axis, y_axis = SWEEP_FRAME.build_axes(
-        _widen_range([one.plan.ranked_s for one in plans]),
-        _widen_range([one.plan.ranked_cost for one in plans]),
+        _widen_range([one.plan.ranked_s for one in plans]), _widen_range([one.plan.ranked_cost for one in plans])
     )
     at = [(x_axis.place(one.plan.ranked_s), y_axis.place(one.plan.ranked_cost)) for one in plans]
     front = [places[one.numbers] for one in result.front]

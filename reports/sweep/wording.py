@@ -10,6 +10,7 @@ from urllib.parse import urlencode
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanResult
 from reports.common.wording import (
+    LEAST_SHARE,
     SPEED,
     capitalize_first,
     format_duration,
@@ -22,7 +23,6 @@ from reports.common.wording import (
 from reports.plan.answer import HEADLAND_ORDERS
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
-LEAST_SHARE = 0.005  # of a variance; less is nothing
 ESTIMATED = mark_text(
     "Estimated: each number of tractors was driven once, and its times by speed are computed from that. --save drives "
     "a combination in full."

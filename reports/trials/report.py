@@ -73,7 +73,16 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
         (one.title, *map(str, (one.total, one.near_count, one.fair_count, one.far_count, one.uncompared_count)))
         for one in shown
     )
-    return ThesisAgreement(headline, tuple(_describe_agreement(counts, total, sheets)), header, rows)
+    sentences = []
+    if total.far_count and len(counts) > 1:
+        named = join_list(f"{one.title} ({one.far_count})" for one in counts if one.far_count)
+        sentences.append(f"Differ by more than {FAR_PCT:g} %: {named}.")
+    if total.uncompared_count:
+        sentences.append(f"{total.uncompared_count} cannot be compared; each is listed with the reason.")
+    ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
+    if ours:
+        sentences.append(f"{ours} further simulated numbers are not in the thesis.")
+    return ThesisAgreement(headline, tuple(sentences), header, rows)
 
 
 def compute_deviation_pct(row: ThesisComparison) -> float | None:
@@ -86,21 +95,6 @@ def _count_agreement(title: str, rows: Iterable[ThesisComparison]) -> _Agreement
     off = [value for row in printed if (value := compute_deviation_pct(row)) is not None]
     near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
     return _AgreementCount(title, near, fair, len(off) - near - fair, len(printed) - len(off))
-
-
-def _describe_agreement(
-    counts: Sequence[_AgreementCount], total: _AgreementCount, sheets: Sequence[ExperimentSheet]
-) -> list[str]:
-    sentences = []
-    if total.far_count and len(counts) > 1:
-        named = join_list(f"{one.title} ({one.far_count})" for one in counts if one.far_count)
-        sentences.append(f"Differ by more than {FAR_PCT:g} %: {named}.")
-    if total.uncompared_count:
-        sentences.append(f"{total.uncompared_count} cannot be compared; each is listed with the reason.")
-    ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
-    if ours:
-        sentences.append(f"{ours} further simulated numbers are not in the thesis.")
-    return sentences
 
 
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:

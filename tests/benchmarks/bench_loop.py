@@ -6,6 +6,8 @@
 Every variant drives the same plan: a formation in which gates hold each tractor behind its neighbour, with U-turns at
 the ends of the swaths. The variants take turns, and the best CPU time of each counts, so that a busy machine slows all
 of them or none.
+
+The bare loop has the same formulas on plain arrays, no shapes, no contacts: the rest of the full loop is pymunk.
 """
 
 import argparse
@@ -13,12 +15,15 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
-from tests.benchmarks.bare_loop import BareWorld
 from tests.benchmarks.plain_pymunk import PlainWorld
+from vehicle.control.guidance import run_control_tick
+from vehicle.jit import drop_owner
 from vehicle.missions.plan import SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.ground import get_tyres
@@ -26,7 +31,9 @@ from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S
+from vehicle.sim.clearance import find_too_close
 from vehicle.sim.compile import build_tyre_ground_records
+from vehicle.sim.loop import drive_tractor, write_record_row
 from vehicle.sim.world import World
 
 SIZES = (1, 9, 25, 50)
@@ -43,6 +50,59 @@ WITHOUT_EFFECTS = {1: 31.9, 9: 31.8, 25: 30.0, 50: 29.8}
 MIN_SPEED_SHARE = 0.8
 MIN_BARE_SHARE, MIN_BARE_SHARE_ON_TERRAIN = 0.65, 0.5
 HILL_SPACING_M = 5.0
+
+
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def run_bare_steps(  # type: ignore[no-untyped-def]
+    steps, dt, every, bodies, force, states, models, grounds, tables, legs, gates, points, cumulative, record,
+    clearances,
+):  # fmt: skip
+    """Advance `bodies` (n, 6: x, y, angle, vx, vy, spin) as pymunk does: places first, with the old velocity."""
+    bodies, force, states, models = drop_owner(bodies), drop_owner(force), drop_owner(states), drop_owner(models)
+    grounds, tables, legs, gates = drop_owner(grounds), drop_owner(tables), drop_owner(legs), drop_owner(gates)
+    points, cumulative, record, clearances = (
+        drop_owner(points),
+        drop_owner(cumulative),
+        drop_owner(record),
+        drop_owner(clearances),
+    )
+    count = len(states)
+    for step in range(steps):
+        if step % every == 0:
+            for i in range(count):
+                states[i].x, states[i].y, states[i].angle = bodies[i, 0], bodies[i, 1], bodies[i, 2]
+            for i in range(count):
+                run_control_tick(i, states, models, legs, gates, points, cumulative, step * dt, every * dt)
+            write_record_row(record, step // every, states)
+            find_too_close(states, models, clearances, -1.0, -1.0)
+        for i in range(count):
+            model = models[states[i].model]
+            ground = legs[states[i].leg].ground
+            drive_tractor(states[i], model, grounds, ground, tables[states[i].model, ground], bodies[i], force, dt)
+            bodies[i, 0] += bodies[i, 3] * dt
+            bodies[i, 1] += bodies[i, 4] * dt
+            bodies[i, 2] += bodies[i, 5] * dt
+            bodies[i, 3] += force[0] / model.mass * dt
+            bodies[i, 4] += force[1] / model.mass * dt
+            bodies[i, 5] += force[2] / model.inertia * dt
+
+
+class BareWorld:
+    """The bodies and arrays of a World, driven without pymunk."""
+
+    def __init__(self, world: World, steps: int) -> None:
+        self.world = world
+        self.bodies = np.array([[*b.position, b.angle, *b.velocity, b.angular_velocity] for b in world.bodies])
+        self.record: Any = np.empty((steps // world.steps_per_tick + 1, len(world.bodies), 7))
+
+    def run(self, steps: int) -> None:
+        """Advance by `steps` of 1/60 s."""
+        world, program = self.world, self.world.program
+        run_bare_steps(
+            steps, DT_S, world.steps_per_tick, self.bodies, np.zeros(3), program.states, world.models, world.grounds,
+            world.tables, program.legs, program.gates, program.points, program.cumulative, self.record,
+            world.clearances,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

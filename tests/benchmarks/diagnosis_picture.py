@@ -59,20 +59,15 @@ def print_verdicts(result: SearchResult, converter: ValueConverter) -> None:
         print(f"{verdict.hypothesis}: {verdict.status} {verdict.amounts} {interval} {verdict.equivalent_to}")
 
 
-def compute_heading_band(problem: Problem, window: int, amounts: Array) -> Array:
-    """Standard deviations (deg) of the headings of a window under noise, once it is laid on the measurement."""
-    covariance = np.tensordot(np.exp(amounts), problem.noise["pose"].parts[:, window], axes=1)
-    centre = np.eye(POSE_CELLS) - 1.0 / POSE_CELLS
-    return np.asarray(np.degrees(np.sqrt(np.diag(centre @ covariance[HEADING, HEADING] @ centre))))
-
-
 def draw_headings(axes: Sequence[Any], problem: Problem, result: SearchResult, base_noise: dict[str, Array]) -> None:
     """Draw the headings of the window with the largest ones, in the noise of each fit."""
     squares = (result.base.residuals["pose"][:, HEADING] ** 2).sum(axis=1)
     window, time = int(np.argmax(squares)), POSE_CELL_S * (np.arange(POSE_CELLS) + 0.5)
     fits = ("no cause", result.base, base_noise), ("the final model", result.fit, problem.get_noise())
     for axis, (words, fit, amounts) in zip(axes, fits, strict=True):
-        band = BAND_SIGMAS * compute_heading_band(problem, window, amounts["pose"])
+        covariance = np.tensordot(np.exp(amounts["pose"]), problem.noise["pose"].parts[:, window], axes=1)
+        centre = np.eye(POSE_CELLS) - 1.0 / POSE_CELLS
+        band = BAND_SIGMAS * np.asarray(np.degrees(np.sqrt(np.diag(centre @ covariance[HEADING, HEADING] @ centre))))
         axis.fill_between(time, -band, band, color=BAND, label=f"noise fitted beside it, {BAND_SIGMAS:g} sigma")
         axis.plot(time, np.degrees(fit.residuals["pose"][window, HEADING]), ".-", color=BLUE, label="residual")
         axis.set_title(f"Heading (deg) over 10 s, {words}", fontsize=9)

@@ -78,16 +78,11 @@ def fit_exponent(costs_by_size: Mapping[int, float]) -> float | None:
     return float(np.polyfit(np.log(upper), np.log(costs), 1)[0])
 
 
-def choose_sizes(what: str, most: int) -> list[int]:
-    """The sizes up to a most; none where that is 0."""
-    return [size for size in SIZES[what] if size <= most] if most > 0 else []
-
-
 def measure_growth(what: str, most: int, tractors: Sequence[int], checkouts: Sequence[Path]) -> Iterator[list[str]]:
     """Of one row of sizes: a line per size, one size after another, then the exponents of every checkout."""
     costs: dict[tuple[Path, str], dict[int, float]] = {(one, key): {} for one in checkouts for key in COSTS}
     trying = list(checkouts)
-    for size in choose_sizes(what, most):
+    for size in [size for size in SIZES[what] if size <= most] if most > 0 else []:
         cells = []
         for checkout in checkouts:
             if checkout not in trying:

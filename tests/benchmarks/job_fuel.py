@@ -67,11 +67,6 @@ def read_log(header: Path) -> TimeLog:
     return TimeLog(header.stem, log.time_s - log.time_s[0], values)
 
 
-def read_jobs(folder: Path) -> list[tuple[Job, TimeLog]]:
-    """Jobs with their logs."""
-    return [(build_job(log), log) for log in read_logs(folder)]
-
-
 def build_job(log: TimeLog) -> Job:
     """A job of a log; the harvested mass between two rows is what it had flowing."""
     speed = np.nan_to_num(log.values[SPEED]) * MPS_PER_UNIT
@@ -117,26 +112,22 @@ def predict_litres(job: Job, machine: Machine, flow_factor: float = 1.0) -> floa
     return total - idle_s * (no_load_l_per_s - machine.engine.idle_rate)
 
 
-def calibrate_crop_j_per_kg(jobs: list[Job], machine: Machine) -> float:
-    """Work of the crop with which the litres of the jobs add up; fuel grows with it in a straight line."""
+def judge(jobs: list[Job], machine: Machine) -> list[str]:
+    """Lines with the errors of every second sound job; `machine` is without crop."""
+    sound = [job for job in jobs if job.is_sound]
+    known, held = sound[::2], sound[1::2]
+    # The litres of the jobs add up with this work of the crop; fuel grows with it in a straight line.
     counted, without, with_one = (
         sum(values)
         for values in zip(
             *(
                 (job.fuel_l, predict_litres(job, machine), predict_litres(job, replace(machine, crop_j_per_kg=1000.0)))
-                for job in jobs
+                for job in known
             ),
             strict=True,
         )
     )
-    return 1000.0 * (counted - without) / (with_one - without)
-
-
-def judge(jobs: list[Job], machine: Machine) -> list[str]:
-    """Lines with the errors of every second sound job; `machine` is without crop."""
-    sound = [job for job in jobs if job.is_sound]
-    known, held = sound[::2], sound[1::2]
-    crop = calibrate_crop_j_per_kg(known, machine)
+    crop = 1000.0 * (counted - without) / (with_one - without)
     machine = replace(machine, crop_j_per_kg=crop)
     tonnes_per_ha = sum(job.mass_t for job in known) / sum(job.area_ha for job in known)
     litres_per_ha = sum(job.fuel_l for job in known) / sum(job.area_ha for job in known)
@@ -168,7 +159,7 @@ def main() -> None:
     parser.add_argument("--rolling", type=float, default=0.08)
     parser.add_argument("--efficiency", type=float, default=0.7, help="from the engine to the axle")
     options = parser.parse_args()
-    pairs = read_jobs(options.folder)
+    pairs = [(build_job(log), log) for log in read_logs(options.folder)]
     power_w = 1000.0 * estimate_engine_kw([log for _, log in pairs[::2]])
     load = WorkLoad(rolling_share=options.rolling, engine_power_w=power_w, driveline_efficiency=options.efficiency)
     machine = Machine(options.mass_kg, DieselEngine(power_w), load)

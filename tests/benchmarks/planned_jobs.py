@@ -155,7 +155,9 @@ def plan_apart(job: Job, checkout: Path) -> Answer:
                 late = {"cpu_s": used_s, "wall_s": time.perf_counter() - begun}
                 return build_lost_answer(f"no answer in {LIMIT_S:.0f} s of CPU") | late
     finally:
-        _end_session(process)
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
     if process.returncode != 0:
         return build_lost_answer(errors.strip().splitlines()[-1] if errors.strip() else f"ended {process.returncode}")
     answer: Answer = json.loads(output.splitlines()[-1])
@@ -192,13 +194,6 @@ def measure_session_cpu_s(session: int) -> float:
         if int(values[3]) == session:
             ticks += sum(int(value) for value in values[11:15])
     return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def _end_session(process: subprocess.Popen[str]) -> None:
-    """End a process that is still running, with its workers, which are of its group."""
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
 
 
 def _end_with_starter(starter: int) -> None:

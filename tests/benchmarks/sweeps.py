@@ -73,34 +73,14 @@ def sweep_ten_thousand() -> Sweep:
     return sweep
 
 
-def draw_requests(count: int, seed: int) -> list[PlanRequest]:
-    """Combinations of options, the samples in turn."""
-    draw = random.Random(seed)
-    return [
-        PlanRequest(
-            SAMPLES[number % len(SAMPLES)],
-            width_m=draw.choice(WIDTHS_M),
-            speed_mps=draw.choice(SPEEDS_KMH) * MPS_PER_KMH,
-            tractors=(draw.randint(1, MOST_TRACTORS),),
-            headland_order=draw.choice(HEADLAND_ORDERS),
-        )
-        for number in range(count)
-    ]
-
-
-def estimate_in_sweep(request: PlanRequest) -> PlanResult:
-    """The estimate of a request by a sweep of speeds and orders of the headland, driven at a middling speed."""
+def compare_with_drive(request: PlanRequest) -> Difference | None:
+    """An estimate beside the plan to take when the same is driven; None where there is none of either."""
     axes = read_axes({"speed_kmh": list(SPEEDS_KMH), "headland_order": list(HEADLAND_ORDERS)})
     (task,) = build_tasks(axes, lambda parameters: WorkOrder(replace(request, **parameters)))
     plans = estimate_task(task.orders, lay_out_ground(task.reference))
     wanted = request.headland_order, round(request.speed_mps / MPS_PER_KMH, 6)
     found = [(one.request.headland_order, round(one.request.speed_mps / MPS_PER_KMH, 6)) for one in task.orders]
-    return plans[found.index(wanted)]
-
-
-def compare_with_drive(request: PlanRequest) -> Difference | None:
-    """An estimate beside the plan to take when the same is driven; None where there is none of either."""
-    estimate, driven = estimate_in_sweep(request), plan_order(WorkOrder(request)).ranking.best
+    estimate, driven = plans[found.index(wanted)], plan_order(WorkOrder(request)).ranking.best
     if driven is None or not estimate.feasible:
         return None
     options = f"{request.width_m:g} m, {request.speed_mps * 3.6:g} km/h, {request.tractors[0]}"
@@ -116,7 +96,17 @@ def compare_with_drive(request: PlanRequest) -> Difference | None:
 def print_accuracy(count: int, seed: int) -> None:
     """Every combination, then the median and the worst difference of each figure."""
     found = []
-    for request in draw_requests(count, seed):
+    draw = random.Random(seed)
+    for request in [
+        PlanRequest(
+            SAMPLES[number % len(SAMPLES)],
+            width_m=draw.choice(WIDTHS_M),
+            speed_mps=draw.choice(SPEEDS_KMH) * MPS_PER_KMH,
+            tractors=(draw.randint(1, MOST_TRACTORS),),
+            headland_order=draw.choice(HEADLAND_ORDERS),
+        )
+        for number in range(count)
+    ]:
         difference = compare_with_drive(request)
         if difference is None:
             print(f"  {request.field}, {request.tractors[0]} tractors: no plan", flush=True)

@@ -109,14 +109,6 @@ class Machine:
         return float(weights.sum() / (weights / speeds).sum())
 
 
-def read_passes(path: Path, chunk_s: float | None = None) -> list[PassLog]:
-    """The passes of a log, in order."""
-    table = pd.read_csv(path)
-    groups = [name for name in ("machine", "log") if name in table]
-    parts = [part for _, part in table.groupby(groups, sort=False)] if groups else [table]
-    return [drive for part in parts for drive in _cut_passes(part, chunk_s)]
-
-
 def _cut_passes(table: pd.DataFrame, chunk_s: float | None) -> list[PassLog]:
     needed = ["time_s", "elevation_m", "speed_mps"] + (["fuel_lph"] if "fuel_lph" in table else [])
     table = table.dropna(subset=needed).reset_index(drop=True)
@@ -254,7 +246,10 @@ def main() -> None:
     engine = DieselEngine(1000.0 * options.power_kw, reduction_pct=options.reduction_pct)
     crop_j_per_kg = options.crop_kwh_per_t * J_PER_KWH / 1000.0
     machine = Machine(options.mass_kg, engine, load, crop_j_per_kg, options.air)
-    passes = read_passes(options.log, options.chunk_s)
+    table = pd.read_csv(options.log)
+    groups = [name for name in ("machine", "log") if name in table]
+    parts = [part for _, part in table.groupby(groups, sort=False)] if groups else [table]
+    passes = [drive for part in parts for drive in _cut_passes(part, options.chunk_s)]
     for name in dict.fromkeys(drive.machine for drive in passes):
         print("\n".join(judge([drive for drive in passes if drive.machine == name], machine, name or options.log.stem)))
 

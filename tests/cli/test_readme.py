@@ -129,14 +129,6 @@ def test_every_beginning_is_one_of_the_guide() -> None:
     assert all(any(line.startswith(words) for line in list_guide_commands()) for words in SELDOM)
 
 
-def write_files_of_readme(folder: Path, headland: Callable[..., Any]) -> None:
-    """Run the README's commands that write what the guide's commands take, where they have not run yet."""
-    writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
-    if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):
-        for line in writing:
-            run_as_written(line, folder, headland)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("line", [
     pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
@@ -144,5 +136,8 @@ def write_files_of_readme(folder: Path, headland: Callable[..., Any]) -> None:
 ])  # fmt: skip
 def test_guide_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    write_files_of_readme(folder, headland)
+    writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
+    if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):
+        for line in writing:
+            run_as_written(line, folder, headland)
     run_as_written(line, folder, headland)

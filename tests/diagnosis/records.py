@@ -50,12 +50,19 @@ def answer_set(one: LogSet) -> Record:
     begun = time.process_time()
     found = diagnose_frames(frames, tractor, one.ground)
     record: Record = {"cpu_s": round(time.process_time() - begun, 2), "memory_mb": measure_memory_mb()}
+    out = []
+    for fault in one.case.faults:
+        frame = frames[fault.run]
+        start = float(frame["time_s"].iloc[0])
+        to_s = None if fault.to_s is None else start + fault.to_s
+        out.append({"id": fault.id, "run": frame.attrs["name"], "from_s": start + fault.from_s, "to_s": to_s})
     record |= {
-        "faults": describe_faults(one.case, frames),
+        "faults": out,
         "minutes": round(found.minutes, 2),
         **describe_diagnosis(found),
     }
-    record["unseen"] = measure_unseen(one, tractor, found)
+    held = measure_holdout(build_logs(make_unseen_frames(one), tractor), tractor, found.tractor, one.ground)
+    record["unseen"] = {"before": list_errors(held.before), "after": list_errors(held.after)}
     if one.is_varied:
         record["varied"] = {how: describe_variation(frames, how, tractor, one.ground)
                             for how in VARIATIONS if not is_as_recorded(frames, how)}  # fmt: skip
@@ -116,17 +123,6 @@ def describe_clocks(case: TruthCase) -> dict[str, dict[str, float]]:
     }
 
 
-def describe_faults(case: TruthCase, frames: Sequence[pd.DataFrame]) -> list[Record]:
-    """Faults with the name of their run and their onset in the time of its log."""
-    out = []
-    for fault in case.faults:
-        frame = frames[fault.run]
-        start = float(frame["time_s"].iloc[0])
-        to_s = None if fault.to_s is None else start + fault.to_s
-        out.append({"id": fault.id, "run": frame.attrs["name"], "from_s": start + fault.from_s, "to_s": to_s})
-    return out
-
-
 def build_logs(frames: Sequence[pd.DataFrame], tractor: Tractor) -> list[Log]:
     """Logs of tables."""
     return [build_log(frame, frame.attrs["name"], wheelbase_m=tractor.wheelbase_m) for frame in frames]
@@ -155,12 +151,6 @@ def describe_diagnosis(found: Diagnosis) -> Record:
         "savable": found.is_savable, "notes": list(found.notes), "headline": found.headline,
     })  # fmt: skip
     return out
-
-
-def measure_unseen(one: LogSet, tractor: Tractor, found: Diagnosis) -> Record:
-    """Errors on runs that the diagnosis never saw, by the tractor of the file and by the one it made."""
-    held = measure_holdout(build_logs(make_unseen_frames(one), tractor), tractor, found.tractor, one.ground)
-    return {"before": list_errors(held.before), "after": list_errors(held.after)}
 
 
 def list_errors(errors: ErrorsByHorizon) -> dict[str, dict[str, float | None]]:

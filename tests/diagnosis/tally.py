@@ -151,7 +151,13 @@ def tally_records(records: Iterable[Record]) -> Tally:
         if "error" in record:
             tally.complain(record, f"ended in {record['error']}")
         if record["kind"] == "mixups":
-            count_mixup(tally, record)
+            # What became of a mix-up
+            outcome = record.get("outcome", SILENT)
+            for what, name in ((MIXED, RIGHT), (MIXED_WRONG, WRONG), (MIXED_TOLD, REMARKED), (MIXED_SILENT, SILENT)):
+                tally.add(what, record, outcome == name)
+            if outcome in (WRONG, SILENT):
+                said = ", ".join([*record.get("fixes", ()), *record["named"]]) or "nothing"
+                tally.complain(record, f"MIX-UP {outcome}: {said}")
             continue
         if "cpu_s" in record:
             tally.costs.setdefault(record["reference"], []).append((record["cpu_s"], record["memory_mb"]))
@@ -161,16 +167,6 @@ def tally_records(records: Iterable[Record]) -> Tally:
                           count_laws, count_clean, count_hints, count_flips):  # fmt: skip
                 count(tally, record)
     return tally
-
-
-def count_mixup(tally: Tally, record: Record) -> None:
-    """What became of a mix-up."""
-    outcome = record.get("outcome", SILENT)
-    for what, name in ((MIXED, RIGHT), (MIXED_WRONG, WRONG), (MIXED_TOLD, REMARKED), (MIXED_SILENT, SILENT)):
-        tally.add(what, record, outcome == name)
-    if outcome in (WRONG, SILENT):
-        said = ", ".join([*record.get("fixes", ()), *record["named"]]) or "nothing"
-        tally.complain(record, f"MIX-UP {outcome}: {said}")
 
 
 def list_equivalent(record: Record) -> list[set[str]]:

@@ -65,13 +65,6 @@ def compute_path_ratio(columns: Columns) -> float:
     return float(steps.sum() / np.sum((speed[1:] + speed[:-1]) / 2.0 * np.diff(columns["time_s"])))
 
 
-def compute_heading_bias_deg(columns: Columns) -> float:
-    """Median of heading minus course over steps of a second."""
-    east, north = (columns[name][20:] - columns[name][:-20] for name in ("easting_m", "northing_m"))
-    course = np.degrees(np.arctan2(east, north))
-    return float(np.median((columns["heading_deg"][10:-10] - course + 180.0) % 360.0 - 180.0))
-
-
 def fit_way_ahead(columns: Columns, rows: int = 4) -> tuple[float, float]:
     """Return how far it drives per measured speed, and by how much less per rad that it turns right (m).
 
@@ -121,7 +114,9 @@ def test_the_path_is_longer_than_the_speed_says(columns: Columns, found: Diagnos
 
 def test_the_heading_error_goes_without_a_name_for_it(columns: Columns, found: Diagnosis) -> None:
     """A bias of the heading and a side push look alike on one straight road: the error goes, the cause stays open."""
-    bias = compute_heading_bias_deg(columns)
+    east, north = (columns[name][20:] - columns[name][:-20] for name in ("easting_m", "northing_m"))
+    course = np.degrees(np.arctan2(east, north))
+    bias = float(np.median((columns["heading_deg"][10:-10] - course + 180.0) % 360.0 - 180.0))
     assert bias == pytest.approx(-0.9, abs=0.1)
     assert found.before[1.0].heading_deg == pytest.approx(abs(bias), abs=0.1)
     assert found.after[1.0].heading_deg < 0.5 * found.before[1.0].heading_deg

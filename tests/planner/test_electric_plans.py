@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -62,21 +61,16 @@ def drive(battery: BatteryParameters, refill: str | None = None, tractors: int =
     return found
 
 
-def join_swath_legs(legs: Sequence[Leg]) -> list[Leg]:
-    """Legs of which those that work one swath are one, begun once: its places to wait cut it."""
-    joined = list[Leg]()
-    for task, group in itertools.groupby(legs, key=lambda leg: leg.task if leg.implement else None):
-        own = list(group)
-        joined += own if task is None else [replace(own[0], points=np.concatenate([leg.points for leg in own]))]
-    return joined
-
-
 def test_a_plan_charges_what_its_work_takes_beyond_the_first_battery() -> None:
     """4 kWh to use: as few stops as there can be, and their time is that of the charger and of connecting it."""
     context, found = prepare(SMALL), drive(SMALL)
     assert isinstance(context.supply, BatterySupply) and found.run is not None
     supply, legs = context.supply, found.run.plan.missions[0].legs
-    total_kwh = supply.compute_legs_need(join_swath_legs(legs), 3.0)
+    joined = list[Leg]()
+    for task, group in itertools.groupby(legs, key=lambda leg: leg.task if leg.implement else None):
+        own = list(group)
+        joined += own if task is None else [replace(own[0], points=np.concatenate([leg.points for leg in own]))]
+    total_kwh = supply.compute_legs_need(joined, 3.0)
     notes = found.run.plan.notes["refills"]
     assert found.result.charges == len(notes) == math.ceil(total_kwh / 4.0) - 1 > 1
     charged_kwh = sum(one["amount"] for one in notes)

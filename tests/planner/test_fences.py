@@ -153,14 +153,9 @@ def test_what_is_touched_is_named() -> None:
     assert name_touched(standing(site, (57.0, 30.0, 0.0)), site) == []
 
 
-def with_pond() -> PlanningContext:
-    """A site with a pond of 20 m by 20 m, 60 m from the left."""
-    holed = shapely.Polygon(BOX.exterior, [shapely.box(60, 20, 80, 40).exterior])
-    return prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("pond", holed)))
-
-
 def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -> None:
-    site = with_pond()
+    holed = shapely.Polygon(BOX.exterior, [shapely.box(60, 20, 80, 40).exterior])
+    site = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("pond", holed)))
     nose, check = compute_contact_boxes(site.tractor, site.implement)["nose"], ObstacleIntrusionCheck(site)
     over, clear = standing(site, (59.0, 30.0, 0.0)), standing(site, (59.99 - nose, 30.0, 0.0))
     assert (

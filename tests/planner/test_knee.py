@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    choose_by_count,
-    choose_plan,
-    is_share_different,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, choose_by_count, choose_plan, is_share_different
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(60))

@@ -67,7 +67,6 @@ class TestKnownAnswers:
         found = estimate_graph_risk(
             graph,
             RiskSettings(build_certain_settings(), RainForecast(rate_per_s=rate), samples=DRAWS),
-            with_variance_shares=False,
         )
         wanted = math.exp(-rate * 3600.0)
         assert abs(found.finish_probability - wanted) < 3 * math.sqrt(wanted * (1 - wanted) / DRAWS)
@@ -114,12 +113,12 @@ class TestKnownAnswers:
 
     @pytest.mark.parametrize(("limit", "wanted"), [(999.0, 0.0), (1001.0, 1.0)])
     def test_without_noise_a_plan_is_in_time_or_not(self, limit: float, wanted: float) -> None:
-        found = estimate_graph_risk(
-            chain(WORK_PASS, 400.0, 600.0), RiskSettings(build_certain_settings(), deadline_s=limit, samples=50)
-        )
+        graph = chain(WORK_PASS, 400.0, 600.0)
+        question = RiskSettings(build_certain_settings(), deadline_s=limit, samples=50)
+        found = estimate_graph_risk(graph, question)
         assert found.finish_probability == wanted
         assert (found.p50_s, found.p95_s) == (1000.0, 1000.0)
-        assert set(found.variance_shares.values()) == {0.0}
+        assert set(compute_variance_shares(graph, question).values()) == {0.0}
         assert 1.0 - found.outcomes.worked_share.mean() == pytest.approx(max(0.0, 1.0 - limit / 1000.0))
 
     @pytest.mark.parametrize("name", ["speed_cv", "turn_cv", "job_cv", "stops_per_hour"])
@@ -127,9 +126,7 @@ class TestKnownAnswers:
         graph = chain(TURN_OVER_ONE if name == "turn_cv" else WORK_PASS, *[60.0] * 30)
         question = RiskSettings(deadline_s=1.05 * 1800.0, samples=4000)
         shares = [
-            estimate_graph_risk(
-                graph, replace(question, uncertainty=only(**{name: value})), with_variance_shares=False
-            ).finish_probability
+            estimate_graph_risk(graph, replace(question, uncertainty=only(**{name: value}))).finish_probability
             for value in (0.0, 0.1, 0.2, 0.4, 0.8)
         ]
         assert shares[0] == 1.0 and shares == sorted(shares, reverse=True) and shares[-1] < 1.0

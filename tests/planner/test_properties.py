@@ -17,7 +17,6 @@ from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanResult
 from strategies.registry import STRATEGIES
 from vehicle.missions.plan import MAX_JOINT_GAP_M, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -58,20 +57,6 @@ def worked_lengths(site: PlanningContext, run: SimulationRun) -> dict[int, float
     return lengths
 
 
-def assert_sound(site: PlanningContext, result: PlanResult) -> None:
-    """What must be true of the figures of a plan that was driven to the end."""
-    assert result.time_s is not None and result.tractor_time_s is not None and result.cost is not None
-    assert result.worked_pct is not None and result.overlap_pct is not None
-    assert 0 < result.time_s <= result.tractor_time_s + 1e-9 <= result.tractors * result.time_s + 1e-6
-    assert result.cost == pytest.approx(result.tractors * result.time_s / 3600 * 40)
-    assert 0 < result.worked_pct <= 100 and 0 <= result.overlap_pct < 60
-    swaths = [shapely.LineString([t.start_m, t.end_m]).buffer(1.5, cap_style="flat") for t in site.layout.swaths]
-    planned = 100 * shapely.union_all(swaths, grid_size=1e-6).intersection(site.layout.field.boundary).area
-    assert result.worked_pct == pytest.approx(planned / site.layout.field.area_m2, abs=3.0)
-    assert result.turning_s is not None and result.waiting_s is not None
-    assert result.turning_s + result.waiting_s < result.tractor_time_s + 1.0
-
-
 @FEW
 @given(site=sites(), name=st.sampled_from(sorted(STRATEGIES)), tractors=st.integers(1, 4))
 def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, name: str, tractors: int) -> None:
@@ -102,7 +87,16 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, nam
     longest = max(sum(leg.length_m / leg.speed_mps for leg in m.legs) for m in run.plan.missions)
     # Guidance cuts corners by a little, so the path may be a trace shorter than planned.
     assert run.duration_s >= 0.98 * longest
-    assert_sound(site, result)
+    assert result.time_s is not None and result.tractor_time_s is not None and result.cost is not None
+    assert result.worked_pct is not None and result.overlap_pct is not None
+    assert 0 < result.time_s <= result.tractor_time_s + 1e-9 <= result.tractors * result.time_s + 1e-6
+    assert result.cost == pytest.approx(result.tractors * result.time_s / 3600 * 40)
+    assert 0 < result.worked_pct <= 100 and 0 <= result.overlap_pct < 60
+    swaths = [shapely.LineString([t.start_m, t.end_m]).buffer(1.5, cap_style="flat") for t in site.layout.swaths]
+    planned = 100 * shapely.union_all(swaths, grid_size=1e-6).intersection(site.layout.field.boundary).area
+    assert result.worked_pct == pytest.approx(planned / site.layout.field.area_m2, abs=3.0)
+    assert result.turning_s is not None and result.waiting_s is not None
+    assert result.turning_s + result.waiting_s < result.tractor_time_s + 1.0
 
 
 def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: PlanningContext) -> None:

@@ -121,18 +121,14 @@ def write_catalogue(language: str) -> None:
         after.add(text, known.string if known is not None and known.id == text else "")
     buffer = BytesIO()
     write_po(buffer, after, width=0, omit_header=False, include_previous=False)
-    (CATALOGUES / f"{language}.po").write_bytes(_shorten_header(buffer.getvalue(), language))
-
-
-def _shorten_header(content: bytes, language: str) -> bytes:
-    """The PO file with what tools need in its header, and no dates, which change at every run."""
+    # What tools need is in the header, and no dates, which change at every run.
     forms = {"ja": "nplurals=1; plural=0;", "fr": "nplurals=2; plural=(n > 1);"}
     plural = forms.get(language, "nplurals=2; plural=(n != 1);")
     head = (
         'msgid ""\nmsgstr ""\n"Content-Type: text/plain; charset=UTF-8\\n"\n'
         f'"Language: {language}\\n"\n"Plural-Forms: {plural}\\n"\n'
     )
-    return (head + "\n" + content.decode().split("\n\n", 1)[1]).encode()
+    (CATALOGUES / f"{language}.po").write_bytes((head + "\n" + buffer.getvalue().decode().split("\n\n", 1)[1]).encode())
 
 
 def _iter_marked_texts() -> Iterator[Text]:

@@ -10,14 +10,9 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"
 WIDTHS_PX = (390, 768, 1280)
 
 
-def read_axe_script() -> str:
-    """The source of axe-core, which comes with a package of the tests."""
-    return (resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
-
-
 def find_violations(page: Page | Frame) -> list[str]:
     """One line for each element that breaks a rule: the rule, what to do, the element; frames are checked alone."""
-    page.evaluate(read_axe_script())
+    page.evaluate((resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8"))
     found: Any = page.evaluate(
         "(tags) => axe.run(document, { iframes: false, resultTypes: ['violations'],"
         " runOnly: { type: 'tag', values: tags } })",

@@ -136,14 +136,6 @@ def read_answer(one: socket.socket, count: int = 1) -> bool:
     return True
 
 
-def wait_until_closed(one: socket.socket) -> None:
-    """Read until the other side closes; raises TimeoutError if it never does."""
-    with contextlib.suppress(ConnectionError):
-        while one.recv(65536):
-            pass
-    one.close()
-
-
 def test_who_sends_no_whole_header_is_closed_and_others_are_answered() -> None:
     book = ConnectionRegistry(ConnectionLimits(per_address=20, total=20, header_s=0.5))
     with serve(book) as port:
@@ -151,7 +143,10 @@ def test_who_sends_no_whole_header_is_closed_and_others_are_answered() -> None:
         with connect(port, REQUEST) as good:
             assert read_answer(good)
         for one in idle:
-            wait_until_closed(one)
+            with contextlib.suppress(ConnectionError):
+                while one.recv(65536):
+                    pass
+            one.close()
     assert book.closed_by_reason["no whole header"] == 3
 
 

@@ -39,12 +39,6 @@ READ_TEXTS = """() => {
 }"""
 
 
-def build_pseudo_catalogue() -> dict[str, str]:
-    """Every text of the page and of the command line, in brackets."""
-    texts = (each for text in collect_texts() for each in ((text,) if isinstance(text, str) else text))
-    return {text: f"⟦{text}⟧" for text in texts}
-
-
 def is_known(text: str) -> bool:
     """Whether a text is in brackets but for what may stand outside of them."""
     while (rest := INNERMOST.sub("", text)) != text:
@@ -56,7 +50,8 @@ def is_known(text: str) -> bool:
 def bracketed(pages: tuple[str, Made], browser: Browser) -> Iterator[WatchedPage]:
     """A page in German, whose catalogue is the one with brackets."""
     watched = WatchedPage(browser, pages[0], CONTROL)
-    content = json.dumps(build_pseudo_catalogue())
+    texts = (each for text in collect_texts() for each in ((text,) if isinstance(text, str) else text))
+    content = json.dumps({text: f"⟦{text}⟧" for text in texts})
     watched.page.add_init_script("if (origin !== 'null') localStorage.setItem('headland-language', 'de')")
     watched.page.route(
         "**/static/languages/de.json", lambda route: route.fulfill(body=content, content_type="application/json")

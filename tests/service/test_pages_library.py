@@ -31,11 +31,6 @@ def service(browser: Browser, tmp_path: Path) -> Iterator[Service]:
         yield watched, app
 
 
-def list_cards(page: Page) -> list[str]:
-    """The names in the library."""
-    return page.locator("li.shelf b").all_inner_texts()
-
-
 def open_change(page: Page, name: str) -> None:
     """Unfold what can be done with a thing."""
     page.click(f"summary[aria-label='Change {name}']")
@@ -113,7 +108,7 @@ def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
     open_change(page, "their plan copy")
     rename(page, "their plan copy", "mine")
     page.wait_for_selector("b:text-is('mine')")
-    assert list_cards(page) == ["mine", "their plan"]
+    assert page.locator("li.shelf b").all_inner_texts() == ["mine", "their plan"]
     page.click("nav[aria-label='Kinds of things'] >> text=Fields")
     open_change(page, "theirs")
     assert page.locator("[aria-label='Delete: theirs']").is_disabled()

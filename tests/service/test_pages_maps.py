@@ -74,15 +74,6 @@ def read_pixel(page: Page, canvas: str, x: int, y: int) -> tuple[int, ...]:
     return tuple(int(one) for one in colour)
 
 
-def wait_for_tiles(service: MapService, page: Page) -> None:
-    """Wait until no more tiles are asked for."""
-    until(page, lambda: bool(service.host.paths))
-    count = -1
-    while count != len(service.host.paths):
-        count = len(service.host.paths)
-        page.wait_for_timeout(300)
-
-
 @pytest.mark.slow
 def test_a_background_is_off_until_it_is_switched_on_and_then_remembered(service: MapService) -> None:
     page, host = service.open_plan(), service.host
@@ -90,7 +81,11 @@ def test_a_background_is_off_until_it_is_switched_on_and_then_remembered(service
     assert host.paths == [] and page.locator(".credit").first.is_hidden()
     before = read_pixel(page, PREVIEW, 12, 150)
     page.click(".map button:has-text('Background')")
-    wait_for_tiles(service, page)
+    until(page, lambda: bool(service.host.paths))
+    count = -1
+    while count != len(service.host.paths):
+        count = len(service.host.paths)
+        page.wait_for_timeout(300)
     assert page.locator(".credit:visible").inner_text() == "© Makers of tiles"
     assert page.locator("button[aria-pressed=true]:has-text('Background')").count() == 1
     after = read_pixel(page, PREVIEW, 12, 150)

@@ -1,8 +1,8 @@
 """The store, on both databases: names, tokens, files, jobs, fleets, migrations, backups."""
 
-import threading
 import time
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -172,11 +172,8 @@ def test_no_job_is_claimed_twice(store: Store) -> None:
         while (job := store.claim_job(worker)) is not None:
             claimed.append(job.id)
 
-    threads = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, ("w0", "w1", "w2", "w3")))
     assert len(claimed) == 30 and set(claimed) == wanted
 
 

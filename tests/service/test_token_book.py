@@ -1,9 +1,9 @@
 """Tokens in memory: who is known stays known without the database, and who is not no longer than a second."""
 
 import asyncio
-import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -137,10 +137,7 @@ def test_unknown_tokens_ask_the_database_a_few_times_a_second_at_most(lost: Lost
                                        return_exceptions=True)  # fmt: skip
         assert all(isinstance(each, TokenError) for each in answers)
 
-    threads = [threading.Thread(target=asyncio.run, args=(ask(),)) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(asyncio.run, (ask(), ask())))
     assert lost.asked <= 2 + (time.monotonic() - begin) / 0.2
     book.close()

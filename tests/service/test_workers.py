@@ -10,6 +10,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -287,11 +288,8 @@ def test_workers_that_stall_and_race_never_finish_a_job_twice(shared: Store, rem
             if remote.finish_job(job.number, name, made(job.number)):
                 finished.append(job.number)
 
-    threads = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60.0)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, ("w0", "w1", "w2", "w3"), timeout=60.0))
     assert sorted(finished) == [job.number for job in jobs]
     assert Counter(job.status for job in shared.list_jobs()) == {"done": len(jobs)}
 

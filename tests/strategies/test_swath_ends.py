@@ -12,19 +12,6 @@ from strategies.lines.lay_lines import _list_swaths
 WIDTH_M = 4.0
 
 
-def measure_ends(ends: list[float]) -> list[float]:
-    """How far (m) swaths along x from 0, at y = 0, 4 m ..., are drawn out beyond their ends.
-
-    One across from y = -40 to 40 m follows at x = 60 m.
-    """
-    lines = [np.array([[0.0, WIDTH_M * row], [end, WIDTH_M * row]]) for row, end in enumerate(ends)]
-    lines.append(np.array([[60.0, -40.0], [60.0, 40.0]]))
-    swaths = [SimpleNamespace(points_m=points, line=number) for number, points in enumerate(lines)]
-    site: Any = SimpleNamespace(layout=SimpleNamespace(swaths=swaths), width_m=WIDTH_M)
-    drafts = list(_list_swaths(site, shapely.box(0.0, -40.0, 62.0, 40.0)))
-    return [float(draft.points[-1, 0] - end) for draft, end in zip(drafts, ends, strict=False)]
-
-
 @pytest.mark.parametrize(
     ("ends", "drawn_m"),
     [
@@ -33,4 +20,12 @@ def measure_ends(ends: list[float]) -> list[float]:
     ],
 )
 def test_swaths_end_where_those_of_another_cell_begin(ends: list[float], drawn_m: list[float]) -> None:
-    assert measure_ends(ends) == pytest.approx(drawn_m, abs=0.5)
+    # How far (m) swaths along x from 0, at y = 0, 4 m ..., are drawn out beyond their ends
+    lines = [np.array([[0.0, WIDTH_M * row], [end, WIDTH_M * row]]) for row, end in enumerate(ends)]
+    lines.append(np.array([[60.0, -40.0], [60.0, 40.0]]))
+    swaths = [SimpleNamespace(points_m=points, line=number) for number, points in enumerate(lines)]
+    site: Any = SimpleNamespace(layout=SimpleNamespace(swaths=swaths), width_m=WIDTH_M)
+    drafts = list(_list_swaths(site, shapely.box(0.0, -40.0, 62.0, 40.0)))
+    assert [float(draft.points[-1, 0] - end) for draft, end in zip(drafts, ends, strict=False)] == pytest.approx(
+        drawn_m, abs=0.5
+    )

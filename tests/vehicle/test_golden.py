@@ -24,20 +24,6 @@ EXPECTED: dict[str, Any] = {
 }
 
 
-def golden_plan(build: Any) -> Plan:
-    """Two tractors with a U-turn behind gates, a third in a switch-back, a fourth in formation with it."""
-    second = build.two_passes(-3.0)
-    second[0] = second[0].copy_with_gates([LegGate(0, 0, 10.0)])
-    second[1] = second[1].copy_with_gates([LegGate(0, 1, 9.0)])
-    apart = [
-        build.leg(*(leg.points + np.array([30.0, 0.0])), gear=leg.gear, speed_mps=leg.speed_mps, task=leg.task)
-        for leg in build.switch_back()
-    ]
-    behind = [build.leg((24, -8), (24, 5), follow=FollowOrder(2, 0), ground="asphalt")]
-    plan: Plan = build.plan(build.two_passes(), second, apart, behind)
-    return plan
-
-
 def summary(run: SimulationRun) -> dict[str, Any]:
     """What is compared: times exactly to the tenth, places to the millimetre."""
     return {
@@ -51,7 +37,17 @@ def summary(run: SimulationRun) -> dict[str, Any]:
 
 
 def test_the_golden_run(build: Any, eg105: Tractor) -> None:
-    run = simulate(golden_plan(build), eg105, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0))
+    # Two tractors with a U-turn behind gates, a third in a switch-back, a fourth in formation with it.
+    second = build.two_passes(-3.0)
+    second[0] = second[0].copy_with_gates([LegGate(0, 0, 10.0)])
+    second[1] = second[1].copy_with_gates([LegGate(0, 1, 9.0)])
+    apart = [
+        build.leg(*(leg.points + np.array([30.0, 0.0])), gear=leg.gear, speed_mps=leg.speed_mps, task=leg.task)
+        for leg in build.switch_back()
+    ]
+    behind = [build.leg((24, -8), (24, 5), follow=FollowOrder(2, 0), ground="asphalt")]
+    plan: Plan = build.plan(build.two_passes(), second, apart, behind)
+    run = simulate(plan, eg105, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0))
     found = summary(run)
     for key, expected in EXPECTED.items():
         if key == "poses":

@@ -10,12 +10,7 @@ from tests.vehicle.bits import assert_same_bits
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.incremental import (
-    SNAPSHOT_INTERVAL_S,
-    IncrementalSimulator,
-    count_same_paths,
-    has_same_leg_references,
-)
+from vehicle.sim.incremental import SNAPSHOT_INTERVAL_S, IncrementalSimulator, count_same_paths, has_same_leg_references
 from vehicle.sim.world import World
 
 LONG_M = 400.0

@@ -133,17 +133,12 @@ def test_across_a_slope_tractor_and_wheels_stand_at_the_angles_of_the_tyres(eg10
     """
     exact = eg105.model_copy(update={"steering": eg105.steering.model_copy(update={"dead_band_deg": 0.0})})
     world = World(NORTH, exact, Implement(), terrain=tilt(slope, 0.0))
-    world.tables = _build_identity_tables(exact)
+    world.tables = np.array([[build_identity_table(exact.max_steering_deg)] * len(GROUNDS)])
     run = world.run(max_time_s=120.0)
     _, _, angle, steering = run.record[-1, 0, :4]
     assert 90.0 - math.degrees(angle) == pytest.approx(slope / 0.20, rel=0.02)
     assert math.degrees(steering) == pytest.approx(slope / 0.15 - slope / 0.20, rel=0.03)
     assert np.abs(run.record[300:, 0, 0]).max() < 0.05  # guidance keeps it on its line
-
-
-def _build_identity_tables(tractor: Tractor) -> Array:
-    """Steering tables that correct nothing."""
-    return np.array([[build_identity_table(tractor.max_steering_deg)] * len(GROUNDS)])
 
 
 def test_a_tractor_that_stands_across_a_slope_stays(eg105: Tractor) -> None:

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from shapely import LineString, Point
 
@@ -35,10 +34,6 @@ def offset_run(tractor: Tractor, plan: Plan, offset: float, turn_deg: float = 0.
     body.position = (body.position.x + offset * math.cos(left), body.position.y + offset * math.sin(left))
     body.angle -= math.radians(turn_deg)
     return world.run()
-
-
-def peak_to_peak_deg(record: npt.NDArray[np.float64]) -> float:
-    return float(np.degrees(np.ptp(record[:, 3])))
 
 
 @pytest.mark.parametrize("name", list_tractor_names())
@@ -72,7 +67,7 @@ def test_a_step_of_one_metre(build: Any, eg105: Tractor, offset: float, kind: st
     assert -error.min() <= max(-best.min(), 0.0) + 0.12
     settled = run.record[:, 0, 1] > 30.0
     assert np.abs(error[settled]).max() < 0.01
-    assert peak_to_peak_deg(run.record[settled, 0]) < 1.0
+    assert float(np.degrees(np.ptp(run.record[settled, 0][:, 3]))) < 1.0
     changes = np.diff(np.sign(np.round(np.degrees(run.record[settled, 0, 3]), 2)))
     assert (changes != 0).sum() < 10, "no chatter on the wheel"
 

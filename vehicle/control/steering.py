@@ -6,7 +6,7 @@ import math
 
 from vehicle.jit import compile_function, inline_function
 
-HOLD, FOLLOW, SLEW = 1, 2, 3
+HOLD, FOLLOW, SLEW = range(1, 4)
 
 
 @compile_function

@@ -113,9 +113,9 @@ def compute_trafficability(
     return Trafficability(work, find_pull_limit(MUCH_SLIP), find_pull_limit(None), sink)
 
 
-def compute_tillage_limit_pct(clay_pct: float, organic_pct: float = USUAL_ORGANIC_PCT) -> float:
+def compute_tillage_limit_pct(clay_pct: float) -> float:
     """The most moisture (% of dry weight) at which soil is worked without harm."""
-    return 7.5 + 1.91 * organic_pct + 0.34 * clay_pct
+    return 7.5 + 1.91 * USUAL_ORGANIC_PCT + 0.34 * clay_pct
 
 
 def compute_pull_n(tractor: Tractor, load: WorkLoad, soil: Soil, max_slip: float | None = None) -> float:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import os
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fields.text_files import read_table_text
+from fields.text_files import parse_table, read_table
 from vehicle.errors import VehicleError
 from vehicle.model.validation_messages import describe_validation_errors
 
@@ -25,25 +23,21 @@ def load_table(path: str | Path | None, own_name: str, row_type: type[Row], noun
     """
     if path is None:
         text = (resources.files("vehicle") / "data" / "work" / own_name).read_text(encoding="utf-8")
-        place = own_name
+        table = parse_table(text, own_name, VehicleError)
     else:
-        text, place = read_table_text(path, "a CSV table", VehicleError), os.fspath(path)
-    lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    try:
-        rows = tuple(_parse_row(line, row_type, f"Line {lines.line_num} of {place}", noun) for line in lines)
-    except csv.Error as error:
-        raise VehicleError(
-            f"Line {lines.line_num} of {place} cannot be read ({error}); check its quotes and its length."
-        ) from None
-    if not rows:
+        table = read_table(path, "a CSV table", VehicleError)
+    place = table.label
+    if not table.rows:
         raise VehicleError(f"The table {place} is empty; give a line of names of columns and a line for {noun}.")
-    return rows
+    return tuple(
+        _parse_row(table.header, cells, row_type, f"Line {number} of {place}", noun) for number, cells in table.rows
+    )
 
 
-def _parse_row(line: dict[Any, Any], row_type: type[Row], place: str, noun: str) -> Row:
-    if None in line:
+def _parse_row(header: Sequence[str], cells: Sequence[str], row_type: type[Row], place: str, noun: str) -> Row:
+    if len(cells) > len(header):
         raise VehicleError(f"{place} has more values than the table has columns; put texts with commas in quotes.")
     try:
-        return row_type(**{key: value.strip() for key, value in line.items() if value and value.strip()})
+        return row_type(**{name: cell.strip() for name, cell in zip(header, cells, strict=False) if cell.strip()})
     except ValidationError as error:
         raise VehicleError(f"{place} is not {noun}: {describe_validation_errors(error, row_type)}.") from None

@@ -11,7 +11,6 @@ The middle of the search is rounded down. The last row is `n - 1`, so the right 
 
 from __future__ import annotations
 
-import csv
 import math
 from functools import lru_cache
 from importlib import resources
@@ -20,13 +19,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fields.text_files import check_header, read_text
+from fields.text_files import CellTable, parse_table, read_table
 from vehicle.arrays import Floats, Integers
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 
 FILE_KIND = "a CSV file"
-GRID_CELLS, CENTRE_CELL, MIN_FIXES = 32, 16, 100
+GRID_CELLS, MIN_FIXES = 32, 100
+CENTRE_CELL = GRID_CELLS // 2
 # Chosen, s: how long a patch of soil pushes, a rut or a clod at walking pace, and a receiver drifts to one side.
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
 Table = npt.NDArray[np.int64]
@@ -120,7 +120,7 @@ def load_default_error_table() -> Table:
     3.2 mm east and 4.1 mm north.
     """
     text = (resources.files("vehicle") / "data" / "gnss_rtk.csv").read_text(encoding="utf-8")
-    return _parse_error_table(text, "the table of Headland")
+    return _build_own_table(parse_table(text, "the table of Headland", VehicleError))
 
 
 def format_error_table(table: Table) -> str:
@@ -131,11 +131,11 @@ def format_error_table(table: Table) -> str:
 
 def load_error_table(path: str | Path) -> Table:
     """Read a table written by format_table; raises VehicleError naming the line."""
-    return _parse_error_table(read_text(path, FILE_KIND, VehicleError), str(path))
+    return _build_own_table(read_table(path, FILE_KIND, VehicleError))
 
 
-def _parse_error_table(text: str, where: str) -> Table:
-    rows = _parse_csv_columns(text, ("east_mm", "north_mm", "above", "up_to"), where)
+def _build_own_table(cells: CellTable) -> Table:
+    where, rows = cells.label, _list_columns(cells, ("east_mm", "north_mm", "above", "up_to"))
     table = np.clip(rows, -1e9, 1e9).astype(np.int64)
     whole = len(table) > 0 and (table == rows).all() and table[0, 2] == 0
     whole = whole and table[:, :2].min() >= -CENTRE_CELL and table[:, :2].max() < GRID_CELLS - CENTRE_CELL
@@ -152,17 +152,16 @@ def load_static_fixes(path: str | Path) -> tuple[Floats, Floats]:
 
     Raises VehicleError for unreadable files, missing columns, too few rows and values that are not numbers.
     """
-    text = read_text(path, FILE_KIND, VehicleError).lstrip("\r\n")
-    header = [name.strip().lower() for name in text.splitlines()[0].split(",")] if text.strip() else []
-    if {"x_m", "y_m"} <= set(header):
-        values = 1000.0 * _parse_csv_columns(text, ("x_m", "y_m"), str(path))
-    elif {"longitude", "latitude"} <= set(header):
-        degrees = _parse_csv_columns(text, ("longitude", "latitude"), str(path))
+    cells = read_table(path, FILE_KIND, VehicleError)
+    if cells.find_column(("x_m",)) and cells.find_column(("y_m",)):
+        values = 1000.0 * _list_columns(cells, ("x_m", "y_m"))
+    elif cells.find_column(("longitude",)) and cells.find_column(("latitude",)):
+        degrees = _list_columns(cells, ("longitude", "latitude"))
         if (np.abs(degrees) > (180.0, 90.0)).any():
             raise VehicleError(f"{path} holds longitudes beyond 180 or latitudes beyond 90 degrees; give degrees.")
-        values = 1000.0 * project_to_metres(degrees, degrees[0])
+        values = 1000.0 * project_to_metres(degrees, degrees[0]) if len(degrees) else degrees
     else:
-        columns = ", ".join(header) or "none"
+        columns = ", ".join(cells.header) or "none"
         raise VehicleError(
             f"{path} has the columns {columns}; fixes need x_m, y_m (metres) or longitude, latitude (degrees)."
         )
@@ -183,26 +182,15 @@ def project_to_metres(degrees: Floats, origin_deg: Floats) -> Floats:
     return np.asarray((degrees - origin_deg) * scale)
 
 
-def _parse_csv_columns(text: str, columns: tuple[str, ...], where: str) -> Floats:
-    """The named columns of a CSV text, (n, columns); raises VehicleError for a row that is not finite numbers."""
-    check_header(text, where, VehicleError)
-    reader = csv.DictReader(text.splitlines())
-    reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
-    missing = [name for name in columns if name not in reader.fieldnames]
+def _list_columns(cells: CellTable, columns: tuple[str, ...]) -> Floats:
+    """The named columns of a table, (n, columns); raises VehicleError for a row that is not finite numbers."""
+    where, found = cells.label, {name: cells.find_column((name,)) for name in columns}
+    missing = [name for name, own_name in found.items() if own_name is None]
     if missing:
         raise VehicleError(f"{where} lacks the column {missing[0]!r}; it needs {', '.join(columns)}.")
-    try:
-        lines = [(reader.line_num, row) for row in reader]
-    except csv.Error as error:
-        raise VehicleError(f"{where}, line {reader.line_num}: {error}; give a CSV file of numbers.") from None
-    rows = []
-    for number, row in lines:
-        try:
-            values = [float(row[name]) for name in columns]
-        except (TypeError, ValueError):
-            values = [math.nan]
-        if not all(math.isfinite(value) for value in values):
-            shown = ", ".join(str(row[name])[:40] for name in columns)
-            raise VehicleError(f"{where}, line {number}: {shown!r} are not numbers; correct or remove the line.")
-        rows.append(values)
-    return np.array(rows, dtype=np.float64).reshape(-1, len(columns))
+    own_names = [str(own_name) for own_name in found.values()]
+    values = np.column_stack([np.asarray(cells.list_numbers(own_name), dtype=np.float64) for own_name in own_names])
+    for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
+        number, shown = cells.rows[row][0], ", ".join(cells.get_cell(row, own_name)[:40] for own_name in own_names)
+        raise VehicleError(f"{where}, line {number}: {shown!r} are not numbers; correct or remove the line.")
+    return values

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from fields.units import KMH_PER_MPS
 from vehicle.arrays import Floats, Records
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -22,7 +23,7 @@ from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.loop import run_fixed
 from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 
-CIRCLE_SPEED_MPS = 5.0 / 3.6  # speed of the thesis's experiments
+CIRCLE_SPEED_MPS = 5.0 / KMH_PER_MPS  # speed of the thesis's experiments
 MEASURED_STEPS = 60  # the last second, when the circle has settled
 
 

@@ -235,7 +235,6 @@ def follow_mission(
     seconds: float = 600.0,
     position_errors: Table = NO_ERROR,
     seed: int = 1,
-    dt: float = DT_S,
     jump: tuple[float, float] | None = None,
 ) -> Trace:
     """Drive one tractor along a mission, starting at full speed: with the corrected base model of its grounds, or
@@ -253,7 +252,7 @@ def follow_mission(
         legs["ground"] = 0
     legs["lookahead"] = tractor.guidance.lookahead_m
     program.states["error_key"] = make_error_keys(seed, 1)
-    times, start_mps = (round(seconds / dt), dt, 1), mission.legs[0].speed_mps
+    times, start_mps = (round(seconds / DT_S), DT_S, 1), mission.legs[0].speed_mps
     no_commands = np.zeros((0, 1))
     return _drive_program([tractor], program, (grounds, tables), times, no_commands, start_mps, position_errors)[0]
 

@@ -52,10 +52,10 @@ class TyreHypothesis:
     radii_m: tuple[float, ...]
 
 
-def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S, dt: float = DT_S) -> Floats:
+def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S) -> Floats:
     """Straight for a second, then one angle per tractor: (steps, n)."""
-    commands = np.tile(np.asarray(angles_deg, dtype=np.float64), (round(seconds / dt), 1))
-    commands[: round(STRAIGHT_TIME_S / dt)] = 0.0
+    commands = np.tile(np.asarray(angles_deg, dtype=np.float64), (round(seconds / DT_S), 1))
+    commands[: round(STRAIGHT_TIME_S / DT_S)] = 0.0
     return commands
 
 
@@ -209,12 +209,7 @@ class CentreOfMassSweep:
 
 
 def compute_tyre_maps(
-    tractor: Tractor,
-    *,
-    tyres: Tyres | None = None,
-    shared_limit: bool = False,
-    speed_mps: float = CIRCLE_SPEED_MPS,
-    steering_deg: float = STUDY_STEERING_DEG,
+    tractor: Tractor, *, tyres: Tyres | None = None, shared_limit: bool = False
 ) -> tuple[TyreMap, TyreMap]:
     """Vary the front tyres with the rear tyres of section 4.3, and vice versa: 400 drives in one call.
 
@@ -229,30 +224,24 @@ def compute_tyre_maps(
     ]
     if shared_limit:
         cells = [add_friction_circle(cell) for cell in cells]
-    traces = _drive_constant_angles([tractor] * len(cells), cells, [steering_deg] * len(cells), speed_mps)
+    traces = _drive_constant_angles([tractor] * len(cells), cells, [STUDY_STEERING_DEG] * len(cells), CIRCLE_SPEED_MPS)
     radii = np.array([compute_settled_radius(track, 0.0) for track in traces])
     front, rear = radii.reshape(len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
     grids = STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG
     return TyreMap(AXLES[0], *grids, front), TyreMap(AXLES[1], *grids, rear)
 
 
-def sweep_centre_of_mass(
-    tractor: Tractor,
-    *,
-    tyres: Tyres | None = None,
-    speed_mps: float = CIRCLE_SPEED_MPS,
-    angles_deg: Sequence[float] = ANGLES_DEG,
-) -> CentreOfMassSweep:
+def sweep_centre_of_mass(tractor: Tractor, *, tyres: Tyres | None = None) -> CentreOfMassSweep:
     """Move the centre of mass from near the front axle to near the rear axle."""
     base = tractor.wheelbase_m
     places = tuple(float(place) for place in np.linspace(MIN_AXLE_DISTANCE_M, base - MIN_AXLE_DISTANCE_M, MASS_STEPS))
     variants = [move_centre_of_mass(tractor, place) for place in places]
-    tractors = variants * len(angles_deg)
-    angles = [angle for angle in angles_deg for _ in places]
+    tractors = variants * len(ANGLES_DEG)
+    angles = [angle for angle in ANGLES_DEG for _ in places]
     chosen = tyres or get_tyres("soil", "nonlinear")
-    traces = _drive_constant_angles(tractors, [chosen] * len(tractors), angles, speed_mps)
-    radii = np.array([compute_settled_radius(track, 0.0) for track in traces]).reshape(len(angles_deg), len(places))
-    return CentreOfMassSweep(places, tuple(angles_deg), radii, tuple(traces[-len(places) :]))
+    traces = _drive_constant_angles(tractors, [chosen] * len(tractors), angles, CIRCLE_SPEED_MPS)
+    radii = np.array([compute_settled_radius(track, 0.0) for track in traces]).reshape(len(ANGLES_DEG), len(places))
+    return CentreOfMassSweep(places, ANGLES_DEG, radii, tuple(traces[-len(places) :]))
 
 
 def move_centre_of_mass(tractor: Tractor, front_axle_m: float) -> Tractor:

@@ -134,11 +134,9 @@ def build_navigation_mission() -> Mission:
     )
 
 
-def drive_navigation(
-    tractor: Tractor, *, position_errors: Table = NO_ERROR, seed: int = 1, steering: str = "proposed"
-) -> NavigationPasses:
+def drive_navigation(tractor: Tractor, *, position_errors: Table = NO_ERROR, seed: int = 1) -> NavigationPasses:
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
-    mission, tested = build_navigation_mission(), configure_tractor(tractor, steering)
+    mission, tested = build_navigation_mission(), configure_tractor(tractor)
     trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
     passes = [_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS)]
     return NavigationPasses(mission, trace, *zip(*passes, strict=True))
@@ -222,12 +220,12 @@ def drive_step_response(
     return StepResponse(offset_cm, speed_kmh, ground, steering, trace, second_m)
 
 
-def measure_weaving_m(tractor: Tractor, offset_cm: int, *, limit_m: float, speed_kmh: float = 5.0) -> float:
+def measure_weaving_m(tractor: Tractor, offset_cm: int, *, limit_m: float) -> float:
     """Largest lateral error (m) in the third minute after a start `offset_cm` beside a straight path on soil.
 
     Unlike in the step response, the lookahead point does not move first: the full offset applies at once.
     """
-    path = build_straight_mission(1000.0, speed_kmh / 3.6, "soil")
+    path = build_straight_mission(1000.0, CIRCLE_SPEED_MPS, "soil")
     tested = configure_tractor(tractor, limit_m=limit_m)
     trace = follow_mission(tested, path, seconds=180.0, jump=(0.1, 0.01 * offset_cm))
     late = trace.time_s > 120.0
@@ -282,17 +280,12 @@ def drive_slip_test(
 
 
 def drive_zigzag(
-    tractor: Tractor,
-    omega: float,
-    steering: str = "proposed",
-    ground: str = "soil",
-    *,
-    lookahead_m: float = WAVE_LOOKAHEAD_M,
+    tractor: Tractor, omega: float, steering: str = "proposed", *, lookahead_m: float = WAVE_LOOKAHEAD_M
 ) -> PathTracking:
     """Section 3.3 at 5 km/h, the path of Eq. 3.1 with the corrected base model."""
-    path = build_sine_mission(AMPLITUDE_M, omega, PERIODS, CIRCLE_SPEED_MPS, ground)
+    path = build_sine_mission(AMPLITUDE_M, omega, PERIODS, CIRCLE_SPEED_MPS, "soil")
     trace = follow_mission(configure_tractor(tractor, steering, lookahead_m=lookahead_m), path, seconds=240.0)
-    return measure_tracking(trace, path, lookahead_m, ground, steering)
+    return measure_tracking(trace, path, lookahead_m, "soil", steering)
 
 
 def compute_distance_m(result: PathTracking, other_result: PathTracking) -> tuple[float, float]:

@@ -26,15 +26,16 @@ from vehicle.jit import compile_function
 from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
 from vehicle.twin.step_motion import TractorNoise
 
-STATE_SIZE, MEASUREMENT_SIZE = 10, 4
+MEASUREMENT_SIZE = 4
 TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT, COMMAND_DELAY, COMMAND_DELAY_NOW = range(3, 10)
+STATE_SIZE = COMMAND_DELAY_NOW + 1
 # Commands take effect at any time between two observed ones (sd 1 / root 12, rounded up). The cycles of a link and of a
 # tractor's controller stay in phase for minutes; the momentary part is forgotten after one manoeuvre.
 COMMAND_DELAY_SIGMA, COMMAND_DELAY_MEMORY_S, COMMAND_DELAY_NOW_MEMORY_S = 0.35, 600.0, 3.0
 # Shifts of a pose per typical size of an effect of the catalogue; see vehicle.twin.mismatch.
 OFFSET, GAIN, LEFT_GAIN, LATE_TURN, WHEEL_SLIP, SLOPE_EAST, SLOPE_NORTH, DRAFT, TOOL_SLIP = range(9)
 BIAS, FORWARD, RIGHT, LATE = range(9, 13)
-SHIFT_COUNT = 13
+SHIFT_COUNT = LATE + 1
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.units import HOUR_S
 from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
@@ -109,7 +110,7 @@ class JumpDetector:
         del self.jumps[:-MAX_JUMPS]
 
 
-FALSE_ALARM_S = 200.0 * 3600.0  # mean driving time between false alarms, at least, if the noise is as given
+FALSE_ALARM_S = 200.0 * HOUR_S  # mean driving time between false alarms, at least, if the noise is as given
 SIZE_FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both signs, small and large
 WIDENING_FACTOR = 1.5  # of innovations that are only too large
 MIN_FIXES_IN_A_ROW = 3
@@ -119,18 +120,6 @@ SHIFT_EFFECTS = (
     "cross_slope_drift", "cross_slope_drift", "implement_side_draft", "implement_slip",
     "heading_bias", "antenna_forward", "antenna_right", "gnss_latency",
 )  # fmt: skip
-
-
-def compute_shift_sizes(tractor: Tractor) -> Floats:
-    """Typical size (13,) of the shift by each effect, in SI, for a tractor.
-
-    Wheel angles are converted to curvatures, and right (clockwise) becomes negative.
-    """
-    sizes = np.array([get_effect(name).size.typical for name in SHIFT_EFFECTS])
-    sizes[0] = -math.tan(math.radians(sizes[0])) / tractor.wheelbase_m
-    sizes[7] = -sizes[7]
-    sizes[9] = -math.radians(sizes[9])
-    return sizes
 
 
 @dataclass(frozen=True)
@@ -189,7 +178,11 @@ class MismatchTest:
     """The evidence of one twin, from a time on."""
 
     def __init__(self, tractor: Tractor, time_s: float) -> None:
-        self.sizes = compute_shift_sizes(tractor)
+        sizes = np.array([get_effect(name).size.typical for name in SHIFT_EFFECTS])
+        sizes[0] = -math.tan(math.radians(sizes[0])) / tractor.wheelbase_m
+        sizes[7] = -sizes[7]
+        sizes[9] = -math.radians(sizes[9])
+        self.sizes = sizes
         self.shifts = np.zeros((SHIFT_COUNT, STATE_SIZE))
         self.whitened, self.means = np.zeros(MEASUREMENT_SIZE), np.zeros((MEASUREMENT_SIZE, SHIFT_COUNT))
         self.reset(time_s)

@@ -22,7 +22,7 @@ PIECE_STEPS = 6  # between two predictions of the filters: 0.1 s
 # Motion of the model over a piece: m ahead, m to the right, rad, m driven; its change of turning rate (rad/s) and of
 # speed (m/s), and how long before it was observed its command may have taken effect (s).
 AHEAD, RIGHT, TURNED, DISTANCE, SPIN_CHANGE, SPEED_CHANGE, UNSEEN = range(7)
-NOMINAL_SIZE = 7
+NOMINAL_SIZE = UNSEEN + 1
 
 
 class CommandBuffer:

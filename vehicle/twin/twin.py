@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fields.units import KMH_PER_MPS
 from vehicle.arrays import Floats
 from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.errors import VehicleError
@@ -88,7 +89,8 @@ class TwinRecording:
 THESIS, PREDICT = "thesis", "predict"
 CORRECTION_METHODS = (PREDICT, THESIS)
 # Section 5.2.2: a speed that differs "consistently" from the command; here for 3 s.
-SPEED_MISMATCH_MPS, SPEED_MISMATCH_S = 0.5 / 3.6, 3.0
+SPEED_MISMATCH_MPS = 0.5 / KMH_PER_MPS
+SPEED_MISMATCH_S = 3.0
 CORRECTION_COLUMNS = ("time_s", "arrived_s", "ahead_m", "right_m", "heading_rad")
 MAX_COMMAND_GAP_S = 0.4  # rarer commands say too little about the steering to be evidence against the file
 LONGEST_UNSEEN_S = 2.0  # upper bound of the uncertainty of when a command took effect

@@ -19,7 +19,7 @@ from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.farm_choice import FarmChoice
 from planner.request.option_texts import parse_widths
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
@@ -51,10 +51,16 @@ FieldsArgument = Annotated[
     ),
 ]
 DEFAULT_FIELD = "iwamizawa"
-NO_PLAN_STATUS = 3
-"""Exit status where no plan meets the request."""
+NO_RESULT_STATUS = 3
+"""Exit status where no plan meets the request, and where a diagnosis has nothing to save."""
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
+HeadlandOrderOption = Annotated[
+    Optional[str],
+    typer.Option(
+        help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
+    ),
+]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
 PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
 RunsArgument = Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")]

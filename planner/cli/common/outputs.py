@@ -108,7 +108,10 @@ def _check_writable_place(path: Path) -> bool:
     except OSError as error:
         _refuse(f"{quote_path(path)} cannot be written: {explain_error(error)}; choose another name.")
     if status is not None:
-        _check_existing(path, status)
+        if not stat.S_ISREG(status.st_mode):
+            _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
+        if any(os.path.samestat(status, printed) for printed in _stat_output_streams()):
+            _refuse(f"{path} is where this command prints to; choose another file.")
     if not os.access(target if status else target.parent, os.W_OK):
         _refuse(f"{path} cannot be written: no permission; choose another place.")
     draft = _build_draft_path(target)
@@ -119,13 +122,6 @@ def _check_writable_place(path: Path) -> bool:
     except OSError as error:
         _refuse(f"{path} cannot be written: {explain_error(error)}; choose another place.")
     return ignores_case
-
-
-def _check_existing(path: Path, status: os.stat_result) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
-    if any(os.path.samestat(status, printed) for printed in _stat_output_streams()):
-        _refuse(f"{path} is where this command prints to; choose another file.")
 
 
 def _stat_output_streams() -> Iterator[os.stat_result]:

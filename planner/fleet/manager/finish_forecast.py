@@ -67,12 +67,6 @@ MAX_PACE, MIN_PACE = 4.0, 0.5
 LegPlace = tuple[int, float]
 
 
-def estimate_pace(state: TractorState) -> float:
-    """Driven seconds per planned second; starts at one."""
-    ratio = (PRIOR_DRIVING_S + state.driving_s) / (PRIOR_DRIVING_S + state.planned_driving_s)
-    return min(max(ratio, MIN_PACE), MAX_PACE)
-
-
 def forecast_finish_s(
     states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None] | None = None
 ) -> list[float]:
@@ -93,7 +87,8 @@ class _TractorForecast:
     """The timed legs of one tractor: when they end (`ends_s`), from its present leg on."""
 
     def __init__(self, state: TractorState, is_halted: bool, place: LegPlace | None) -> None:
-        self.mission, self.state, self.pace = state.mission, state, estimate_pace(state)
+        ratio = (PRIOR_DRIVING_S + state.driving_s) / (PRIOR_DRIVING_S + state.planned_driving_s)
+        self.mission, self.state, self.pace = state.mission, state, min(max(ratio, MIN_PACE), MAX_PACE)
         self.leg, self.leg_m = (state.leg, state.leg_m) if place is None else place
         self.ends_s: list[float] = []
         self.free_s = math.inf if is_halted and not state.done else 0.0

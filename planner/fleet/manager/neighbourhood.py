@@ -230,7 +230,15 @@ class Neighbourhood:
         self.remove(id, now)
         member = NeighbourhoodMember(id, name, manager, send, next(self._ranks))
         for neighbour in self._members.values():
-            _connect_if_adjacent(member, neighbour)
+            first, second = member.manager.plan, neighbour.manager.plan
+            try:
+                if are_grounds_near(first, second, NEAR_M):
+                    inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
+                    outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
+                    member.neighbours[neighbour.id] = neighbour, inward  # both of them or none
+                    neighbour.neighbours[member.id] = member, outward
+            except IncomparablePlacesError:
+                member.unknown[neighbour.id], neighbour.unknown[member.id] = neighbour, member
         self._members[id] = manager.neighbours = member
         for affected in (member, *member.list_neighbours(), *member.unknown.values()):
             affected.update_neighbour_names(now)
@@ -250,18 +258,6 @@ class Neighbourhood:
     def list_neighbours(self, id: str) -> list[NeighbourhoodMember]:
         """The neighbours of a fleet, in the order they were added."""
         return self._members[id].list_neighbours() if id in self._members else []
-
-
-def _connect_if_adjacent(member: NeighbourhoodMember, neighbour: NeighbourhoodMember) -> None:
-    first, second = member.manager.plan, neighbour.manager.plan
-    try:
-        if are_grounds_near(first, second, NEAR_M):
-            inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
-            outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
-            member.neighbours[neighbour.id] = neighbour, inward  # both of them or none
-            neighbour.neighbours[member.id] = member, outward
-    except IncomparablePlacesError:
-        member.unknown[neighbour.id], neighbour.unknown[member.id] = neighbour, member
 
 
 def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] | None = None) -> Array:

@@ -17,13 +17,14 @@ import shapely
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from fields.sample_fields import list_sample_names
+from fields.units import DAY_S
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_physics, read_request
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Plan
-from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
+from vehicle.missions.plan_file import FARTHEST_M, SavedPlan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names
 from vehicle.records import WAITING
@@ -31,8 +32,7 @@ from vehicle.sim.world import World
 
 CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 SHORTEST_LEG_S = 0.05
-LONGEST_STANDS_S = 86400.0  # of one tractor of a plan, all its refills
-FARTHEST_M = 1e8  # that frames of the link take, more than twice round the earth
+LONGEST_STANDS_S = DAY_S  # of one tractor of a plan, all its refills
 Ring = tuple[tuple[float, float], ...]
 
 
@@ -108,7 +108,15 @@ def prepare_fleet_plan(
     simulated from its start. Raises MissionError, RequestError, VehicleError or FleetManagerError.
     """
     saved = parse_saved_plan(text)
-    _check_stop_durations(saved.plan)
+    # A plan is simulated to its end before it is driven.
+    for number, mission in enumerate(saved.plan.missions, start=1):
+        stands_s = math.fsum(leg.standing_s for leg in mission.legs)
+        if stands_s > LONGEST_STANDS_S:
+            raise FleetManagerError(
+                f"Tractor {number} of the plan stops for {stands_s:.6g} s in all; shorten that to at most "
+                f"{LONGEST_STANDS_S:.0f} s (a day).",
+                parameter="plan",
+            )
     _check_coordinate_range(saved)
     scenario = read_request(saved)
     if tractor is not None:
@@ -123,24 +131,17 @@ def prepare_fleet_plan(
     machine, implement = read_machines(saved, scenario)
     physics = read_physics(saved, scenario, machine)
     if timing is None:
-        timed_plan = _simulate_plan(saved.plan, machine, implement, physics)
+        run = World(saved.plan, machine, implement, terrain=physics.terrain, load=physics.driven_load).run()
+        if run.outcome != DONE:
+            raise FleetManagerError(
+                f"{machine.name} does not reach the end of the plan ({run.outcome}); plan again.", parameter="plan"
+            )
+        timed_plan = build_timed_missions(saved.plan, run), tuple(float(t) for t in run.finish_s), run.min_clearance_m
     else:
         timed_plan = _restore_timing(saved.plan, timing)
     plan_field = _read_plan_field(scenario, saved, field)
     ground = _build_driving_area(saved, plan_field, max(implement.contact_width_m, machine.width_m))
     return FleetPlan(saved, scenario, machine, implement, *timed_plan, ground, plan_field, physics)
-
-
-def _check_stop_durations(plan: Plan) -> None:
-    """Raise FleetManagerError for stops of more than a day: a plan is simulated to its end before it is driven."""
-    for number, mission in enumerate(plan.missions, start=1):
-        stands_s = math.fsum(leg.standing_s for leg in mission.legs)
-        if stands_s > LONGEST_STANDS_S:
-            raise FleetManagerError(
-                f"Tractor {number} of the plan stops for {stands_s:.6g} s in all; shorten that to at most "
-                f"{LONGEST_STANDS_S:.0f} s (a day).",
-                parameter="plan",
-            )
 
 
 def _check_coordinate_range(saved: SavedPlan) -> None:
@@ -157,15 +158,6 @@ def _check_coordinate_range(saved: SavedPlan) -> None:
 
 TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
 """Timed missions, when each tractor is done (s), and the least distance of two (m)."""
-
-
-def _simulate_plan(plan: Plan, machine: Tractor, implement: Implement, physics: FieldPhysics) -> TimedPlan:
-    run = World(plan, machine, implement, terrain=physics.terrain, load=physics.driven_load).run()
-    if run.outcome != DONE:
-        raise FleetManagerError(
-            f"{machine.name} does not reach the end of the plan ({run.outcome}); plan again.", parameter="plan"
-        )
-    return build_timed_missions(plan, run), tuple(float(t) for t in run.finish_s), run.min_clearance_m
 
 
 def describe_timing(plan: FleetPlan) -> dict[str, Any]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
+from fields.units import MPS_PER_KMH
 from planner.fleet.model.errors import FleetManagerError
 
-KMH = 1.0 / 3.6
 SHORTEST_HORIZON_S, LONGEST_HORIZON_S = 2.0, 600.0
 MAY_BE_ZERO = frozenset({"fence_margin_m", "clearance_m", "beside_m", "release_m", "release_s", "obstacle_margin_m"})
 
@@ -33,7 +33,7 @@ class FleetRules:
     base_m: float = 10.0
     horizon_s: float = 20.0
     dead_man_s: float = 0.5
-    remote_mps: float = 5.0 * KMH
+    remote_mps: float = 5.0 * MPS_PER_KMH
     fence_margin_m: float = 2.0
     ahead_s: float = 5.0
     clearance_m: float = 0.5

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.tolerances import GRID_M
 from vehicle.missions.plan import Leg, Mission
 
 Array = npt.NDArray[np.float64]
-ROUNDING_M = 1e-6  # of a place on a corner, which belongs to the segment before it
+ROUNDING_M = GRID_M  # of a place on a corner, which belongs to the segment before it
 SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
 
 

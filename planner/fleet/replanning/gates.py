@@ -49,7 +49,8 @@ def move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
     plan if there are none."""
     missions, drive_on, has_changed = list(plan.missions), [], False
     for number, mission in enumerate(plan.missions):
-        base_count = count_base_legs(remaining, number)
+        state = remaining.states[number]
+        base_count = max(state.base_end - state.leg, 1 if remaining.has_tractor_driven(number) else 0)
         if not any(gate.tractor not in remaining.excluded for leg in mission.legs[:base_count] for gate in leg.gates):
             continue
         place = 0 if remaining.states[number].is_standing else base_count
@@ -59,12 +60,6 @@ def move_gates(remaining: RemainingWork, plan: Plan) -> tuple[Plan, list[int]]:
             continue  # it already waits where it stands
         missions[number], has_changed = Mission(_gather_gates_on_leg(mission.legs, base_count, place)), True
     return (Plan(tuple(missions), plan.notes) if has_changed else plan), drive_on
-
-
-def count_base_legs(remaining: RemainingWork, number: int) -> int:
-    """The number of base legs of a tractor from the present one on."""
-    state = remaining.states[number]
-    return max(state.base_end - state.leg, 1 if remaining.has_tractor_driven(number) else 0)
 
 
 def _gather_gates_on_leg(legs: tuple[Leg, ...], base_count: int, place: int) -> tuple[Leg, ...]:

@@ -233,7 +233,15 @@ def _drive_best(
     driver = RestDriver(remaining, context)
 
     def join(composed: ComposedPlan) -> list[tuple[Leg, ...]]:
-        return _join_missions(remaining, ends, helpers, composed)
+        kept = [
+            tuple(drop_open_gates(leg, remaining) for leg in state.mission.legs[:end])
+            for state, end in zip(remaining.states, ends, strict=True)
+        ]
+        legs = [list(each) for each in drop_stale_gates(kept, ends)]  # what comes after `ends` are other legs
+        working = [helper for helper, tour in zip(helpers, composed.programme.tours, strict=True) if tour]
+        for helper, mission in zip(working, composed.plan.missions, strict=True):
+            legs[helper.number] += [_renumber_gates(leg, working) for leg in mission.legs]
+        return [tuple(each) for each in legs]
 
     def measure_alone_s(composed: ComposedPlan) -> list[float]:
         try:
@@ -259,21 +267,6 @@ def _drive_best(
     if isinstance(best, FleetManagerError):
         raise best
     return best
-
-
-def _join_missions(
-    remaining: RemainingWork, ends: Sequence[int], helpers: Sequence[_Helper], composed: ComposedPlan
-) -> list[tuple[Leg, ...]]:
-    """All legs of every tractor: those it keeps, and the new ones with gates by tractors and legs of the fleet."""
-    kept = [
-        tuple(drop_open_gates(leg, remaining) for leg in state.mission.legs[:end])
-        for state, end in zip(remaining.states, ends, strict=True)
-    ]
-    legs = [list(each) for each in drop_stale_gates(kept, ends)]  # what comes after `ends` are other legs
-    working = [helper for helper, tour in zip(helpers, composed.programme.tours, strict=True) if tour]
-    for helper, mission in zip(working, composed.plan.missions, strict=True):
-        legs[helper.number] += [_renumber_gates(leg, working) for leg in mission.legs]
-    return [tuple(each) for each in legs]
 
 
 def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:

@@ -77,7 +77,11 @@ class TokenCache(DatabaseThread):
                 await asyncio.to_thread(self.refresh)
             else:
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(asyncio.wrap_future(self._request_refresh()), REFRESH_TIMEOUT_S)
+                    future: Future[None] = Future()
+                    with self._lock:
+                        self._waiting.append(future)
+                    self._refresh_requested.set()
+                    await asyncio.wait_for(asyncio.wrap_future(future), REFRESH_TIMEOUT_S)
         row = self._rows.get(hash_token(token_text))
         if row is None:
             raise TokenError(UNKNOWN_TOKEN if self.is_fresh else UNREACHABLE_DATABASE, parameter="token")
@@ -139,14 +143,6 @@ class TokenCache(DatabaseThread):
             if row is None or has_expired(row):
                 reasons[sha256] = REVOKED_LINK_TOKEN if row is None else EXPIRED_LINK_TOKEN
         return reasons
-
-    def _request_refresh(self) -> Future[None]:
-        """Ask for a reading; it is done after one that began after this call."""
-        future: Future[None] = Future()
-        with self._lock:
-            self._waiting.append(future)
-        self._refresh_requested.set()
-        return future
 
     def pause(self) -> None:
         """Wait until somebody asks for a reading, or a second; overrides DatabaseThread.pause.

@@ -17,6 +17,7 @@ from fastapi import Path as PathParameter
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from fields.geometry.coordinates import MAX_COORDINATE
 from planner.service.access.permissions import ReadAccess
 from planner.service.backgrounds.tile_grid import (
     HALF_WIDTH_M,
@@ -43,7 +44,6 @@ MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
 PICTURE_FORMATS = ("png", "jpg", "jpeg", "webp")
 MOST_TEXT_CHARS = 400
 DegreeBounds = tuple[float, float, float, float]
-MOST_METRES = 1e8
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
 
@@ -302,8 +302,8 @@ async def read_background_placement(
     crs: Annotated[
         str | None, Query(pattern=r"^[A-Z]{2,10}:\d{1,6}$", description="System of easting and northing: EPSG:32632.")
     ] = None,
-    easting: Annotated[float | None, Query(ge=-MOST_METRES, le=MOST_METRES, description="Metres.")] = None,
-    northing: Annotated[float | None, Query(ge=-MOST_METRES, le=MOST_METRES, description="Metres.")] = None,
+    easting: Annotated[float | None, Query(ge=-MAX_COORDINATE, le=MAX_COORDINATE, description="Metres.")] = None,
+    northing: Annotated[float | None, Query(ge=-MAX_COORDINATE, le=MAX_COORDINATE, description="Metres.")] = None,
     longitude: Annotated[float | None, Query(ge=-180, le=180, description="Degrees.")] = None,
     latitude: Annotated[float | None, Query(ge=-90, le=90, description="Degrees.")] = None,
 ) -> PlacementInfo:

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel
 
-from fields.geometry.geodesy import find_utm_crs, project
+from fields.geometry.geodesy import UTM_NORTH_DEG, find_utm_crs, project
 from planner.service.errors import ServiceError
-from planner.service.settings import LIMITS
+from planner.service.settings import LIMITS, MEGABYTE_BYTES
 
 MERCATOR, WGS84 = "EPSG:3857", "EPSG:4326"
 HALF_WIDTH_M = math.pi * 6_378_137.0
@@ -26,9 +26,8 @@ HALF_WIDTH_M = math.pi * 6_378_137.0
 HIGHEST_ZOOM, TILE_PX = 22, 256
 REACH_M = 6_000.0
 DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
-MOST_LATITUDE_DEG = 84.0
 FloatArray = npt.NDArray[np.float64]
-MOST_TILE_BYTES = 2 * 2**20
+MOST_TILE_BYTES = 2 * MEGABYTE_BYTES
 MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
 
 
@@ -95,9 +94,9 @@ def place_metres(crs: str, easting_m: float, northing_m: float) -> PlacementInfo
 
 def place_degrees(longitude_deg: float, latitude_deg: float) -> PlacementInfo:
     """The same for a place in degrees, in metres of its UTM zone; easting and northing are whole metres."""
-    if abs(latitude_deg) > MOST_LATITUDE_DEG:
+    if abs(latitude_deg) > UTM_NORTH_DEG:
         raise ServiceError(
-            f"The latitude is {latitude_deg:g}; use -{MOST_LATITUDE_DEG:g} to {MOST_LATITUDE_DEG:g} degrees.",
+            f"The latitude is {latitude_deg:g}; use -{UTM_NORTH_DEG:g} to {UTM_NORTH_DEG:g} degrees.",
             parameter="latitude",
         )
     crs = find_utm_crs(longitude_deg, latitude_deg)
@@ -107,7 +106,7 @@ def place_degrees(longitude_deg: float, latitude_deg: float) -> PlacementInfo:
 
 def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
     degrees = project(points, crs, WGS84)
-    if np.abs(degrees[:, 1]).max() > MOST_LATITUDE_DEG + 1.0:
+    if np.abs(degrees[:, 1]).max() > UTM_NORTH_DEG + 1.0:
         raise ServiceError("The place lies at a pole, where maps have no background.", parameter="crs")
     longitudes_deg = degrees[0, 0] + np.remainder(degrees[:, 0] - degrees[0, 0] + 180.0, 360.0) - 180.0
     radius_m = HALF_WIDTH_M / math.pi

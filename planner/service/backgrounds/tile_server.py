@@ -18,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -54,7 +55,7 @@ USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
 CONNECT_TIMEOUT_S, TILE_TIMEOUT_S = 5.0, 15.0
 PAUSE_S = 20.0
 """Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
-NOTHING_STATUSES = (204, 404)
+NOTHING_STATUSES = (HTTPStatus.NO_CONTENT, HTTPStatus.NOT_FOUND)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import MOST_EVENTS, FleetSession
 from planner.fleet.session.fleet_twins import warm_up
-from planner.fleet.session.state_recorder import select_rising_rows
+from planner.fleet.session.state_recorder import ROW_COLUMNS, select_rising_rows
 from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
@@ -37,9 +37,9 @@ from planner.service.settings import LIMITS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 
-STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S, TOKEN_PERIOD_S = 0.05, 1.0, 1.0, 1.0
+STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S = 0.05, 1.0, 1.0
 DELETED_TEXT = "This fleet was deleted."
-EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = 2, 3, 10  # columns of recorded rows
+EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = map(ROW_COLUMNS.index, ("easting_m", "northing_m", "implement"))
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with its file suffix."""
 FollowUp = Callable[[FleetSession, float], Awaitable[None]]
@@ -310,7 +310,7 @@ class FleetSessions:
 
     async def _watch_tokens(self) -> None:
         while True:
-            await asyncio.sleep(TOKEN_PERIOD_S)
+            await asyncio.sleep(LOOK_PERIOD_S)
             try:
                 await self.check_tokens()
             except Exception:

@@ -15,6 +15,7 @@ from typing import Any
 
 from fastapi import APIRouter
 from pydantic import ValidationError
+from starlette.status import WS_1000_NORMAL_CLOSURE, WS_1001_GOING_AWAY, WS_1008_POLICY_VIOLATION
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from planner.errors import HeadlandError, render_refusal
@@ -24,6 +25,7 @@ from planner.fleet.session.fleet_session import FleetSession
 from planner.service.access.permissions import identify_socket
 from planner.service.errors import BusyError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.fleets.robot_client import REPLACED_CODE
 from planner.service.gateway.connection_limits import (
     GREETED_SCOPE_KEY,
     ConnectionLimits,
@@ -36,8 +38,7 @@ CONNECT_TIMEOUT_S = 10.0
 CROWDED_TEXT = "Too many links have not sent connect yet; link again and send it at once."
 PENDING_LIMITS = ConnectionLimits(per_address=128, total=512, header_s=CONNECT_TIMEOUT_S)
 """Of links that have not sent connect yet."""
-REFUSED_CODE, REPLACED_CODE = 1008, 4001
-NORMAL_CODES = (1000, 1001)
+NORMAL_CODES = (WS_1000_NORMAL_CLOSURE, WS_1001_GOING_AWAY)
 MOST_REFUSED = 10  # frames of a viewer before its link ends
 FRAME_RATES = {TRACTOR: (200.0, 600.0), CONTROL: (60.0, 240.0)}  # per second, and at once
 WATCHER_FRAME_RATES = (5.0, 20.0)
@@ -127,7 +128,7 @@ async def _refuse_connection(websocket: WebSocket, refusal: Exception) -> None:
         sentence = f"No connect frame came within {CONNECT_TIMEOUT_S:g} s; send it first."
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(encode_frame({"kind": "refused", "sentence": sentence, "sequence": None}))
-        await websocket.close(REFUSED_CODE)
+        await websocket.close(WS_1008_POLICY_VIOLATION)
 
 
 async def _serve_client(websocket: WebSocket, session: FleetSession, client: FleetClient) -> None:
@@ -152,7 +153,7 @@ async def _send_waiting_frames(websocket: WebSocket, client: FleetClient) -> Non
             await websocket.send_text(
                 encode_frame({"kind": "refused", "sentence": client.expulsion_reason, "sequence": None})
             )
-        await websocket.close(REPLACED_CODE if client.expulsion_reason is None else REFUSED_CODE)
+        await websocket.close(REPLACED_CODE if client.expulsion_reason is None else WS_1008_POLICY_VIOLATION)
 
 
 async def _receive(websocket: WebSocket, session: FleetSession, client: FleetClient) -> None:

@@ -8,6 +8,7 @@ import json
 import time
 import urllib.error
 import urllib.request
+from http import HTTPStatus
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -18,8 +19,11 @@ from planner.service.errors import ServiceError
 
 STATE_PERIOD_S, RETRY_S, OPEN_TIMEOUT_S, DISCONNECT_TIMEOUT_S = 0.1, 0.5, 5.0, 1.0
 SHORTEST_PERIOD_S, LONGEST_SIMULATED_S = 0.03, 0.3
-REPLACED_CODE = 4001
-NO_LINK_CODES = (400, 401, 403, 404, 405, 426)
+REPLACED_CODE = 4001  # of links that another of the same robot takes the place of
+NO_LINK_STATUSES = (
+    HTTPStatus.BAD_REQUEST, HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN, HTTPStatus.NOT_FOUND,
+    HTTPStatus.METHOD_NOT_ALLOWED, HTTPStatus.UPGRADE_REQUIRED,
+)  # fmt: skip
 
 
 class RobotClient:
@@ -75,7 +79,7 @@ class RobotClient:
                     await self._exchange_frames(link)
             except InvalidStatus as answer:
                 code = answer.response.status_code
-                if code in NO_LINK_CODES:
+                if code in NO_LINK_STATUSES:
                     raise ServiceError(
                         f"{self.address} answers with status {code}; check that it is a Headland service."
                     ) from None

@@ -62,12 +62,12 @@ class RepeatFilter(logging.Filter):
         return count < LIMITS.most_repeats
 
 
-def set_up_logs(level: int = logging.WARNING) -> None:
+def set_up_logs() -> None:
     """Log every logger to standard error in this format."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(LogfmtFormatter())
     handler.addFilter(RepeatFilter())
-    logging.basicConfig(level=level, handlers=[handler], force=True)
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logging.getLogger(name).handlers.clear()
         logging.getLogger(name).propagate = True

@@ -16,6 +16,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fields.units import HOUR_S
 from planner.service.errors import BusyError, ServiceError
 from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
 from planner.service.jobs.input_files import write_inputs
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
     from planner.sweeps.kept_grounds import KeptGrounds
 
 MOST_WAITING_PER_CLIENT = 3
-START_WAIT_S, LONGEST_ESTIMATE_S, PROCESS_LIFE_S = 20.0, 60.0, 3600.0
+START_WAIT_S, LONGEST_ESTIMATE_S = 20.0, 60.0
+PROCESS_LIFE_S = HOUR_S
 COMPUTING_SHARE, MOST_COMPUTING_S = 0.5, 60.0
 """Each user may keep half a core busy, and has a minute of computing in advance."""
 MOST_FOLDERS = 50

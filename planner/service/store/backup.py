@@ -24,8 +24,9 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
+from fields.units import HOUR_S
 from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
-from planner.service.settings import DATABASE_FILE, LIMITS, find_version
+from planner.service.settings import DATABASE_FILE, LIMITS, MEGABYTE_BYTES, find_version
 from planner.service.store.database import (
     SELECT_VERSION,
     Database,
@@ -42,8 +43,8 @@ from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRo
 MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
 SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
-COPY_BATCH_ROWS, PART_BYTES = 500, 2**20
-SWEEP_MIN_AGE_S = 3600.0
+COPY_BATCH_ROWS = 500
+SWEEP_MIN_AGE_S = HOUR_S
 """Newer bytes may belong to a row that is being written."""
 SET_SEQUENCE = "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT max({column}) FROM {table}))"
 COMPRESSION_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -148,7 +149,7 @@ def _add_to_archive(archive: zipfile.ZipFile, path: Path, name: str) -> Manifest
     """Add a file to an archive; returns its size and SHA-256."""
     digest, size = hashlib.sha256(), 0
     with open(path, "rb") as source, archive.open(name, "w", force_zip64=True) as target:
-        while part := source.read(PART_BYTES):
+        while part := source.read(MEGABYTE_BYTES):
             digest.update(part)
             size += len(part)
             target.write(part)
@@ -277,7 +278,7 @@ class _OpenBackup:
         """Hand on the bytes of a part, at most as many as the manifest names; raises ServiceError for others."""
         entry, digest, size = self.manifest.files[name], hashlib.sha256(), 0
         with self.archive.open(name) as source:
-            while part := source.read(min(PART_BYTES, entry.size - size + 1)):
+            while part := source.read(min(MEGABYTE_BYTES, entry.size - size + 1)):
                 size += len(part)
                 if size > entry.size:
                     break

@@ -15,12 +15,7 @@ from sqlalchemy.orm import Session
 
 from planner.service.errors import DatabaseError, NotFoundError, ResultPlaceError, StorageError, VersionError
 from planner.service.settings import ServiceSettings
-from planner.service.store.database import (
-    describe_version,
-    get_current_version,
-    name_database_in_errors,
-    read_version,
-)
+from planner.service.store.database import describe_version, get_current_version, name_database_in_errors, read_version
 from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
 from planner.service.store.result_place import ResultPlace
 from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow

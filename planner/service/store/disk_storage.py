@@ -12,6 +12,7 @@ import os
 import re
 import secrets
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,8 +24,6 @@ from planner.service.errors import NotFoundError, StorageError
 DISK_FULL = "No room is left on the disk of the service; delete what is not needed there, then ask again."
 DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT)
 POSTGRESQL_DISK_FULL = "53100"
-SQLITE_FULL, SQLITE_CANTOPEN, SQLITE_IOERR = 13, 14, 10
-"""The first means a full disk; the others can be caused by it, as where SQLite cannot write its log file."""
 NO_SPACE_BYTES = 2**16  # less than this is none
 
 
@@ -44,9 +43,9 @@ def _is_driver_disk_full(error: BaseException | None, folder: Path | None) -> bo
     if getattr(error, "sqlstate", None) == POSTGRESQL_DISK_FULL:
         return True
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if code in (SQLITE_CANTOPEN, SQLITE_IOERR):
+    if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):  # a full disk can cause them: no log file is written
         return folder is not None and folder.is_dir() and shutil.disk_usage(folder).free < NO_SPACE_BYTES
-    return code == SQLITE_FULL
+    return code == sqlite3.SQLITE_FULL
 
 
 def check_disk_space(folder: Path, size_bytes: int, reserve_bytes: int) -> None:

@@ -163,15 +163,11 @@ class JobStore(StorePart):
             number = session.scalar(claim.values(**values).returning(JobRow.number))
             job = None if number is None else session.get(JobRow, number)
             if job is not None:
-                self._take_turn(session, job.owner_identity or "")
+                last = session.scalar(sa.select(sa.func.max(TurnRow.turn))) or 0
+                insert = postgresql.insert if self.database.is_postgresql else sqlite.insert
+                turn = insert(TurnRow).values(owner_identity=(job.owner_identity or ""), turn=last + 1)
+                session.execute(turn.on_conflict_do_update(index_elements=["owner_identity"], set_={"turn": last + 1}))
             return job
-
-    def _take_turn(self, session: Session, owner_identity: str) -> None:
-        """Put an owner behind all others."""
-        last = session.scalar(sa.select(sa.func.max(TurnRow.turn))) or 0
-        insert = postgresql.insert if self.database.is_postgresql else sqlite.insert
-        turn = insert(TurnRow).values(owner_identity=owner_identity, turn=last + 1)
-        session.execute(turn.on_conflict_do_update(index_elements=["owner_identity"], set_={"turn": last + 1}))
 
     @property
     def _now_s(self) -> Any:

@@ -14,7 +14,9 @@ from typing import Any
 import psycopg
 import sqlalchemy as sa
 
-CONNECT_TIMEOUT_S, PING_TIMEOUT_S, ANSWER_TIMEOUT_S, IDLE_TIMEOUT_S, MIGRATION_TIMEOUT_S = 3, 2.0, 5.0, 60.0, 3600.0
+from fields.units import HOUR_S
+
+CONNECT_TIMEOUT_S, PING_TIMEOUT_S, ANSWER_TIMEOUT_S, IDLE_TIMEOUT_S = 3, 2.0, 5.0, 60.0
 NETWORK_OPTIONS = {
     "connect_timeout": CONNECT_TIMEOUT_S,
     "tcp_user_timeout": int(ANSWER_TIMEOUT_S * 1000),
@@ -94,7 +96,7 @@ def lift_timeouts(connection: sa.Connection) -> Iterator[None]:
     if not isinstance(bounded_connection, BoundedConnection):
         yield
         return
-    bounded_connection.answer_timeout_s = MIGRATION_TIMEOUT_S
+    bounded_connection.answer_timeout_s = HOUR_S
     connection.exec_driver_sql(CLEAR_TIMEOUTS)
     try:
         yield

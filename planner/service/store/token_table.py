@@ -13,6 +13,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import LIMITS
 from planner.service.store.store_part import (
@@ -31,7 +32,6 @@ SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
 FORMER_SCOPE = "control"
 TOKEN_PREFIX = "hl_"
 NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
-MOST_TRACTORS = 999
 PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
 PERIOD_UNITS = {"m": "minutes", "h": "hours", "d": "days"}
 

@@ -21,7 +21,7 @@ from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
-from fields.units import DAY_S
+from fields.units import DAY_S, KILO, MPS_PER_KMH
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
@@ -40,7 +40,7 @@ from vehicle.identification.errors import LogError
 _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", "G": "B", "H": "I", "I": "H"}
 """Parts of a position in a record, with the kind of their number (struct)."""
 DEGREES_PER_UNIT = 1e-7
-METRES_PER_MM = 1e-3
+METRES_PER_MM = 1.0 / KILO
 TLG_EPOCH = date(1980, 1, 1)
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
@@ -57,7 +57,7 @@ MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0
 """Largest plausible rise of totals per second."""
 CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 """Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
-SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
+SPEED_UNITS_MPS = {"km/h": MPS_PER_KMH, "m/s": 1.0, "mm/s": METRES_PER_MM}
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +217,8 @@ def _read_run(
     time_s = _unwrap_midnight(log.time_s, notes)
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
+    columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
+    widths = [np.median(column[column > 0]) for column in columns if (column > 0).any()]
     run = LoggedRun(
         name=name,
         log_format="ISOXML",
@@ -224,7 +226,7 @@ def _read_run(
         time_s=time_s,
         speed_mps=speed,
         is_working=is_working,
-        width_m=_estimate_width_m(log),
+        width_m=float(max(widths)) * METRES_PER_MM if widths else None,
         counters=_compute_counter_rises(log),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
@@ -274,13 +276,6 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
                 (log.values[:, place] + presentation.offset) * presentation.scale * SPEED_UNITS_MPS[presentation.unit]
             )
     return None
-
-
-def _estimate_width_m(log: TimeLog) -> float | None:
-    """The largest median width of an element, in metres; sections are parts of it."""
-    columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
-    widths = [np.median(column[column > 0]) for column in columns if (column > 0).any()]
-    return float(max(widths)) * METRES_PER_MM if widths else None
 
 
 def _compute_counter_rises(log: TimeLog) -> dict[str, float]:

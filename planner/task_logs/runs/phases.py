@@ -136,9 +136,9 @@ def _compute_direction(xy: Array, row: int, side: int) -> Array:
     return np.asarray(displacement / max(float(np.hypot(*displacement)), 1e-9))
 
 
-def summarise_run(run: ProjectedRun, run_phases: RunPhases | None = None) -> RunFigures:
-    """The figures of a run; `run_phases` if they are already known."""
-    run_phases = run_phases or classify_phases(run)
+def summarise_run(run: ProjectedRun) -> RunFigures:
+    """The figures of a run."""
+    run_phases = classify_phases(run)
     durations_s, steps = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
     by_kind = {kind: float(durations_s[run_phases.kinds == index].sum()) for index, kind in enumerate(ACTIVITY_KINDS)}
     has_work_state, counters = run.has_work_state, run.counters

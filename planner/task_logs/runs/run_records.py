@@ -102,10 +102,10 @@ class LogContents:
     notes: tuple[str, ...] = ()
 
 
-def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
-    """The run in metres of `crs`, by default of its UTM zone; raises FieldError."""
+def project_run(run: LoggedRun) -> ProjectedRun:
+    """The run in metres of its UTM zone; raises FieldError."""
     place = run.outline[0][0] if run.outline else run.lonlat[0]
-    crs = crs or find_utm_crs(float(place[0]), float(place[1]))
+    crs = find_utm_crs(float(place[0]), float(place[1]))
     xy = project(run.lonlat, WGS84, crs)
     speed_by_place = compute_speeds(run.time_s, xy)
     speed = speed_by_place

@@ -129,7 +129,17 @@ def build_run_heights(runs: Sequence[ProjectedRun]) -> tuple[ElevationGrid, str]
     crs = with_heights[0].crs
     tracks = [_list_points(reproject_run(run, crs)) for run in with_heights]
     offsets = level_tracks(tracks)
-    remarks = _describe_offsets(with_heights, offsets, len(runs))
+    total = len(runs)
+    remarks = []
+    if total > len(with_heights):
+        remarks.append(f"{count_noun(total - len(with_heights), 'run')} of {total} without heights not used.")
+    span_m = float(np.ptp(offsets))
+    if span_m > MIN_REPORTED_OFFSET_M:
+        highest = with_heights[int(np.argmax(offsets))].name
+        remarks.append(
+            f"Heights of runs differ by up to {span_m:.2f} m where they cross ('{highest}' is the highest), as "
+            "receivers and antennas do; they were levelled to each other."
+        )
     table = np.concatenate([track - (0.0, 0.0, offset) for track, offset in zip(tracks, offsets, strict=True)])
     places, heights_m = table[:, :2], table[:, 2]
     label = count_noun(len(with_heights), "run")
@@ -149,20 +159,6 @@ def _list_points(run: ProjectedRun) -> Array:
     if run.has_work_state and (rows & run.is_working).any():
         rows &= run.is_working
     return np.column_stack([run.xy[rows], heights_m[rows]])
-
-
-def _describe_offsets(runs: Sequence[ProjectedRun], offsets: Array, total: int) -> list[str]:
-    remarks = []
-    if total > len(runs):
-        remarks.append(f"{count_noun(total - len(runs), 'run')} of {total} without heights not used.")
-    span_m = float(np.ptp(offsets))
-    if span_m > MIN_REPORTED_OFFSET_M:
-        highest = runs[int(np.argmax(offsets))].name
-        remarks.append(
-            f"Heights of runs differ by up to {span_m:.2f} m where they cross ('{highest}' is the highest), as "
-            "receivers and antennas do; they were levelled to each other."
-        )
-    return remarks
 
 
 def _find_region(runs: Sequence[ProjectedRun], crs: str, places: Array) -> shapely.Geometry:

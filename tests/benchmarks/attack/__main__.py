@@ -14,14 +14,6 @@ COMMAND = shlex.join((sys.executable, "-c", "from planner.cli.main import main; 
 
 def main() -> int:
     """Attack and print; 1 where something did not hold."""
-    given = _parse()
-    rows = attack(shlex.split(given.command), given.only, short=given.short)
-    before = json.loads(given.before.read_text(encoding="utf-8")) if given.before else ()
-    print(json.dumps(list_rows(rows), indent=1) if given.json else format_table(rows, before))
-    return int(any(row.held is False for row in rows))
-
-
-def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.attack", description="Attack a service.")
     parser.add_argument("--only", type=_parse_items, default=ITEMS, help="items to attack, such as 2,3")
     parser.add_argument("--short", action="store_true", help="small numbers, as in tests")
@@ -31,7 +23,10 @@ def _parse() -> argparse.Namespace:
     given = parser.parse_args()
     if shlex.split(given.command)[-1:] != ["serve"]:
         parser.error("--command ends in the word serve, such as '/opt/headland/bin/headland serve'")
-    return given
+    rows = attack(shlex.split(given.command), given.only, short=given.short)
+    before = json.loads(given.before.read_text(encoding="utf-8")) if given.before else ()
+    print(json.dumps(list_rows(rows), indent=1) if given.json else format_table(rows, before))
+    return int(any(row.held is False for row in rows))
 
 
 def _parse_items(text: str) -> tuple[int, ...]:

@@ -39,19 +39,14 @@ def attack_memory(service: Service, short: bool) -> list[Row]:
                 if fleet["name"].startswith("a plan"):
                     ask(service.port, "DELETE", f"{API}/fleets/{fleet['id']}", token=operator)
             words, held, values = describe_stops(stops)
-            peak_mb = read_peak_mb(service)
+            assert service.process is not None
+            text = Path(f"/proc/{service.process.pid}/status").read_text()
+            match = re.search(r"VmHWM:\s+(\d+)", text)
+            peak_mb = int(match[1]) / 1024 if match else 0.0
             words = f"{peak_mb:.0f} MB; {result.get('statuses')}; {words}"
             rows.append(Row(item, f"{clients} bodies of {BODY_MB} MB: {kind}", words, LIMIT,
                             held and peak_mb <= MOST_MB, values | {"peak_mb": peak_mb, **result}))  # fmt: skip
     return rows
-
-
-def read_peak_mb(service: Service) -> float:
-    """The most memory that the first process of a service has had so far, MB."""
-    assert service.process is not None
-    text = Path(f"/proc/{service.process.pid}/status").read_text()
-    match = re.search(r"VmHWM:\s+(\d+)", text)
-    return int(match[1]) / 1024 if match else 0.0
 
 
 def send_bodies(port: int, kind: str, token: str, path: str, clients: int, chunked: bool) -> dict[str, object]:

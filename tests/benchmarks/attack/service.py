@@ -75,16 +75,12 @@ class Service:
         """A token with these roles, made once."""
         key = " ".join(roles)
         if key not in self._tokens:
-            self._tokens[key] = self.new_token(roles)
+            name = f"{'-'.join(roles)}-{time.monotonic_ns() % 10**9}"
+            status, answer = self._post_token({"name": name, "scopes": list(roles)})
+            if status != 201:
+                raise RuntimeError(f"No token: {status} {answer[:300]!r}")
+            self._tokens[key] = str(read_json(answer)["token"])
         return self._tokens[key]
-
-    def new_token(self, roles: Sequence[str]) -> str:
-        """A new token."""
-        name = f"{'-'.join(roles)}-{time.monotonic_ns() % 10**9}"
-        status, answer = self._post_token({"name": name, "scopes": list(roles)})
-        if status != 201:
-            raise RuntimeError(f"No token: {status} {answer[:300]!r}")
-        return str(read_json(answer)["token"])
 
     def _post_token(self, body: dict[str, object]) -> tuple[int, bytes]:
         link = http.client.HTTPConnection(HOST, self.port, timeout=COMMAND_S)

@@ -139,10 +139,5 @@ def test_a_drive_has_the_columns_and_the_noise_of_the_logs() -> None:
     first = bare.data.dataset.segments[0]
     moved = replace(first, east=first.east + 50.0)
     far = replace(bare.data, dataset=replace(bare.data.dataset, segments=(moved,)))
-    begun = build_trial(replace_data(bare, far), BY_ID["circles"])
+    begun = build_trial(SimpleNamespace(data=far, rig=bare.rig, get_noise=bare.get_noise), BY_ID["circles"])
     assert begun.data.path["east"][0] == pytest.approx(trial.data.path["east"][0] + 50.0, abs=0.5)
-
-
-def replace_data(problem: Problem, data: Any) -> Any:
-    """The problem with other logs, of which a drive is made."""
-    return SimpleNamespace(data=data, rig=problem.rig, get_noise=problem.get_noise)

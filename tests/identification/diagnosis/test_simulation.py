@@ -9,14 +9,7 @@ import pytest
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STRIDE, build_drive_data
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.simulation import (
-    ANGLE_COLUMN,
-    CHAINS,
-    X_COLUMN,
-    Y_COLUMN,
-    Simulator,
-    replay_segment,
-)
+from vehicle.identification.replay.simulation import ANGLE_COLUMN, CHAINS, X_COLUMN, Y_COLUMN, Simulator, replay_segment
 from vehicle.model.effects import compute_effect_fields
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S

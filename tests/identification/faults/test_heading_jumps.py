@@ -17,11 +17,6 @@ def turn(frame: pd.DataFrame, by_deg: np.ndarray) -> pd.DataFrame:
     return frame
 
 
-def measure_apart(heading: np.ndarray, other: np.ndarray) -> float:
-    """How far two headings are apart (deg), about their median and at most."""
-    return float(np.max(np.abs((heading - other + 180.0) % 360.0 - 180.0)))
-
-
 @pytest.mark.parametrize("size_deg", [-25.0, 8.0, 20.0])
 @pytest.mark.parametrize("name", ["there", "steps"])
 @pytest.mark.parametrize("is_right_after", [False, True])
@@ -39,7 +34,7 @@ def test_a_jump_is_told_and_turned_back(size_deg: float, name: str, is_right_aft
     used = corrected.used
     clean = build_log(frame, name).heading_deg
     assert corrected.heading_deg is not None and clean is not None
-    assert measure_apart(corrected.heading_deg[used], clean[used]) < 1.0
+    assert float(np.max(np.abs((corrected.heading_deg[used] - clean[used] + 180.0) % 360.0 - 180.0))) < 1.0
     assert log.rows_used - corrected.rows_used < 12 and corrected.segment_count == log.segment_count + 1
 
 

@@ -19,11 +19,7 @@ from vehicle.identification.replay.horizon_errors import (
     measure_pieces,
     sum_by_run,
 )
-from vehicle.identification.replay.simulation import (
-    replay_segment,
-    simulate_instruments,
-    simulate_logged_values,
-)
+from vehicle.identification.replay.simulation import replay_segment, simulate_instruments, simulate_logged_values
 
 TIME = np.arange(100) / 10.0
 

@@ -11,10 +11,7 @@ from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, c
 from vehicle.errors import VehicleError
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
-from vehicle.identification.replay.rig import (
-    build_rig,
-    build_rig_and_corrections,
-)
+from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,

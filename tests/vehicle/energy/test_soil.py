@@ -84,7 +84,8 @@ def test_a_line_is_hit_exactly_and_field_capacity_is_usual() -> None:
 
 def test_an_own_table_is_interpolated_with_the_error_of_measurements(tmp_path: Path) -> None:
     path = tmp_path / "soils.csv"
-    path.write_text("name,moisture_pct,cone_index_kpa,draft\nhome,30,400,fine\nhome,20,900,fine\n", encoding="utf-8")
+    lines = "name,moisture_pct,cone_index_kpa,draft,clay_pct", "home,30,400,fine", "home,20,900,fine,"
+    path.write_text("\n".join(lines), encoding="utf-8")  # empty or not there is left out
     soil = find_soil("home", 25.0, path)
     assert soil.cone_index_kpa == pytest.approx(600.0) and soil.draft == "fine"  # the geometric mean
     assert (soil.low_kpa, soil.high_kpa) == pytest.approx((420.0, 780.0))
@@ -109,7 +110,7 @@ def test_what_is_not_known_is_refused(name: str, moisture_pct: float | None, sen
     ("name,cone_index_kpa,low_kpa\na,500,600\n", "cone_index_kpa 500 lies outside of low_kpa to high_kpa"),
     ("name,cone_index_kpa\na,500\na,600\n", "The soil 'a' has 2 lines; give each another moisture_pct"),
     ("name,cone_index_kpa,colour\na,500,red\n", "colour is not known"),
-    ('name,cone_index_kpa\n"' + "a" * 140_000 + '",500\n', "soils.csv cannot be read .field larger than field limit"),
+    ('name,cone_index_kpa\n"' + "a" * 140_000 + '",500\n', "is not a CSV file .field larger than field limit"),
     ("name,cone_index_kpa,moisture_pct\na,500,120\n", "moisture_pct = '120': give a number from 0 to 100"),
 ])  # fmt: skip
 def test_a_fault_of_an_own_table_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELLS, STRIDE, DriveData
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELLS, STRIDE
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
@@ -62,7 +62,12 @@ def build_residual_plot(problem: Problem, base: Fit, fit: Fit, name: str) -> Res
     channel = CHANNEL_BY_QUANTITY[quantity]
     responses = build_responses(problem, quantity)
     values = read_regressor(problem, base, regressor, responses[0].shape[2])
-    used = _select_cells(problem.data, quantity, values.shape[1])
+    data = problem.data
+    speed = np.abs(data.cut(data.path["speed"], values.shape[1]))
+    moving = speed > MOVING_SHARE * float(np.median(speed))
+    by_channel = {"pose": data.east, "wheel": data.wheel, "speed": data.speed}
+    measured = data.heading if quantity == effects.CRAB else by_channel[CHANNEL_BY_QUANTITY[quantity]]
+    used = np.asarray(moving & measured.observed)
     if used.sum() < FEWEST_ROWS:
         return None
     bins = number_bins(values, used)
@@ -142,15 +147,6 @@ def build_responses(problem: Problem, quantity: str) -> list[Array]:
     if quantity == effects.WHEEL:
         return [math.radians(1.0) * cells]
     return [cells * np.sign(data.cut(data.path["speed"], SENSOR_CELLS))[:, :, None]]
-
-
-def _select_cells(data: DriveData, quantity: str, cells: int) -> Mask:
-    """Cells (w, cells) in motion in which the quantity was measured."""
-    speed = np.abs(data.cut(data.path["speed"], cells))
-    moving = speed > MOVING_SHARE * float(np.median(speed))
-    by_channel = {"pose": data.east, "wheel": data.wheel, "speed": data.speed}
-    measured = data.heading if quantity == effects.CRAB else by_channel[CHANNEL_BY_QUANTITY[quantity]]
-    return np.asarray(moving & measured.observed)
 
 
 def number_bins(values: Array, used: Mask) -> Array:

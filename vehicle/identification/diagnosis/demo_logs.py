@@ -76,8 +76,8 @@ def _build_triangle_wave(size: float, seconds: float, step: float) -> ProgrammeP
 def build_programme() -> tuple[tuple[str, float, ProgrammePieces], ...]:
     """Return name, first heading (deg from north) and pieces of every run: about nine minutes."""
 
-    def build_turns(angles: tuple[float, ...], seconds: float, pace: float = 1.0, tool: float = 0.0) -> ProgrammePieces:
-        return tuple((seconds, angle, pace, tool) for angle in angles)
+    def build_turns(angles: tuple[float, ...], seconds: float) -> ProgrammePieces:
+        return tuple((seconds, angle, 1.0, 0.0) for angle in angles)
 
     return (
         ("straight_east", 90.0, build_turns((0.0,), 40.0)),
@@ -195,13 +195,10 @@ def add_instrument_noise(
     return replace(segment, east=east, north=north, heading=noisy_heading), wheel, speed
 
 
-def add_soil_noise(
-    noise: NoiseLevels, states: Array, rng: np.random.Generator, other_turns: Array | float = 0.0
-) -> Array:
-    """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil; and by other turns (n,), rad
-    since the start."""
+def add_soil_noise(noise: NoiseLevels, states: Array, rng: np.random.Generator) -> Array:
+    """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil."""
     pushes = noise.soil * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
-    extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S) + other_turns
+    extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S)
     out = states.copy()
     out[:, [X_COLUMN, Y_COLUMN]] = turn_path(states[:, [X_COLUMN, Y_COLUMN]], extra)
     out[:, ANGLE_COLUMN] += extra

@@ -28,15 +28,7 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
 from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
-from vehicle.identification.diagnosis.results import (
-    EQUIVALENT,
-    LIKELY,
-    NAMED,
-    NOT_VISIBLE,
-    REFUTED,
-    Diagnosis,
-    Finding,
-)
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter, compute_value_correlations, list_run_starts

@@ -9,13 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELL_S, POSE_CELLS, DriveData
-from vehicle.identification.diagnosis.grammar import (
-    PATCH_RADII_M,
-    PENALTIES,
-    WIDTH_PER_TYPICAL,
-    Coordinate,
-    Hypothesis,
-)
+from vehicle.identification.diagnosis.grammar import PATCH_RADII_M, PENALTIES, WIDTH_PER_TYPICAL, Coordinate, Hypothesis
 from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells

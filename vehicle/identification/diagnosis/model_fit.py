@@ -18,12 +18,7 @@ from vehicle.identification.diagnosis.grammar import (
     sum_fields,
 )
 from vehicle.identification.diagnosis.linearisation import RUGGED_CHAINS, Gain, Linearisation, list_signs
-from vehicle.identification.diagnosis.noise import (
-    ChannelNoise,
-    build_pose_noise,
-    build_speed_noise,
-    build_wheel_noise,
-)
+from vehicle.identification.diagnosis.noise import ChannelNoise, build_pose_noise, build_speed_noise, build_wheel_noise
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import CHAINS, Simulator

@@ -13,13 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
-from vehicle.identification.diagnosis.drive_data import (
-    POSE_CELL_S,
-    POSE_CELLS,
-    SENSOR_CELL_S,
-    SENSOR_CELLS,
-    DriveData,
-)
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELL_S, SENSOR_CELLS, DriveData
 from vehicle.identification.logs.schema import Array, Mask
 
 FREEDOM = 10.0  # of the Student t of a window: any from 4 to 30 gives the same names

@@ -23,12 +23,7 @@ from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_inputs import Places
 from vehicle.identification.replay.drive_segments import DriveDataset, compute_half_numbers
-from vehicle.identification.replay.horizon_errors import (
-    Pieces,
-    join_pieces,
-    measure_pieces,
-    sum_by_run,
-)
+from vehicle.identification.replay.horizon_errors import Pieces, join_pieces, measure_pieces, sum_by_run
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY

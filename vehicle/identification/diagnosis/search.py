@@ -28,7 +28,6 @@ from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
-from vehicle.identification.replay.drive_inputs import Places
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
@@ -242,7 +241,11 @@ class Searcher:
         problem, data = self.problem, self.problem.data
         widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
         linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
-        fold = number_folds(data.window_runs)
+        window_runs = data.window_runs
+        fold = np.zeros(len(window_runs), dtype=np.int64)
+        for run in np.unique(window_runs):
+            rows = np.flatnonzero(window_runs == run)
+            fold[rows] = (np.arange(len(rows)) + run) % FOLDS
         out = {c: np.zeros_like(fit.residuals[c]) for c in CHANNELS}
         for number in range(FOLDS):
             inside = fold == number
@@ -254,16 +257,6 @@ class Searcher:
                 cells = problem.noise[c].compute_cell_densities(problem.noise[c].whiten(residuals[c]))
                 out[c][inside] = cells[inside]
         return out
-
-
-def number_folds(window_runs: Places) -> Places:
-    """The fold (w,) of every window: those of a run in turn, each run beginning with another, so that what happens at
-    the start of all runs is in every fold."""
-    fold = np.zeros(len(window_runs), dtype=np.int64)
-    for run in np.unique(window_runs):
-        rows = np.flatnonzero(window_runs == run)
-        fold[rows] = (np.arange(len(rows)) + run) % FOLDS
-    return fold
 
 
 def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:

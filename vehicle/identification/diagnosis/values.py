@@ -10,13 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import DriveData
-from vehicle.identification.diagnosis.grammar import (
-    BY_RUN,
-    CONSTANT,
-    Hypothesis,
-    collect_widths,
-    scale_effect,
-)
+from vehicle.identification.diagnosis.grammar import BY_RUN, CONSTANT, Hypothesis, collect_widths, scale_effect
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.results import ParameterCorrelations, ParameterLaw
 from vehicle.identification.diagnosis.verdicts import Verdict

@@ -59,7 +59,8 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     lost = _find_lost_positions(motion)
     faults = [_build_fault(name, motion, rows, span, POSITION_LOST, LOST_WORDS) for span in lost]
     found = [] if lost else _find_still_faults(name, motion, rows, "position")
-    motion = motion.without_positions([*lost, *_list_spans(found, rows)])
+    ends = [np.searchsorted(rows, fault.rows[[0, -1]]) for fault in found]
+    motion = motion.without_positions([*lost, *[(int(first), int(last)) for first, last in ends]])
     faults += found
     for column in [column for column in STILL_READINGS if column != "position"]:
         faults += _find_still_faults(name, motion, rows, column, lost)
@@ -105,11 +106,6 @@ def _tell_onset(fault: LogFault, still: StandingSpan, motion: RawMotion) -> LogF
     if shown_s - first_s < MOMENT_S:
         return fault
     return replace(fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
-
-
-def _list_spans(faults: Sequence[ColumnFault], rows: Rows) -> list[Span]:
-    ends = [np.searchsorted(rows, fault.rows[[0, -1]]) for fault in faults]
-    return [(int(first), int(last)) for first, last in ends]
 
 
 def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:

@@ -316,8 +316,7 @@ def parse_conventions(
     speeds = next((names for names in converted if len(names) > 1), [])
     if speeds:
         raise LogError(
-            f"The fixes {' and '.join(speeds)} convert the same speed; give only one of them.",
-            parameter="fixes",
+            f"The fixes {' and '.join(speeds)} convert the same speed; give only one of them.", parameter="fixes"
         )
     return given | {LogConvention.POSITION_DEGREES for column in mapped if column.key.startswith("longitude")}
 

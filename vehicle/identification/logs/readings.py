@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fields.errors import mark_parameter
+from fields.units import HOUR_S, KMH_PER_MPS
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, Log
 from vehicle.model.gnss import project_to_metres
@@ -25,7 +26,7 @@ Conversion = Callable[[Columns, Place | None], Columns]
 Band = tuple[float, float]
 
 _POSITIONS, _SPEEDS = ("easting_m", "northing_m"), ("speed_mps", "speed_command_mps")
-MPH, KNOTS = 3600.0 / 1609.344, 3600.0 / 1852.0  # per m/s
+MPH, KNOTS = HOUR_S / 1609.344, HOUR_S / 1852.0  # per m/s
 
 
 def _convert_each(convert: Callable[[Array], Array], *names: str) -> Conversion:
@@ -108,12 +109,13 @@ class LogConvention(StrEnum):
     )  # fmt: skip
     # Of a speed to that of the path: 3.6, with slip. A command may not be reached for long; where it is in another unit
     # than km/h it must be near.
-    SPEED_KMH = "speed-kmh", "speeds are in km/h", _convert_speeds(3.6, *_SPEEDS)
+    SPEED_KMH = "speed-kmh", "speeds are in km/h", _convert_speeds(KMH_PER_MPS, *_SPEEDS)
     SPEED_MEASURED_KMH = (
-        "speed-measured-kmh", "speed_mps is in km/h", _convert_speeds(3.6, "speed_mps"), (2.7, 4.8),
+        "speed-measured-kmh", "speed_mps is in km/h", _convert_speeds(KMH_PER_MPS, "speed_mps"), (2.7, 4.8),
     )  # fmt: skip
     SPEED_COMMAND_KMH = (
-        "speed-command-kmh", "speed_command_mps is in km/h", _convert_speeds(3.6, "speed_command_mps"), (2.7, 6.0),
+        "speed-command-kmh", "speed_command_mps is in km/h",
+        _convert_speeds(KMH_PER_MPS, "speed_command_mps"), (2.7, 6.0),
     )  # fmt: skip
     SPEED_MPH = "speed-mph", "speeds are in mph", _convert_speeds(MPH, *_SPEEDS)
     SPEED_MEASURED_MPH = (

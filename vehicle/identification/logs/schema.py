@@ -199,7 +199,11 @@ def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
     short_segments: list[Rows] = []
     rows = np.flatnonzero(log.used)
     # A few excluded rows are no gap, unless the gear changed in them.
-    change = (np.diff(log.segment[rows]) != 0) | (np.diff(_number_gear_changes(log)[rows]) != 0)
+    is_stated = np.isfinite(log.shuttle)
+    gear = np.sign(log.shuttle[is_stated])
+    number = np.zeros(len(log.shuttle), dtype=np.int64)
+    number[is_stated] = np.cumsum(np.diff(gear, prepend=gear[:1]) != 0.0)
+    change = (np.diff(log.segment[rows]) != 0) | (np.diff(number[rows]) != 0)
     for segment_rows in np.split(rows, np.flatnonzero(change) + 1):
         measured = np.flatnonzero(np.ones(len(segment_rows)) if log.fresh is None else log.fresh[segment_rows])
         if len(measured):
@@ -207,12 +211,3 @@ def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
             enough = log.time_s[measured_rows[-1]] - log.time_s[measured_rows[0]] >= SHORTEST_SEGMENT_S
             (long_segments if enough else short_segments).append(measured_rows)
     return long_segments, short_segments
-
-
-def _number_gear_changes(log: Log) -> Rows:
-    """Return the number of logged gear changes up to each row."""
-    is_stated = np.isfinite(log.shuttle)
-    gear = np.sign(log.shuttle[is_stated])
-    number = np.zeros(len(log.shuttle), dtype=np.int64)
-    number[is_stated] = np.cumsum(np.diff(gear, prepend=gear[:1]) != 0.0)
-    return number

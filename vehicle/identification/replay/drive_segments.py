@@ -294,20 +294,15 @@ def _select_earlier_commands(log: Log, rows: Rows) -> Array:
         known &= time[:-1] >= -HISTORY_STEPS * DT_S
     first = row - (int(np.argmin(known[::-1])) if not known.all() else row)
     if first == row:
-        return _assume_earlier_commands(log, rows)
+        if log.steering_deg is None:
+            return np.empty(0)
+        begun = rows[log.time_s[rows] <= log.time_s[rows[0]] + max(_STANDING_S, 1.5 * log.step_s)]
+        if float(np.ptp(log.steering_deg[begun])) > _STANDING_DEG:
+            return np.empty(0)
+        return np.full(HISTORY_STEPS, math.radians(float(log.steering_deg[rows[0]])))
     time, command = time[first:], command[first : row + 1]
     grid = -DT_S * np.arange(math.floor(-time[0] / DT_S), 0, -1)
     return np.asarray(np.radians(command)[np.searchsorted(0.5 * (time[1:] + time[:-1]), grid)])
-
-
-def _assume_earlier_commands(log: Log, rows: Rows) -> Array:
-    """Return the angle (m, rad) at which measured wheels stand in the first rows; nothing where they move."""
-    if log.steering_deg is None:
-        return np.empty(0)
-    begun = rows[log.time_s[rows] <= log.time_s[rows[0]] + max(_STANDING_S, 1.5 * log.step_s)]
-    if float(np.ptp(log.steering_deg[begun])) > _STANDING_DEG:
-        return np.empty(0)
-    return np.full(HISTORY_STEPS, math.radians(float(log.steering_deg[rows[0]])))
 
 
 def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:

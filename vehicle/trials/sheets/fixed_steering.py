@@ -334,7 +334,12 @@ def build_mass_sheet(tractor: Tractor) -> ExperimentSheet:
         _build_path_panel("Paths at 35 degrees", sweep_here),
         _build_path_panel("Paths at 35 degrees, closest hypothesis", sweep_of_hypothesis),
     )
-    tables = statements, _build_radius_table(sweep_here)
+    header = ("Behind the front axle", *(f"{angle:g} deg" for angle in sweep_here.angles_deg))
+    rows = []
+    for column, place in enumerate(sweep_here.front_axle_m):
+        cells = ["oversteer" if np.isnan(radius) else f"{radius:.2f} m" for radius in sweep_here.radius_m[:, column]]
+        rows.append((f"{place:.1f} m", *cells))
+    tables = statements, TextTable("Turning radius", header, tuple(rows))
     return ExperimentSheet("mass", "Centre of mass (Fig. 6.3)", words, (), panels, tables)
 
 
@@ -361,15 +366,6 @@ def _build_radius_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
 def _build_path_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
     traces = {f"{sweep.front_axle_m[index]:.1f} m": sweep.traces[index] for index in (0, 3, 6, 10)}
     return build_trajectory_panel(title, traces, math.inf)
-
-
-def _build_radius_table(sweep: CentreOfMassSweep) -> TextTable:
-    header = ("Behind the front axle", *(f"{angle:g} deg" for angle in sweep.angles_deg))
-    rows = []
-    for column, place in enumerate(sweep.front_axle_m):
-        cells = ["oversteer" if np.isnan(radius) else f"{radius:.2f} m" for radius in sweep.radius_m[:, column]]
-        rows.append((f"{place:.1f} m", *cells))
-    return TextTable("Turning radius", header, tuple(rows))
 
 
 @dataclass(frozen=True)

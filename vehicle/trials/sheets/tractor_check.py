@@ -36,8 +36,8 @@ from vehicle.trials.sheets.sheet import (
 )
 
 TRIAL_GROUND = "soil"
-LANE_M, LANE_AT_M, LANE_LENGTH_M, LANE_TOLERANCE_M = 1.0, 20.0, 100.0, 0.05
-STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
+LANE_M, LANE_AT_M, LANE_TOLERANCE_M = 1.0, 20.0, 0.05
+PATH_LENGTH_M, SETTLING_M = 100.0, 20.0
 RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
 ARC_POINTS = 91
@@ -94,14 +94,14 @@ def drive_circles(tractor: Tractor) -> tuple[CircleTrial, ...]:
 
 def drive_lane_change(tractor: Tractor) -> LaneTrial:
     """A straight path, then a lane beside it, at the thesis's speed on soil."""
-    seconds = LANE_LENGTH_M / CIRCLE_SPEED_MPS
-    plain = build_straight_mission(STRAIGHT_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
+    seconds = PATH_LENGTH_M / CIRCLE_SPEED_MPS
+    plain = build_straight_mission(PATH_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
     first = follow_mission(tractor, plain, seconds=seconds, position_errors=load_default_error_table()).compute_path()
-    weaving = np.abs(first[first[:, 1] > 0.5 * STRAIGHT_LENGTH_M, 0])
+    weaving = np.abs(first[first[:, 1] > 0.5 * PATH_LENGTH_M, 0])
     jump = (LANE_AT_M, LANE_M)
-    path = build_straight_mission(LANE_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
+    path = build_straight_mission(PATH_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
     path_driven = follow_mission(tractor, path, seconds=2.0 * seconds, jump=jump).compute_path()
-    end = LANE_LENGTH_M - SETTLING_M
+    end = PATH_LENGTH_M - SETTLING_M
     far = np.nonzero((np.abs(path_driven[:, 0] - LANE_M) > LANE_TOLERANCE_M) & (path_driven[:, 1] < end))[0]
     reached = bool((path_driven[:, 1] >= end).any())
     settled = float(path_driven[far[-1], 1]) - LANE_AT_M if reached else math.inf

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.units import KMH_PER_MPS
 from vehicle.arrays import Floats
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
 from vehicle.model.tractor import Implement, Tractor, load_tractor
@@ -57,14 +58,14 @@ class LinkDeviation:
     twin_path: Floats
 
 
-def build_corner_mission(speed_mps: float, ground: str = "soil", straight_share: float = 1.0) -> Mission:
+def build_corner_mission(speed_mps: float, straight_share: float = 1.0) -> Mission:
     """The path of Fig. 5.4: long straight, corner to the left, long straight; `straight_share` scales the straights."""
     angles = np.linspace(0.0, 0.5 * math.pi, 31)
     start_m = straight_share * FIRST_STRAIGHT_M
     arc = np.column_stack([CORNER_RADIUS_M * (np.cos(angles) - 1.0), start_m + CORNER_RADIUS_M * np.sin(angles)])
     end = arc[-1] - [straight_share * SECOND_STRAIGHT_M, 0.0]
     points = np.concatenate([[[0.0, 0.0]], arc, [end]])
-    return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
+    return Mission((Leg(points, speed_mps, ground="soil", task=LegTask(SWATH)),))
 
 
 def drive_master(
@@ -98,7 +99,6 @@ def simulate_twin_link(
     *,
     rate_hz: float,
     age_s: float,
-    noise: TractorNoise | None = None,
     sample_hz: int = 10,
     poses: bool = True,
 ) -> tuple[LinkDeviation, Twin]:
@@ -107,7 +107,7 @@ def simulate_twin_link(
     The two are compared `sample_hz` times a second. Without `poses` the twin only gets commands.
     """
     first_state = drive.reported[0]
-    twin = Twin(tractor, Implement(), _build_fix(first_state, 0.0), method=method, noise=noise)
+    twin = Twin(tractor, Implement(), _build_fix(first_state, 0.0), method=method)
     frames = list(drive.reported[:: round(MASTER_HZ / rate_hz)])
     rows = []
     samples = drive.truth[:: MASTER_HZ // sample_hz]
@@ -141,8 +141,8 @@ def _measure_deviation(drive: MasterDrive, real: Floats, twin: Floats) -> LinkDe
 
 
 LAN_AGE_S = 0.05  # assumed: "a tiny communication latency"
-PRE_HZ, PRE_MPS = 10.0, 4.0 / 3.6
-FIELD_HZ, FIELD_AGE_S, FIELD_MPS = 3.0, 0.3, 3.2 / 3.6
+PRE_HZ, FIELD_HZ, FIELD_AGE_S = 10.0, 3.0, 0.3
+PRE_MPS, FIELD_MPS = 4.0 / KMH_PER_MPS, 3.2 / KMH_PER_MPS
 HIDDEN = {"steering_dead_time": 0.2, "wheel_slip": 0.05}
 RATES_HZ, AGES_S = (1.0, 2.0, 3.0, 5.0, 10.0), (0.0, 0.1, 0.3, 0.6, 1.0)
 TABLE_STRAIGHT_SHARE, TABLE_SAMPLE_HZ = 0.35, 5
@@ -232,7 +232,11 @@ def _describe_results(
     field: dict[str, LinkDeviation],
     mismatches: tuple[ModelMismatch | None, ModelMismatch | None],
 ) -> tuple[str, ...]:
-    drift = _compute_open_drift_cm()
+    master, slave = (load_tractor(name).get_power_law("soil") for name in ("eg105", "mr1000a"))
+    angles = (-np.linspace(1.0, 35.0, 341)).tolist()
+    wheel_angle_deg = min(angles, key=lambda angle: abs(master.compute_radius_m(angle) - CORNER_RADIUS_M))
+    bend = 1.0 / slave.compute_radius_m(wheel_angle_deg) - 1.0 / CORNER_RADIUS_M
+    drift = 50.0 * abs(bend) * PRE_MPS**2
     thesis, ours, sections = field[THESIS], field[PREDICT], ("5.3.1", "5.3.2")
     return (
         "5.3.1: the master is the EG105 on soil, the slave the MR1000A (Eq. 5.1), both simulated, 4 km/h. Assumed, as "
@@ -252,15 +256,6 @@ def _describe_results(
         "in the table below the thesis's method has them with frames 0.6 to 1 s old.",
         *(f"{section}: {_describe_mismatch(mismatch)}" for section, mismatch in zip(sections, mismatches, strict=True)),
     )
-
-
-def _compute_open_drift_cm() -> float:
-    """Distance (cm) of the two tractors after a second in the corner at the master's wheel angle, by their radii."""
-    master, slave = (load_tractor(name).get_power_law("soil") for name in ("eg105", "mr1000a"))
-    angles = (-np.linspace(1.0, 35.0, 341)).tolist()
-    wheel_angle_deg = min(angles, key=lambda angle: abs(master.compute_radius_m(angle) - CORNER_RADIUS_M))
-    bend = 1.0 / slave.compute_radius_m(wheel_angle_deg) - 1.0 / CORNER_RADIUS_M
-    return 50.0 * abs(bend) * PRE_MPS**2
 
 
 def _describe_mismatch(mismatch: ModelMismatch | None) -> str:
