@@ -232,11 +232,7 @@ def build_work_leg(site: Site, points: Floats, task: LegTask) -> Leg:
 
 def build_move_legs(site: Site, move: Move, task: LegTask) -> list[Leg]:
     """The legs of a move; the tractor stands before the first to fold its implement where the move needs that."""
-    return fold_legs(site, move, build_path_legs(site, move.path, task, is_work=move.is_work))
-
-
-def fold_legs(site: Site, move: Move, legs: list[Leg]) -> list[Leg]:
-    """Legs with the implement folded if a move that is driven on them needs that."""
+    legs = build_path_legs(site, move.path, task, is_work=move.is_work)
     if not move.is_folded:
         return legs
     first_s = site.get_fold_s(not move.begins_folded)

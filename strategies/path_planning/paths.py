@@ -186,24 +186,16 @@ EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that n
 
 @dataclass(frozen=True)
 class EntranceLane:
-    """The lane through the entrance: straight from the outline for `lead_m` to where the guided point may turn."""
+    """The lane through the entrance: from just inside the outline, straight on for `lead_m`."""
 
     edge_pose: Pose
     lead_m: float
 
     @property
-    def inner_pose(self) -> Pose:
-        """Where a tractor that enters may turn for the first time."""
-        return shift_pose_ahead(self.edge_pose, self.lead_m)
-
-    def build_path_in(self, extra_m: float = 0.0) -> DrivePath:
-        """Straight in, and on for `extra_m` metres."""
-        return make_straight_path(self.edge_pose, self.lead_m + extra_m)
-
-    def build_path_out(self, extra_m: float = 0.0) -> DrivePath:
-        """The same path driven outwards."""
-        x, y, heading = shift_pose_ahead(self.edge_pose, self.lead_m + extra_m)
-        return make_straight_path((x, y, math.remainder(heading + math.pi, 2.0 * math.pi)), self.lead_m + extra_m)
+    def out_pose(self) -> Pose:
+        """Where a tractor leaves, heading out."""
+        x, y, heading = self.edge_pose
+        return x, y, math.remainder(heading + math.pi, 2.0 * math.pi)
 
 
 def build_entrance_lane(

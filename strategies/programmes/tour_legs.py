@@ -7,9 +7,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 from strategies.lines.work_line import cut_line
-from strategies.moves.drives import build_move_legs, build_path_legs, build_work_leg, fold_legs
+from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
-from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import list_parts_m
@@ -110,20 +109,14 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
 
 def build_way_in(table: MoveTable, node: int) -> list[Leg]:
     """From the entrance to the first line; nothing without one, or if the tractor stands where work begins."""
-    lane, line = table.site.lane, table.lines[node // 2]
-    if lane is None or node in table.starts:
+    if table.site.lane is None or node in table.starts:
         return []
-    move = _require_move(table, table.gate, node)
-    path = join_paths([lane.build_path_in(), move.path], move.kind)
-    legs = build_path_legs(table.site, path, replace(line.task, kind=ENTER))
-    return add_wait_points(fold_legs(table.site, move, legs), ROUTE_WAIT_M)
+    move, task = _require_move(table, table.gate, node), table.lines[node // 2].task
+    return add_wait_points(build_move_legs(table.site, move, replace(task, kind=ENTER)), ROUTE_WAIT_M)
 
 
 def build_way_out(table: MoveTable, node: int) -> list[Leg]:
-    lane = table.site.lane
-    if lane is None:
+    if table.site.lane is None:
         return []
     move = _require_move(table, node, table.gate)
-    path = join_paths([move.path, lane.build_path_out()], move.kind)
-    legs = build_path_legs(table.site, path, LegTask(LEAVE))
-    return add_wait_points(fold_legs(table.site, move, legs), ROUTE_WAIT_M)
+    return add_wait_points(build_move_legs(table.site, move, LegTask(LEAVE)), ROUTE_WAIT_M)

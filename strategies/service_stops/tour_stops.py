@@ -13,7 +13,6 @@ import numpy as np
 from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.paths import join_paths
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
@@ -154,13 +153,8 @@ class TourGaps:
         return self.supply.compute_legs_need(legs, self.table.site.width_m)
 
     def _measure_move_need(self, gap: int, move: Move) -> float:
-        """What a move in a gap takes of a load, with the lane at the ends of the tour."""
-        site, lane, path = self.table.site, self.table.site.lane, move.path
-        if lane is not None and gap == 0:
-            path = join_paths([lane.build_path_in(), path], move.kind)
-        if lane is not None and gap == len(self.parts):
-            path = join_paths([path, lane.build_path_out()], move.kind)
-        need = self._measure_need(build_path_legs(site, path, LegTask(ROUTE), is_work=move.is_work))
+        """What a move in a gap takes of a load."""
+        need = self._measure_need(build_path_legs(self.table.site, move.path, LegTask(ROUTE), is_work=move.is_work))
         for cut_m, number in ((move.leave_m, gap - 1), (move.join_m, gap)):
             if cut_m:
                 need -= self.share_need(self.parts[number], cut_m)
