@@ -178,7 +178,7 @@ class LiveFleet:
             for number, driver in self.drivers.items():
                 driver.handle_frame({"kind": "heartbeat"}, self.now)
                 state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
-                self.manager.take_report(number, build_report(state, plan), self.now)
+                self.manager.take_report(number, build_report(state, plan, state.time.timestamp()), self.now)
                 self.legs.setdefault(number, []).append(state.leg)
             self.manager.update_fleet(self.now)
         assert until(), self.manager.state

@@ -51,7 +51,7 @@ class RemainingWork:
         if state.report is not None:
             return state.report.x_m, state.report.y_m, state.report.heading_rad
         leg, leg_count = min(state.leg, len(state.mission.legs) - 1), len(state.mission.legs)
-        x, y, heading = state.mission.sample_poses(leg, state.leg_m, [0.0], leg_count)[0]
+        x, y, heading = state.mission.find_pose(leg, state.leg_m, leg_count)
         return float(x), float(y), float(heading)
 
 
