@@ -137,6 +137,31 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0])
+def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_gone(
+    plan: FleetPlan, speed_mps: float
+) -> None:
+    manager = at(plan, 0.4)
+    manager.operators.stop_all("anna", 1.0)
+    state = manager.states[1]
+    state.report = state.report._replace(speed_mps=speed_mps, mode="stopped")
+    heard = extract_remaining_work(manager, [1], 100.0)
+    manager.disconnect_tractor(1, 100.0, False)
+    if speed_mps > 0.0:
+        with pytest.raises(FleetManagerError, match="The link to tractor 2 broke as it moved"):
+            check_proposal_still_fits(heard, manager)
+    remaining = extract_remaining_work(manager, [1], 100.0)
+    check_proposal_still_fits(remaining, manager)
+    context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
+    taken = _build_taken_area(remaining, context, 1.0)
+    last = manager.guard.predict_paths(manager.states, [1])[0, -1]
+    nose = shapely.Point(last[:2] + 0.5 * plan.tractor.length_m * np.array([np.cos(last[2]), np.sin(last[2])]))
+    assert taken.contains(nose.buffer(plan.scenario.clearance_m))
+    beside = shapely.Point(remaining.get_pose(1)[:2]).buffer(speed_mps * manager.rules.ahead_s + 12.0)
+    assert beside.contains(taken)
+
+
+@pytest.mark.slow
 def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
     manager.obstacles.add(((30.0, 20.0), (33.0, 20.0), (33.0, 23.0), (30.0, 23.0)), "stone", "anna")
@@ -352,6 +377,7 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(
             await_answer(look, lambda _: all(max(each) > 4 for each in legs))
             operator.stop()
             robots[1].kill()
+            await_answer(look, lambda answer: answer["tractors"][1]["connection"] != "online")
             operator.go_on_without(2)
             time.sleep(2.0)
             operator.resume()

@@ -152,10 +152,10 @@ def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m
             reach_m = doubt.radius_m + long_m + context.implement.hitch_m + half_m + context.request.clearance_m
             shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
         elif not remaining.is_on_road(number):
-            x, y, heading = remaining.get_pose(number)
-            ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
-            tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
-            shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
+            for x, y, heading in [remaining.get_pose(number), *remaining.paths.get(number, ())]:
+                ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
+                tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
+                shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
     return shapely.union_all(shapes)
 
 
