@@ -6,7 +6,6 @@ five times a second, raw or smoothed, progress by raw or by smoothed places, wit
 a clock that is off, drifts and is set.
 """
 
-import json
 import math
 
 import numpy as np
@@ -28,6 +27,12 @@ WHEELS_MPS, SATELLITES_MPS = 0.03, 0.05  # noise of speeds
 OUTAGES_PER_H, OUTAGE_S = 3.0, 5.0  # without any fix: places by wheel turns
 STOPS_PER_H, STOP_S = 15.0, 20.0  # of its own accord, for what it sees
 CLOCK_SETS_PER_H, CLOCK_S, JITTER_S = 1.0, 0.3, 0.008
+FRAME = (
+    '{"kind": "state", "id": "robot %d", "sequence": %d, "time": "%s", "easting_m": %.3f, "northing_m": %.3f, '
+    '"heading_deg": %.2f, "speed_mps": %.3f, "speed_command_mps": %.3f, "steering_command_deg": %.2f, '
+    '"steering_deg": %.2f, "shuttle": %d, "start": %d, "leg": %d, "leg_m": %.3f, "implement": %d, "mode": "%s", '
+    '"done": %s'
+)
 STEER_BACK_M = 5.0  # of driving, in which guidance brings what is shown back onto the path
 
 
@@ -169,31 +174,20 @@ class HonestRobots:
         places = self.fix + (east, north) + aside_m * point(self.heading_rad - 0.5 * math.pi)
         steering_rad = -np.arctan(plan.tractor.wheelbase_m * self.curvature).clip(-0.7, 0.7)
         times_s = EPOCH_S + now + self.clock_s + rng.normal(0.0, JITTER_S, count)
-        legs = self.blocks.plan.timed_missions[0].legs
+        headings_deg = np.degrees(0.5 * math.pi - headings_rad) % 360.0
+        is_working = np.array([bool(leg.implement) for leg in plan.timed_missions[0].legs])[self.leg]
+        steering_deg = np.degrees(steering_rad)
+        columns = (
+            *places.T, headings_deg, speeds_mps, self.goal_mps, steering_deg, steering_deg, self.gear,
+            self.goal_mps > 0.0, self.leg, self.leg_m, is_working,
+        )  # fmt: skip
+        rows = zip(*(column.tolist() for column in columns), strict=True)
         texts = []
-        for number in range(count):
+        for number, (time_s, values) in enumerate(zip(times_s.tolist(), rows, strict=True)):
             self.sequences[number] += 1
-            frame = {
-                "kind": "state",
-                "id": f"robot {number + 1}",
-                "sequence": self.sequences[number],
-                "time": format_utc(float(times_s[number])),
-                "easting_m": round(float(places[number, 0]), 3),
-                "northing_m": round(float(places[number, 1]), 3),
-                "heading_deg": round(math.degrees(0.5 * math.pi - headings_rad[number]) % 360.0, 2),
-                "speed_mps": round(float(speeds_mps[number]), 3),
-                "speed_command_mps": round(float(self.goal_mps[number]), 3),
-                "steering_command_deg": round(math.degrees(steering_rad[number]), 2),
-                "steering_deg": round(math.degrees(steering_rad[number]), 2),
-                "shuttle": int(self.gear[number]),
-                "start": int(self.goal_mps[number] > 0.0),
-                "mode": STOPPED if self.is_standing[number] else AUTOMATIC,
-                "leg": int(self.leg[number]),
-                "leg_m": round(float(self.leg_m[number]), 3),
-                "implement": int(legs[int(self.leg[number])].implement),
-                "done": bool(self.done[number]),
-            }
+            mode, done = STOPPED if self.is_standing[number] else AUTOMATIC, "true" if self.done[number] else "false"
+            text = FRAME % (number + 1, self.sequences[number], format_utc(time_s), *values, mode, done)
             if self.echoes[number] and self.heartbeats_s[number] is not None:
-                frame["heartbeat_s"] = self.heartbeats_s[number]
-            texts.append(json.dumps(frame))
+                text += f', "heartbeat_s": {self.heartbeats_s[number]}'
+            texts.append(text + "}")
         return texts

@@ -443,7 +443,7 @@ async def _listen(socket: WebSocket, made: Made) -> None:
                     "state": "ready",
                     "without": frame["without"],
                     "eta_s": 1870.0,
-                    "sentence": "Tractor 3 is left out. 0.28 of 0.42 ha are left.",
+                    "sentence": "Tractor 3 is left out. 0.28 of 0.42 ha are left to work.",
                     "tractors": [],
                 }
             )

@@ -155,7 +155,7 @@ class SimulatedFleet:
         course = self.manager.plan.timed_missions[number]
         end = course.leg_starts_m[-1]
         leg = min(int(self.at_m[number] // LENGTH), len(course.legs) - 1)
-        x, y, heading = course.sample_poses(leg, self.at_m[number] - LENGTH * leg, [0.0], len(course.legs))[0]
+        x, y, heading = course.find_pose(leg, self.at_m[number] - LENGTH * leg, len(course.legs))
         self.manager.take_report(
             number,
             TractorReport(

@@ -1,7 +1,6 @@
 """Robots that lie in ways that no single field holds: one that creeps, one that leaves, one that says it is done."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +69,7 @@ def test_who_leaves_in_good_order_while_it_moves_is_no_better_than_one_whose_lin
     report = TractorReport(0.0, 5.0, NORTH_RAD, 1.0, 1.0, mode=AUTOMATIC, leg=0, leg_m=5.0, time_s=0.0)
     for moving in (True, False):
         manager = start_manager()
-        manager.take_report(0, report if moving else replace(report, speed_mps=0.0), 0.1)
+        manager.take_report(0, report if moving else report._replace(speed_mps=0.0), 0.1)
         manager.disconnect_tractor(0, 0.2, is_orderly=True)
         assert find_alarm(manager, "broken") == (CRITICAL if moving else None)
 
@@ -82,6 +81,6 @@ def test_who_says_that_it_is_done_and_drives_is_expected_where_it_drives() -> No
     state.report = TractorReport(0.0, 200.0, NORTH_RAD, 2.0, 2.0, mode=AUTOMATIC, leg=9, leg_m=20.0, done=True)
     (path,) = manager.guard.predict_paths(manager.states)
     assert path[-1, 1] - path[0, 1] == pytest.approx(10.0)
-    state.report = replace(state.report, speed_mps=0.0)
+    state.report = state.report._replace(speed_mps=0.0)
     (path,) = manager.guard.predict_paths(manager.states)
     assert np.ptp(path[:, 1]) == 0.0

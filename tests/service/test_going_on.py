@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from playwright.sync_api import Browser
 
 from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
 from planner.evaluation.preparation import prepare_context
@@ -39,6 +40,7 @@ from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, plan_three
+from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow, needs_browser
 
 TIMES = 6.0
 LONGEST_S = 900.0
@@ -95,7 +97,7 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
 def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
-    assert "of 0.42 ha are left." in proposal.sentence
+    assert "of 0.42 ha are left to work." in proposal.sentence
     assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
 
 
@@ -132,6 +134,31 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
     taken = _build_taken_area(left_out, context, 1.0)
     place = shapely.Point(manager.states[1].doubt.pose[:2])
     assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0])
+def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_gone(
+    plan: FleetPlan, speed_mps: float
+) -> None:
+    manager = at(plan, 0.4)
+    manager.operators.stop_all("anna", 1.0)
+    state = manager.states[1]
+    state.report = state.report._replace(speed_mps=speed_mps, mode="stopped")
+    heard = extract_remaining_work(manager, [1], 100.0)
+    manager.disconnect_tractor(1, 100.0, False)
+    if speed_mps > 0.0:
+        with pytest.raises(FleetManagerError, match="The link to tractor 2 broke as it moved"):
+            check_proposal_still_fits(heard, manager)
+    remaining = extract_remaining_work(manager, [1], 100.0)
+    check_proposal_still_fits(remaining, manager)
+    context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
+    taken = _build_taken_area(remaining, context, 1.0)
+    last = manager.guard.predict_paths(manager.states, [1])[0, -1]
+    nose = shapely.Point(last[:2] + 0.5 * plan.tractor.length_m * np.array([np.cos(last[2]), np.sin(last[2])]))
+    assert taken.contains(nose.buffer(plan.scenario.clearance_m))
+    beside = shapely.Point(remaining.get_pose(1)[:2]).buffer(speed_mps * manager.rules.ahead_s + 12.0)
+    assert beside.contains(taken)
 
 
 @pytest.mark.slow
@@ -178,7 +205,7 @@ class LiveFleet:
             for number, driver in self.drivers.items():
                 driver.handle_frame({"kind": "heartbeat"}, self.now)
                 state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
-                self.manager.take_report(number, build_report(state, plan), self.now)
+                self.manager.take_report(number, build_report(state, plan, state.time.timestamp()), self.now)
                 self.legs.setdefault(number, []).append(state.leg)
             self.manager.update_fleet(self.now)
         assert until(), self.manager.state
@@ -246,8 +273,76 @@ def await_answer(ask: Callable[[], Any], is_it: Callable[[Any], bool]) -> Any:
     pytest.fail(f"in vain for {LONGEST_S:.0f} s, at last: {answer}")
 
 
+@dataclass
+class RequestOperator:
+    """Somebody who orders a fleet over HTTP; also after the service began anew."""
+
+    url: str
+    fleet: str
+    token: str
+
+    def order(self, what: str, **values: Any) -> Any:
+        return await_answer(lambda: request_json(self.url, f"fleets/{self.fleet}/{what}", self.token, values), bool)
+
+    def start(self) -> None:
+        self.order("start")
+
+    def stop(self) -> None:
+        self.order("stop")
+
+    def go_on_without(self, tractor: int) -> None:
+        self.order("accept", proposal=self.order("replan", without=[tractor])["proposal"])
+
+    def resume(self) -> None:
+        self.order("resume")
+
+    def see_the_end(self) -> None:
+        """Nothing: what is asked of the service says it."""
+
+
+class PageOperator:
+    """Somebody who orders a fleet by its page, which stays open while the service is away."""
+
+    def __init__(self, browser: Browser, url: str, fleet: str, token: str) -> None:
+        self.watched = WatchedPage(browser, f"{url}/", token)
+        self.page = self.watched.open(f"/fleet/{fleet}")
+
+    def start(self) -> None:
+        self.page.click("button:text-is('Start')")
+
+    def stop(self) -> None:
+        self.page.click("text=STOP ALL")
+        self.page.wait_for_selector(".badge:text-is('Stopped')")
+
+    def go_on_without(self, tractor: int) -> None:
+        self.page.select_option("select[aria-label='Who goes on']", str(tractor))
+        self.page.click("text=Go on from here")
+        note = self.page.locator(".note:has(button:text-is('Send to the tractors'))")
+        note.wait_for()
+        shown = note.inner_text()
+        for words in ("Tractor 1 is ", f"Tractor {tractor} is left out.", "ha are left to work.", "done in"):
+            assert words in shown, shown
+        for size in (NARROW, WIDE):
+            self.page.set_viewport_size(size)
+            assert find_overflow(self.page) == []
+        note.get_by_role("button", name="Send to the tractors").click()
+        note.wait_for(state="detached")
+        self.watched.well()
+
+    def resume(self) -> None:
+        self.page.click("button:text-is('Resume')")
+
+    def see_the_end(self) -> None:
+        self.page.wait_for_selector(".badge:text-is('Done')")
+        chosen = self.page.input_value("select[aria-label='Who goes on']")
+        assert chosen == "2", "what is chosen stays chosen as the scene changes"
+
+
 @pytest.mark.matrix
-def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp_path: Path) -> None:
+@pytest.mark.parametrize("by", ["requests", pytest.param("page", marks=needs_browser)])
+def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(
+    tmp_path: Path, by: str, request: pytest.FixtureRequest
+) -> None:
     """The demonstration fleet: no leg is driven twice, and the new plan is driven to its end."""
     made = plan_demonstration()
     file = tmp_path / "plan.json"
@@ -265,6 +360,12 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
                 for n in (1, 2, 3)
             ]
             legs = [[0], [0], [0]]
+            seen = fleet, token
+            operator: RequestOperator | PageOperator = (
+                RequestOperator(url, *seen)
+                if by == "requests"
+                else PageOperator(request.getfixturevalue("browser"), url, *seen)
+            )
 
             def look() -> Any:
                 answer = request_json(url, f"fleets/{fleet}", token)
@@ -272,15 +373,14 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
                     before.append(tractor.get("leg") or 0)
                 return answer
 
-            order = lambda what, body=None: request_json(url, f"fleets/{fleet}/{what}", token, body or {})  # noqa: E731
-            await_answer(lambda: order("start"), bool)
+            operator.start()
             await_answer(look, lambda _: all(max(each) > 4 for each in legs))
-            order("stop")
+            operator.stop()
             robots[1].kill()
-            number = order("replan", {"without": [2]})["proposal"]
-            await_answer(lambda: order("accept", {"proposal": number}), bool)
+            await_answer(look, lambda answer: answer["tractors"][1]["connection"] != "online")
+            operator.go_on_without(2)
             time.sleep(2.0)
-            order("resume")
+            operator.resume()
             gone_on = [each[-1] for each in legs]
             await_answer(look, lambda _: any(each[-1] > 3 + first for each, first in zip(legs, gone_on, strict=True)))
             second = subprocess.run(
@@ -291,8 +391,9 @@ def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(tmp
             service.process.send_signal(signal.SIGKILL)
             service.process.wait()
         with run_service(tmp_path / "data", "--port", str(service.port)):
-            await_answer(lambda: order("resume"), bool)
+            operator.resume()
             await_answer(look, lambda answer: answer["fleet"]["state"] == "done")
+            operator.see_the_end()
     assert all(each == sorted(each) for each in legs)
 
 

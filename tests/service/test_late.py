@@ -98,14 +98,14 @@ def test_states_that_waited_for_a_link_are_no_sign_of_where_a_tractor_is_now() -
     report = fleet.manager.states[0].report
     assert report is not None
     fleet.manager.connect_tractor(0, 100.0)
-    fleet.manager.take_report(0, replace(report, mode="remote"), 100.2, age_s=60.0)
+    fleet.manager.take_report(0, report._replace(mode="remote"), 100.2, age_s=60.0)
     state = fleet.manager.states[0]
     assert state.last_fix_s == pytest.approx(40.2) and state.get_connection(101.1, 1.0) == "broken"
     assert fleet.manager.alarms.is_alarm_on("late", 0)
     fleet.manager.operators.take_lease("anna", 0, False, 100.3)
     with pytest.raises(FleetManagerError, match="its present place is unknown"):
         fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, 100.4)
-    fleet.manager.take_report(0, replace(report, mode="remote"), 100.5)
+    fleet.manager.take_report(0, report._replace(mode="remote"), 100.5)
     fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, 100.5)
     assert not fleet.manager.alarms.is_alarm_on("late", 0) and state.get_connection(101.1, 1.0) == "online"
 
@@ -178,7 +178,7 @@ def test_a_clock_of_the_service_that_is_set_neither_stops_twins_nor_lets_them_ra
 
     def reported(clock_s: float, sequence: int) -> None:
         at = datetime.fromtimestamp(clock_s, UTC).isoformat()
-        made.take_state(0, StateFrame.model_validate_json(json.dumps(state(sequence, time=at))), clock_s)
+        made.take_state(0, StateFrame.model_validate_json(json.dumps(state(sequence, time=at))), clock_s, clock_s)
 
     clock_s = 1.9e9 + 7200.0
     for tenth in range(20):
@@ -203,7 +203,7 @@ def test_a_position_that_leaps_is_told_as_that_and_the_twin_is_not_doubted(
         at = datetime.fromtimestamp(clock_s, UTC).isoformat()
         east = 1000.0 if tenth < 100 else 1000.4
         frame = StateFrame.model_validate_json(json.dumps(state(tenth, time=at, easting_m=east)))
-        made.take_state(0, frame, clock_s)
+        made.take_state(0, frame, clock_s, clock_s)
         made.advance(0.1 * tenth, clock_s, manager)
         alarms = manager.alarms.list_alarms()
         sentences += [alarm.sentence for alarm in alarms if alarm.sentence not in sentences]
@@ -230,7 +230,7 @@ def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> 
     asked = rest(fleet.manager, (1, 2))
     there = fleet.manager.states[1].report
     assert there is not None
-    fleet.manager.take_report(1, replace(there, y_m=there.y_m + 6.0, speed_mps=0.0), fleet.now)  # it was towed away
+    fleet.manager.take_report(1, there._replace(y_m=there.y_m + 6.0, speed_mps=0.0), fleet.now)  # it was towed away
     with pytest.raises(FleetManagerError, match=r"Tractor 2 has moved 6\.0 m"):
         check_proposal_still_fits(asked, fleet.manager)
     asked = rest(fleet.manager, (1, 2))

@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ def shaken(fleet: SimulatedFleet, noise_m: float) -> None:
 
     def reported(number: int, report: TractorReport, now: float, age_s: float = 0.0) -> None:
         dx, dy = noise_m * random.standard_normal(2)
-        take(number, replace(report, x_m=report.x_m + dx, y_m=report.y_m + dy), now, age_s)
+        take(number, report._replace(x_m=report.x_m + dx, y_m=report.y_m + dy), now, age_s)
 
     fleet.manager.take_report = reported  # type: ignore[method-assign]
 
@@ -249,7 +248,7 @@ def test_a_link_that_breaks_while_its_tractor_brakes_is_told_of_within_a_fleet_t
     fleet = behind(0.3)
     report = fleet.manager.states[0].report
     assert report is not None
-    fleet.manager.take_report(0, replace(report, speed_mps=0.4, mode="stopped"), fleet.now)
+    fleet.manager.take_report(0, report._replace(speed_mps=0.4, mode="stopped"), fleet.now)
     fleet.silent = {0}
     if closed:
         fleet.manager.disconnect_tractor(0, fleet.now, False)

@@ -74,7 +74,7 @@ class Rolling:
         course = self.manager.plan.timed_missions[0]
         leg = min(int(np.searchsorted(course.leg_starts_m[1:], self.at_m, side="right")), len(course.legs) - 1)
         leg_m = self.at_m - course.leg_starts_m[leg]
-        x, y, heading = course.sample_poses(leg, leg_m, [0.0], len(course.legs))[0]
+        x, y, heading = course.find_pose(leg, leg_m, len(course.legs))
         command, mode = (0.0, "stopped") if self.stands else (SPEED, "automatic")
         return TractorReport(
             x,

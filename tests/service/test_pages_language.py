@@ -71,3 +71,11 @@ def test_every_text_of_a_page_is_a_key(bracketed: WatchedPage, path: str) -> Non
     texts = page.evaluate(READ_TEXTS)
     assert sum("⟦" in text for text in texts) > LEAST_TEXTS
     assert "\n".join(text for text in texts if not is_known(text)) == ""
+
+
+def test_every_sentence_of_a_new_plan_is_translated_by_itself(bracketed: WatchedPage) -> None:
+    bracketed.page.goto("about:blank")
+    page = bracketed.open("/fleet/f1")
+    page.click("text=Go on from here")
+    note = page.locator(".note:has-text('Send to the tractors')")
+    assert "⟦Tractor 3 is left out.⟧ ⟦0.28 of 0.42 ha are left to work.⟧" in note.inner_text()

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +113,7 @@ def at(plan: FleetPlan, share: float) -> FleetManager:
         manager.connect_tractor(number, 0.0)
         at_m = share * course.leg_starts_m[-1]
         leg = next(k for k in range(len(course.legs)) if course.leg_starts_m[k + 1] > at_m)
-        x, y, heading = course.sample_poses(leg, at_m - course.leg_starts_m[leg], [0.0], len(course.legs))[0]
+        x, y, heading = course.find_pose(leg, at_m - course.leg_starts_m[leg], len(course.legs))
         manager.states[number].base_end = leg + 1
         for each in range(leg + 1):
             metres = at_m - course.leg_starts_m[leg] if each == leg else course.lengths_m[each]
@@ -231,7 +231,7 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
         for number, driver in enumerate(drivers):
             driver.handle_frame({"kind": "heartbeat"}, now)
             state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(now)))
-            manager.take_report(number, build_report(state, plan), now)
+            manager.take_report(number, build_report(state, plan, state.time.timestamp()), now)
         manager.update_fleet(now)
     assert now == pytest.approx(max(plan.finish_s), rel=0.03)
     assert manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
@@ -280,11 +280,11 @@ def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_g
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = continue_remaining_work(rest).plan
-    moving, name = replace(manager.states[waiting].report, speed_mps=1.0), f"Tractor {waiting + 1}"  # type: ignore[type-var]
+    moving, name = manager.states[waiting].report._replace(speed_mps=1.0), f"Tractor {waiting + 1}"
     manager.states[waiting].report = moving
     with pytest.raises(FleetManagerError, match=f"{name} already drives where the new plan makes it wait"):
         manager.operators.adopt_plan("anna", made, 101.0, rest.excluded)
-    manager.states[waiting].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
+    manager.states[waiting].report = moving._replace(speed_mps=0.0, x_m=moving.x_m + 3.0)
     with pytest.raises(FleetManagerError, match=rf"{name} was to wait where it stood and has moved 3\.0 m"):
         check_proposal_still_fits(rest, manager, made)
 
@@ -294,4 +294,4 @@ def stand(manager: FleetManager) -> None:
     manager.operators.pause_tractors("anna", None, 2.0)
     for state in manager.states:
         assert state.report is not None
-        state.report = replace(state.report, speed_mps=0.0, mode="stopped")
+        state.report = state.report._replace(speed_mps=0.0, mode="stopped")

@@ -192,7 +192,7 @@ def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> Non
     told = [(order.kind, order.data.get("reason")) for order in again.take_outputs()[0] if order.tractor == 0]
     assert told[-1] == ("stop", Hold.SERVICE_RESTARTED), "one that drives stops as soon as it is linked"
     for tenth in range(30):
-        again.take_report(0, replace(report, mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
+        again.take_report(0, report._replace(mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
         again.update_fleet(100.2 + 0.1 * tenth)
     assert "resume" not in [order.kind for order in again.take_outputs()[0]]
     (alarm,) = (each for each in again.alarms.list_alarms() if not each.over and each.tractor is None)

@@ -1,7 +1,6 @@
 """What twins add to the centre: places for the forecast, paths for the watch; and the chance to keep the deadline."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,7 +70,7 @@ def test_who_drives_by_hand_is_foreseen_by_the_twin(towards: bool, stopped: bool
     one = manager.states[0]
     assert one.report is not None
     one.holds.add(Hold.REMOTE_CONTROL)
-    one.report = replace(one.report, mode="remote", speed_mps=1.0)  # straight ahead, and the twin knows better
+    one.report = one.report._replace(mode="remote", speed_mps=1.0)  # straight ahead, and the twin knows better
     x, y = one.report.x_m, one.report.y_m
     steps = np.linspace(0.0, 1.0, 11)
     aside = 6.0 * steps if towards else 0.0 * steps

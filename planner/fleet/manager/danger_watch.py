@@ -87,7 +87,7 @@ class DangerWatch:
         for number, state in enumerate(fleet.states):
             if number not in leaving:
                 fleet.alarms.end_alarm("fence", number)
-                if fleet.guard.is_inside_fence(state):
+                if Hold.FENCE in state.holds and fleet.guard.is_inside_fence(state):
                     state.holds.discard(Hold.FENCE)
         pairs = self.find_alarmed_pairs()
         if pairs or self.separation.has_parting_pairs or any(Hold.TOO_NEAR in state.holds for state in fleet.states):

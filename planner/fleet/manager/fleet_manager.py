@@ -170,7 +170,7 @@ class FleetManager(FleetState):
             return
         leg_pose = None
         if is_place_possible and report.mode not in BY_HAND:
-            leg_pose = state.mission.sample_poses(report.leg, report.leg_m, [0.0], state.base_end)[0]
+            leg_pose = state.mission.find_pose(report.leg, report.leg_m, state.base_end)
         times = self.rules.times
         motion.add_report(report, leg_pose, times * report.time_s, times * now, times * delay_s)
         state.is_moving_unreported = motion.is_moving_unreported

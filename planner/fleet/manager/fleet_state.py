@@ -145,7 +145,7 @@ class ObstacleMap:
             return False
         remaining_m = max(state.base_end_m - state.mission.leg_starts_m[state.leg] - leg_m, 0.0)
         distances_m = np.append(np.arange(0.0, remaining_m, 0.5), remaining_m)
-        points = state.mission.sample_poses(state.leg, leg_m, distances_m.tolist(), state.base_end)[:, :2]
+        points = state.mission.sample_poses(state.leg, leg_m, distances_m, state.base_end)[:, :2]
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
         return any(shapely.dwithin(line, block.shape, self.reach_m) for block in self.items.values())
 

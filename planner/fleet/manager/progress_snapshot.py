@@ -55,7 +55,7 @@ def _capture_last_report(state: TractorState, now: float, clock_s: float) -> dic
     if state.report is None:
         return None
     contact = {"clock_s": clock_s - (now - state.last_fix_s), "said_goodbye": state.has_disconnected}
-    return {"report": asdict(state.report)} | contact
+    return {"report": state.report._asdict()} | contact
 
 
 def _capture_doubt(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | None:

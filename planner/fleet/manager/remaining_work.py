@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+import numpy as np
+import numpy.typing as npt
 import shapely
 
 from planner.fleet.manager.fleet_state import FleetState
@@ -15,13 +17,17 @@ from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.tractor_state import MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
 
+Array = npt.NDArray[np.float64]
 STAND_TOLERANCE_M = 1.0  # of a tractor that stands
 SHORTEST_LEG_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class RemainingWork:
-    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles."""
+    """A snapshot of a fleet: plan, tractors, excluded tractors, and obstacles.
+
+    `paths` are the poses (steps, 3) that excluded tractors may have gone on to which were heard last as they moved.
+    """
 
     plan: FleetPlan
     states: tuple[TractorState, ...]
@@ -29,6 +35,7 @@ class RemainingWork:
     obstacles: tuple[shapely.Polygon, ...]
     elapsed_s: float
     times: float
+    paths: Mapping[int, Array] = field(default_factory=dict)
 
     def has_tractor_driven(self, number: int) -> bool:
         """Whether a tractor has driven anything of its plan."""
@@ -51,7 +58,7 @@ class RemainingWork:
         if state.report is not None:
             return state.report.x_m, state.report.y_m, state.report.heading_rad
         leg, leg_count = min(state.leg, len(state.mission.legs) - 1), len(state.mission.legs)
-        x, y, heading = state.mission.sample_poses(leg, state.leg_m, [0.0], leg_count)[0]
+        x, y, heading = state.mission.find_pose(leg, state.leg_m, leg_count)
         return float(x), float(y), float(heading)
 
 
@@ -68,7 +75,14 @@ def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float
     states = tuple(copy.copy(state) for state in fleet.states)
     elapsed_s = 0.0 if fleet.started_s is None else (now - fleet.started_s) * fleet.rules.times
     shapes = tuple(block.shape for block in fleet.obstacles.items.values())
-    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times)
+    lost = [number for number in excluded if _is_lost_in_motion(fleet, number)]
+    paths = dict(zip(lost, fleet.guard.predict_paths(states, lost), strict=True))
+    return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times, paths)
+
+
+def _is_lost_in_motion(fleet: FleetState, number: int) -> bool:
+    """Whether a tractor moved when it was heard last: it is watched as going on from there."""
+    return fleet.states[number].is_moving and not fleet.is_report_current(number)
 
 
 def _check_on_legs(fleet: FleetState, excluded: Sequence[int]) -> None:
@@ -93,7 +107,8 @@ def check_proposal_still_fits(
     """Raise FleetManagerError if `proposed_plan`, made of this remaining work, does not fit the fleet any more.
 
     That is so if another plan is driven, if a tractor has failed since, or if one that was excluded, or has to wait
-    where it stood, has moved by more than its braking. The progress of the others is checked when the plan is adopted.
+    where it stood, has moved by more than its braking, or was lost in motion. The progress of the others is checked
+    when the plan is adopted.
     """
     if fleet.plan is not remaining.plan:
         raise FleetManagerError("Another plan was accepted since this one was made; replan.", parameter="proposal")
@@ -101,6 +116,11 @@ def check_proposal_still_fits(
         if state.failed and number not in remaining.excluded:
             raise FleetManagerError(
                 f"Tractor {number + 1} has failed since the plan was made; replan.", parameter="proposal"
+            )
+        if number in remaining.excluded and number not in remaining.paths and _is_lost_in_motion(fleet, number):
+            raise FleetManagerError(
+                f"The link to tractor {number + 1} broke as it moved, after the plan was made; replan.",
+                parameter="proposal",
             )
         moved_m = _compute_moved_m(previous, state)
         has_moved = state.leg > previous.leg or moved_m > _estimate_rolled_distance_m(previous, remaining, fleet)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,11 +13,27 @@ import numpy.typing as npt
 import shapely
 
 from fields.geometry.tolerances import GRID_M
+from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
 
 Array = npt.NDArray[np.float64]
+HERE_M = np.zeros(1)  # ahead of a place
 ROUNDING_M = GRID_M  # of a place on a corner, which belongs to the segment before it
 SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
+
+
+@compile_function
+def sample_segments(starts_m, segments, at_m, ahead_m, end_m):  # type: ignore[no-untyped-def]
+    """Poses (n, 3) `ahead_m` (n,) ahead of `at_m`, none beyond `end_m`, on straight parts: metres to the start of each
+    (k,), and its start, length, direction and heading (k, 6)."""
+    poses = np.empty((len(ahead_m), 3))
+    for row, ahead in enumerate(ahead_m):
+        place_m = min(at_m + ahead, end_m)
+        number = max(np.searchsorted(starts_m, place_m, side="right") - 1, 0)
+        x, y, length_m, east, north, heading_rad = segments[number]
+        along_m = min(max(place_m - starts_m[number], 0.0), length_m)
+        poses[row] = x + along_m * east, y + along_m * north, heading_rad
+    return poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +43,7 @@ class TimedMission:
     mission: Mission
     leg_seconds: tuple[float, ...]
 
-    @property
+    @cached_property
     def legs(self) -> tuple[Leg, ...]:
         """The legs in order."""
         return self.mission.legs
@@ -66,7 +81,7 @@ class TimedMission:
 
     def compute_driven_s(self, leg: int, leg_m: float) -> float:
         """Planned seconds of driving from the start to a place."""
-        if leg >= len(self.legs):
+        if leg >= len(self.lengths_m):
             return self.leg_starts_s[-1]
         share = min(max(leg_m / self.lengths_m[leg], 0.0), 1.0)
         return self.leg_starts_s[leg] + share * self.leg_seconds[leg]
@@ -78,26 +93,25 @@ class TimedMission:
         part_m = min(max(leg_m, 0.0), self.lengths_m[leg]) if self.legs[leg].implement else 0.0
         return self.worked_m[leg] + part_m
 
-    def sample_poses(self, leg: int, leg_m: float, ahead_m: Sequence[float], base_end: int) -> Array:
-        """Poses (n, 3) of the guided point `ahead_m` ahead of a place on base legs: x, y (m), heading (rad).
+    def sample_poses(self, leg: int, leg_m: float, ahead_m: Array, base_end: int) -> Array:
+        """Poses (n, 3) of the guided point `ahead_m` (n,) ahead of a place on base legs: x, y (m), heading (rad).
 
         Beyond the end of the base it is the end of the base.
         """
         start = self.leg_starts_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg])
-        end = self.leg_starts_m[max(min(base_end, len(self.legs)), leg + 1)]
-        return np.array([self._compute_pose(min(start + ahead, end)) for ahead in ahead_m])
+        end = self.leg_starts_m[max(min(base_end, len(self.lengths_m)), leg + 1)]
+        poses: Array = sample_segments(*self._segments, start, ahead_m, end)
+        return poses
 
-    def _compute_pose(self, at_m: float) -> tuple[float, float, float]:
-        starts_m, segments = self._segments
-        number = max(bisect.bisect_right(starts_m, at_m) - 1, 0)
-        x, y, length_m, east, north, heading_rad = segments[number]
-        along_m = min(max(at_m - starts_m[number], 0.0), length_m)
-        return x + along_m * east, y + along_m * north, heading_rad
+    def find_pose(self, leg: int, leg_m: float, base_end: int) -> Array:
+        """The pose (3,) of the guided point at a place on base legs, as of `sample_poses`."""
+        pose: Array = self.sample_poses(leg, leg_m, HERE_M, base_end)[0]
+        return pose
 
     @cached_property
-    def _segments(self) -> tuple[list[float], list[tuple[float, float, float, float, float, float]]]:
+    def _segments(self) -> tuple[Array, Array]:
         """Metres from the start to each straight part that has a length, and its start, length, direction and heading;
-        plain numbers, as each report asks for one pose and each look ahead for a dozen."""
+        as `sample_segments` takes them."""
         starts_m, segments = list[float](), list[tuple[float, float, float, float, float, float]]()
         for leg, leg_start_m, distances_m in zip(self.legs, self.leg_starts_m, self._point_distances_m, strict=False):
             lengths_m, steps = np.diff(distances_m).tolist(), np.diff(leg.points, axis=0).tolist()
@@ -109,7 +123,7 @@ class TimedMission:
                     heading_rad = math.atan2(leg.gear * north_m, leg.gear * east_m)
                     starts_m.append(start_m)
                     segments.append((x, y, length_m, east_m / length_m, north_m / length_m, heading_rad))
-        return starts_m, segments
+        return np.array(starts_m), np.array(segments)
 
     @cached_property
     def _point_distances_m(self) -> list[Array]:
@@ -118,7 +132,7 @@ class TimedMission:
     def locate_ahead(self, leg: int, leg_m: float, base_end: int, place: tuple[float, float]) -> tuple[int, float]:
         """Leg and metres on it nearest to a place, from a known place on, up to SEARCH_AHEAD_M of the base."""
         steps = np.arange(0.0, SEARCH_AHEAD_M, SEARCH_STEP_M)
-        poses = self.sample_poses(leg, leg_m, steps.tolist(), base_end)
+        poses = self.sample_poses(leg, leg_m, steps, base_end)
         nearest = int(np.argmin(np.hypot(poses[:, 0] - place[0], poses[:, 1] - place[1])))
         end = self.leg_starts_m[max(min(base_end, len(self.legs)), leg + 1)]
         at_m = min(self.leg_starts_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg]) + float(steps[nearest]), end)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 from planner.fleet.model.timed_mission import TimedMission
 from vehicle.missions.plan import Leg
@@ -65,8 +65,7 @@ SAFE_TO_DRIVE = frozenset(
 """Holds under which remote control is still allowed; the guard allows only commands that lead away from danger."""
 
 
-@dataclass(frozen=True)
-class TractorReport:
+class TractorReport(NamedTuple):
     """A report of a tractor, in metres of the plan, m/s and radians.
 
     `heading_rad` is a mathematical angle, steering is positive to the right, as everywhere in `vehicle`; (x, y) is the

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -153,10 +152,10 @@ def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m
             reach_m = doubt.radius_m + long_m + context.implement.hitch_m + half_m + context.request.clearance_m
             shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
         elif not remaining.is_on_road(number):
-            x, y, heading = remaining.get_pose(number)
-            ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
-            tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
-            shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
+            for x, y, heading in [remaining.get_pose(number), *remaining.paths.get(number, ())]:
+                ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
+                tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
+                shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
     return shapely.union_all(shapes)
 
 
@@ -281,33 +280,41 @@ def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: 
     """Where the tractors are, and how much is left."""
     places = []
     for number, state in enumerate(remaining.states):
-        leg = state.mission.legs[min(state.leg, len(state.mission.legs) - 1)]
-        where: Any = "on the road" if remaining.is_on_road(number) else None
-        if where is None:
-            where = "on the way in" if leg.task.kind == ENTER else _name_line(leg)
-        places.append(f"Tractor {number + 1} {'is left out' if number in remaining.excluded else f'is {where}'}.")
+        places.append(_describe_place(remaining, number))
         if state.doubt is not None:
             places.append(f"Its place is in doubt: it may be up to {state.doubt.radius_m:.0f} m from where it was.")
     left_ha, whole_ha = context.layout.field.area_ha, whole.layout.field.area_ha
-    return [*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left."]
+    return [*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left to work."]
 
 
-def _name_line(leg: Leg) -> str:
-    if leg.task.number is None:
-        return "on its way"
-    words = (
-        "on track" if leg.task.is_work and leg.task.kind == "track" else "on headland pass" if leg.task.is_work else ""
+def _describe_place(remaining: RemainingWork, number: int) -> str:
+    """Where a tractor is, or that it is left out."""
+    task, tractor = remaining.states[number].present_leg.task, number + 1
+    if number in remaining.excluded:
+        return f"Tractor {tractor} is left out."
+    if remaining.is_on_road(number):
+        return f"Tractor {tractor} is on the road."
+    if task.kind == ENTER:
+        return f"Tractor {tractor} is on the way in."
+    if task.number is None:
+        return f"Tractor {tractor} is on its way."
+    line = task.number + 1
+    if not task.is_work:
+        return f"Tractor {tractor} is in a turn."
+    return (
+        f"Tractor {tractor} is on track {line}."
+        if task.kind == "track"
+        else f"Tractor {tractor} is on headland pass {line}."
     )
-    return f"{words} {leg.task.number + 1}" if words else "in a turn"
 
 
 def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:
     """What remains unworked and why, in a sentence or two; none for nothing."""
     causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
     causes += ["an obstacle"] if remaining.obstacles else []
-    sentences = []
+    sentences, near = [], " and ".join(causes)
     if blocked_m >= MENTIONED_M:
-        sentences.append(f"{blocked_m:.0f} m of track are too near {' and '.join(causes)} and remain unworked.")
+        sentences.append(f"{blocked_m:.0f} m of track are too near {near} and remain unworked.")
     if unreachable_m >= MENTIONED_M:
         sentences.append(
             f"{unreachable_m:.0f} m of track cannot be reached, or are not worth the drive, and remain unworked."

@@ -55,6 +55,7 @@ SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most
 PAIR_NOISE_M = math.sqrt(2.0) * FIX_M  # of the difference of two fixes along one axis: motion exceeds it
 TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
 REPORT_SIZE = 8
+NOWHERE = np.full(3, math.nan)  # the pose of a progress that follows no leg
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
 
 
@@ -196,6 +197,35 @@ def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type
             )
 
 
+@compile_function
+def follow_report(  # type: ignore[no-untyped-def]
+    time_s, x_m, y_m, heading_rad, velocity_mps, leg_pose, is_guided, antenna_forward_m, biases_m, reports, step, sums,
+    kept, kept_reports, counts, found,
+) -> bool:  # fmt: skip
+    """Whether a report contradicts those before it.
+
+    It follows the last two `reports` (2, 8), and the step to it is measured into `step` and added as in
+    `add_motion_step`; `kept_reports` (n, 8) are those at the sums that are kept. For its progress also one is found
+    that is too far beside its leg though it `is_guided` along that.
+    """
+    before, after, count = reports[0], reports[1], counts[0]
+    before[:] = after
+    after[0], after[1], after[2], after[3], after[4] = time_s, x_m, y_m, heading_rad, velocity_mps
+    after[5:] = leg_pose
+    if math.isnan(before[0]):
+        kept_reports[0], counts[0] = after, 1
+        return False
+    measure_motion_step(before, after, antenna_forward_m, step)
+    is_on_leg = not math.isnan(before[5] + after[5])
+    add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found)
+    if counts[0] > count:
+        kept_reports[count % len(kept)] = after
+    off_leg_m = math.hypot(after[1] - after[5], after[2] - after[6])
+    if is_on_leg and is_guided and off_leg_m > biases_m[1] + compute_limit_m(math.inf, 0.0):
+        found[1] = (counts[0] - 1) % len(kept)
+    return bool(found.max() >= 0)
+
+
 class CredibleMotion:
     """The motion of one tractor by its reports; `antenna_forward_m` is that of its tractor, `off_leg_m` how far it may
     be beside its leg. Times are of the simulated clock, which is `times` as fast as that of the service."""
@@ -211,7 +241,7 @@ class CredibleMotion:
         self._sums, self._kept = np.zeros(COLUMN_COUNT), np.zeros((KEPT_COUNT, COLUMN_COUNT))
         self._kept_reports = np.full((KEPT_COUNT, REPORT_SIZE), np.nan)
         self._counts = np.zeros(2, dtype=np.int64)
-        self._report, self._previous = np.full(REPORT_SIZE, np.nan), np.full(REPORT_SIZE, np.nan)
+        self._reports = np.full((2, REPORT_SIZE), np.nan)  # the last two
         self._hidden_s, self._late_s = 0.0, 0.0
         self._dated_s = (math.nan, math.nan)  # the last report, by its own clock and by its arrival
         self.doubt: MotionDoubt | None = None
@@ -222,28 +252,16 @@ class CredibleMotion:
     ) -> None:
         """Add a report of a time by the tractor's clock that came at one of the service, `delay_s` after it was made,
         with the pose (3,) of its progress on its leg; None where it follows none."""
-        self._previous, self._report = self._report, self._previous
-        self._report[:5] = (
-            self._date_report(time_s, arrived_s, delay_s),
-            report.x_m,
-            report.y_m,
-            report.heading_rad,
-            report.velocity_mps,
-        )
-        self._report[5:] = math.nan if leg_pose is None else leg_pose
-        if math.isnan(self._previous[0]):
-            self._kept_reports[0], self._counts[0] = self._report, 1
-            return
-        measure_motion_step(self._previous, self._report, self._antenna_forward_m, self._step)
-        is_on_leg, kept_before = not math.isnan(self._previous[5] + self._report[5]), int(self._counts[0])
-        add_motion_step(self._step, self._biases_m, is_on_leg, self._sums, self._kept, self._counts, self._found)
-        if self._counts[0] > kept_before:
-            self._kept_reports[kept_before % KEPT_COUNT] = self._report
-        if is_on_leg and report.mode == AUTOMATIC:
-            off_leg_m = math.dist(self._report[1:3], self._report[5:7])
-            if off_leg_m > self._biases_m[1] + compute_limit_m(math.inf, 0.0):
-                self._found[1] = (self._counts[0] - 1) % KEPT_COUNT
-        self._judge()
+        is_contradiction = follow_report(
+            self._date_report(time_s, arrived_s, delay_s), report.x_m, report.y_m, report.heading_rad,
+            report.velocity_mps, NOWHERE if leg_pose is None else leg_pose, report.mode == AUTOMATIC,
+            self._antenna_forward_m, self._biases_m, self._reports, self._step, self._sums, self._kept,
+            self._kept_reports, self._counts, self._found,
+        )  # fmt: skip
+        self.is_moving_unreported = is_contradiction and self._is_moving_unreported()
+        if is_contradiction and self.doubt is None:
+            ages_s = [self._get_age_s(place) if place >= 0 else math.inf for place in self._found.tolist()]
+            self.doubt = self._describe_doubt(int(self._found[int(np.argmin(ages_s))]))
 
     def _date_report(self, time_s: float, arrived_s: float, delay_s: float) -> float:
         """When a report was made: after the one before by the time of its own clock, where arrivals allow that.
@@ -259,12 +277,12 @@ class CredibleMotion:
             self._late_s = max(self._late_s + between_s - seconds, 0.0)
         else:
             seconds, self._late_s = between_s, 0.0
-        return float(self._previous[0]) + seconds
+        return float(self._reports[1, 0]) + seconds
 
     def measure_speed_mps(self) -> float:
         """The greatest speed that a witness shows now, over the last reports, of those that tractors have."""
         place = max(int(self._counts[0]) - 1 - STRIDE, 0) % KEPT_COUNT
-        moved, then, now = self._sums - self._kept[place], self._kept_reports[place], self._report
+        moved, then, now = self._sums - self._kept[place], self._kept_reports[place], self._reports[1]
         speeds_mps = [abs(float(now[4]))]
         if moved[TIME] >= KEPT_S:
             lengths_m = (
@@ -275,8 +293,8 @@ class CredibleMotion:
             speeds_mps += [float(length_m / moved[TIME]) for length_m in lengths_m]
         return max((speed_mps for speed_mps in speeds_mps if speed_mps <= FASTEST_MPS), default=0.0)
 
-    def _judge(self) -> None:
-        """Whether it moves more than it says, and whether it is in doubt from now on."""
+    def _is_moving_unreported(self) -> bool:
+        """Whether it moves more than it says."""
         age_s = math.inf
         for place, witness in ((int(self._found[0]), POSITIONS), (int(self._found[2]), PROGRESS)):
             if place >= 0:
@@ -285,10 +303,7 @@ class CredibleMotion:
                     age_s = min(age_s, self._get_age_s(place))
         if not self.is_moving_unreported and math.isfinite(age_s):
             self._hidden_s = age_s
-        self.is_moving_unreported = age_s <= STILL_SHARE * self._hidden_s
-        if self.doubt is None and self._found.max() >= 0:
-            ages_s = [self._get_age_s(place) if place >= 0 else math.inf for place in self._found.tolist()]
-            self.doubt = self._describe_doubt(int(self._found[int(np.argmin(ages_s))]))
+        return age_s <= STILL_SHARE * self._hidden_s
 
     def _get_age_s(self, place: int) -> float:
         return float(self._sums[TIME] - self._kept[place, TIME])
@@ -310,7 +325,7 @@ class CredibleMotion:
         suspect = max(moved_m, key=lambda name: (apart_m[name], -lengths_m[name]))
         _, x, y, heading_rad, velocity_mps = self._kept_reports[place, :5].tolist()
         driven_m = [length_m for name, length_m in lengths_m.items() if name != POSITIONS]
-        driven_m.append(math.dist((x, y), self._report[1:3]))
+        driven_m.append(math.dist((x, y), self._reports[1, 1:3]))
         shown_mps = (length_m / max(age_s, KEPT_S) for length_m in driven_m)
         speed_mps = max([abs(velocity_mps), *(speed for speed in shown_mps if speed <= FASTEST_MPS)])
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)

@@ -68,7 +68,7 @@ def predict_path(
         elif state.holds:
             metres = np.minimum(metres, compute_braking_distance_m(speed_mps, rules))
         leg = min(state.leg, len(state.mission.legs) - 1)
-        poses = state.mission.sample_poses(leg, state.leg_m, metres.tolist(), state.base_end)
+        poses = state.mission.sample_poses(leg, state.leg_m, metres, state.base_end)
         poses[0] = report.x_m, report.y_m, report.heading_rad
         return poses
     if twin_path is not None and report.mode in (REMOTE, MANUAL):

@@ -112,12 +112,12 @@ class SafetyGuard:
         `pace` is seconds of this fleet per second of the observing one.
         """
         chosen = range(len(states)) if numbers is None else numbers
-        return np.array([self._predict_path(number, states[number], pace) for number in chosen])
-
-    def _predict_path(self, number: int, state: TractorState, pace: float) -> Array:
-        if state.report is None:
-            return np.zeros((len(build_time_steps(self.rules)), 3))
         times_s = pace * build_time_steps(self.rules)
+        return np.array([self._predict_path(number, states[number], pace, times_s) for number in chosen])
+
+    def _predict_path(self, number: int, state: TractorState, pace: float, times_s: Array) -> Array:
+        if state.report is None:
+            return np.zeros((len(times_s), 3))
         if state.done or state.failed:
             if not state.is_moving:
                 return build_standing_path(state.report, self.rules)

@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from datetime import UTC, datetime
 from typing import Any, assert_never
 
 from planner.fleet.manager.finish_forecast import FinishDistribution
@@ -97,7 +96,7 @@ class FleetSession:
         self.clocks = [TractorClock() for _ in range(plan.tractor_count)]
         self._clocks_reported: list[float | None] = [None] * plan.tractor_count
         self._link_count = 0
-        self._state_times: list[str | None] = [None] * plan.tractor_count
+        self._state_times_s: list[float | None] = [None] * plan.tractor_count
         self._changed = set(range(plan.tractor_count))
         self._alarms_version = self._scene_version = -1
         self._coverage_sent = [0] * plan.tractor_count
@@ -202,14 +201,13 @@ class FleetSession:
             return
         self.recorder.check_state_sequence(number, state)
         reading = self.clocks[number].date_state(state.time.timestamp(), time.time(), now, state.heartbeat_s)
-        state = state.model_copy(update={"time": datetime.fromtimestamp(reading.time_s, UTC)})
         self._check_clock(number, state.heartbeat_s is not None, now)
-        report = build_report(state, self.manager.plan)
+        report = build_report(state, self.manager.plan, reading.time_s)
         late_s = reading.age_s if reading.age_s > OLDEST_STATE_S else 0.0
         self.manager.take_report(number, report, now, late_s, delay_s=reading.age_s, unsure_s=reading.unsure_s)
-        self.recorder.add(number, build_row(state, self.begin_s, self.manager.rules.times))
-        self.twins.take_state(number, state, time.time())
-        self._state_times[number] = format_utc(reading.time_s)
+        self.recorder.add(number, build_row(state, self.twins.compute_time_s(reading.time_s)))
+        self.twins.take_state(number, state, reading.time_s, time.time())
+        self._state_times_s[number] = reading.time_s
         self._changed.add(number)
 
     def _check_clock(self, number: int, is_echoed: bool, now: float) -> None:
@@ -469,9 +467,8 @@ class FleetSession:
         return None if self.deadline_unix_s is None else self.deadline_unix_s - time.time()
 
     def _build_tick(self, numbers: Any, now: float) -> str:
-        tractors = [
-            frame_content.build_tick_tractor(self.manager, number, now, self._state_times[number]) for number in numbers
-        ]
+        build, times_s = frame_content.build_tick_tractor, self._state_times_s
+        tractors = [build(self.manager, number, now, times_s[number]) for number in numbers]
         for tractor in tractors:
             tractor |= self.twins.build_tick_entries(tractor["tractor"] - 1, tractor["connection"] == ONLINE)
         fleet = frame_content.build_tick_fleet(self.manager, self.compute_deadline_s(), self.finish_distribution)

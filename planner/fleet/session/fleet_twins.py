@@ -11,6 +11,7 @@ import numpy.typing as npt
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.timed_mission import sample_segments
 from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
@@ -49,13 +50,13 @@ class FleetTwins(TwinPredictions):
         """The time of the twins at a time of the clock (seconds since 1970)."""
         return (clock_s - self.begin_s) * self.times
 
-    def take_state(self, number: int, state: StateFrame, clock_s: float) -> None:
-        """Pass a tractor's commands to its twin, and once a second its place as a correction.
+    def take_state(self, number: int, state: StateFrame, state_s: float, clock_s: float) -> None:
+        """Pass a tractor's commands to its twin, and once a second its place as a correction; times are since 1970.
 
         An old state that is sent again is ignored: it does not show where the tractor is now.
         """
         arrived_s = self.compute_time_s(clock_s)
-        time_s = min(self.compute_time_s(state.time.timestamp()), arrived_s)
+        time_s = min(self.compute_time_s(state_s), arrived_s)
         if time_s < arrived_s - OLDEST_STATE_S * self.times:
             return
         east, north = self.plan.saved.origin_m
@@ -199,6 +200,7 @@ def warm_up() -> None:
     motion = CredibleMotion(tractor.antenna_forward_m, 1.0)
     for time_s in (0.0, 0.1):
         motion.add_report(TractorReport(0.0, 0.0, 0.0, 0.0), np.zeros(3), time_s, time_s)
+    sample_segments(np.zeros(1), np.zeros((1, 6)), 0.0, np.zeros(1), 0.0)
     poses = np.zeros((2, 2, 3))
     model = np.array([build_model_record(tractor, implement)])
     find_close_approaches(poses, np.array([True, True]), model, 0.5, 0.5)

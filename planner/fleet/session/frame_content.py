@@ -28,8 +28,8 @@ from vehicle.missions.plan_file import SavedPlan, format_plan
 from vehicle.sim.compile import compute_contact_boxes, compute_point_speeds
 
 
-def build_report(state: StateFrame, plan: FleetPlan) -> TractorReport:
-    """The report of a state frame, at the guided point beside the antenna."""
+def build_report(state: StateFrame, plan: FleetPlan, time_s: float) -> TractorReport:
+    """The report of a state frame of `time_s` (seconds since 1970), at the guided point beside the antenna."""
     heading_rad = math.radians(90.0 - state.heading_deg)
     aside_m = plan.tractor.antenna_right_m
     east, north = plan.saved.origin_m
@@ -47,8 +47,8 @@ def build_report(state: StateFrame, plan: FleetPlan) -> TractorReport:
         leg_m=max(state.leg_m, 0.0),
         implement=state.implement,
         done=state.done,
-        errors=tuple(state.errors),
-        time_s=state.time.timestamp(),
+        errors=state.errors,
+        time_s=time_s,
     )
 
 
@@ -136,15 +136,15 @@ def _round_points(points: np.ndarray) -> list[list[float]]:
     return np.round(points, 2).tolist()  # type: ignore[no-any-return]
 
 
-def build_tick_tractor(manager: FleetManager, number: int, now: float, state_time: str | None) -> dict[str, Any]:
-    """One tractor of a tick; `state_time` is that of its last state. The caller fills in the twin."""
+def build_tick_tractor(manager: FleetManager, number: int, now: float, state_s: float | None) -> dict[str, Any]:
+    """One tractor of a tick; `state_s` is when its last state was (since 1970). The caller fills in the twin."""
     state, report = manager.states[number], manager.states[number].report
     east, north = manager.plan.saved.origin_m
     worked_m = state.mission.worked_m[-1]
     steering_rad = None if report is None else get_wheel_angle_rad(report)
     return {
         "tractor": number + 1,
-        "time": state_time,
+        "time": None if state_s is None else format_utc(state_s),
         "easting_m": None if report is None else round(report.x_m + east, 3),
         "northing_m": None if report is None else round(report.y_m + north, 3),
         "heading_deg": None if report is None else round(compute_heading_deg(report.heading_rad), 2),

@@ -80,7 +80,7 @@ class StateFrame(InboundFrame):
     update: Annotated[int, Field(ge=0)] = 0
     done: bool = False
     heartbeat_s: Annotated[float, _build_range_field(0.0, 1e12)] | None = None
-    errors: Annotated[list[Annotated[str, Field(max_length=200, pattern=PLAIN_TEXT)]], Field(max_length=10)] = []
+    errors: Annotated[tuple[Annotated[str, Field(max_length=200, pattern=PLAIN_TEXT)], ...], Field(max_length=10)] = ()
 
 
 class DisconnectFrame(InboundFrame):

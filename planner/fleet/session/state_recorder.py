@@ -23,11 +23,11 @@ ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 StateRow = list[Any]
 
 
-def build_row(state: StateFrame, begin_s: float, times: float) -> StateRow:
-    """A state as a row; its time is of the simulated clock, from `begin_s` (seconds since 1970) on."""
+def build_row(state: StateFrame, since_s: float) -> StateRow:
+    """A state as a row; its time is of the simulated clock, from the start of the recording on."""
     return [
         state.sequence,
-        round((state.time.timestamp() - begin_s) * times, 3),
+        round(since_s, 3),
         round(state.easting_m, 4),
         round(state.northing_m, 4),
         round(state.heading_deg, 3),

@@ -24,6 +24,9 @@ export function translate(text) {
   return remembered.get(text);
 }
 
+/** A text of several sentences, each by itself. */
+export const translateAll = (text) => text.split(/(?<=\.) (?=[A-Z0-9])/).map(translate).join(" ");
+
 function byPattern(text) {
   for (const { begin, end, pattern, names, to } of patterns) {
     if (!text.startsWith(begin) || !text.endsWith(end)) continue;

@@ -84,7 +84,7 @@ export const capital = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
 export const LOOKS = { running: "good", stopped: "off" };
 
 const LEGS = {
-  track: (n) => t`track ${n}`, round: (n) => t`round ${n}`, turn: (n) => t`turning to track ${n}`,
+  track: (n) => t`track ${n}`, round: (n) => t`headland pass ${n}`, turn: (n) => t`turning to track ${n}`,
   enter: () => translate("coming in"), leave: () => translate("going out"), "drive-in": (n) => t`lining up for track ${n}`,
 };
 /** A leg of a plan in words; its task counts from 0. */

@@ -1,6 +1,6 @@
 // One live fleet: map, tractors, pause and resume, obstacles, failed tractors, the new plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
-import { t, translate } from "../language.js";
+import { t, translate, translateAll } from "../language.js";
 import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
@@ -26,9 +26,14 @@ export async function open(main, shell, [id]) {
   const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
     resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
   const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
+  const offer = (select, ...options) => {  // what is chosen stays chosen
+    const chosen = select.value;
+    put(select, ...options);
+    if ([...select.options].some(({ value }) => value === chosen)) select.value = chosen;
+  };
   const failing = () => {
-    put(which, live.numbers().map((number) => option(String(number), t`Tractor ${number}`)));
-    put(leftOut, option("", "With all tractors"), live.numbers().map((number) => option(String(number), t`Without tractor ${number}`)));
+    offer(which, live.numbers().map((number) => option(String(number), t`Tractor ${number}`)));
+    offer(leftOut, option("", "With all tractors"), live.numbers().map((number) => option(String(number), t`Without tractor ${number}`)));
   };
   const fail = button("Plan without it", () => {
     const tractor = Number(which.value);
@@ -90,9 +95,10 @@ const eventWords = ({ time, who, what, data = {} }) =>
 function proposalNote(live) {
   const one = live.proposal;
   if (one.state === "accepted") return null;
-  if (one.state === "failed") return note(translate(one.sentence), "error");
+  const said = translateAll(one.sentence ?? "");
+  if (one.state === "failed") return note(said, "error");
   if (one.state === "planning") return note("All that is left is being planned anew, from where the tractors are.");
-  return note([translate(one.sentence), t`The new plan is on the map. Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
+  return note([said, t`The new plan is on the map. Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
     button("Send to the tractors", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
     button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
 }
