@@ -44,6 +44,7 @@ STRATEGY = get_strategy("split-field")
 K = TypeVar("K")
 T = TypeVar("T")
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
+UNCERTAINTY_PCT = (2.0, 4.0, 30.0)  # of one, two, more tractors at other speeds, from tests.benchmarks.sweeps
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
@@ -127,7 +128,14 @@ class GroundEstimates:
                 refusal = cannot_be_driven
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
-        return _build_result(context, min(timed, key=_weigh_s))
+        result = _build_result(context, min(timed, key=_weigh_s))
+        return replace(result, uncertainty_pct=self._find_uncertainty_pct(order.request)) if self._drives else result
+
+    def _find_uncertainty_pct(self, request: PlanRequest) -> float:
+        """Percent by which a drive of a request for one number of tractors may differ; 0 at the speed of the drive."""
+        if _list_speeds(request) == _list_speeds(self._context.request):
+            return 0.0
+        return UNCERTAINTY_PCT[min(request.tractors[0], len(UNCERTAINTY_PCT)) - 1]
 
     def knows(self, order: WorkOrder) -> bool:
         """Whether tours, and moves at its speeds, are there for all that an order asks for."""

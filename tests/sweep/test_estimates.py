@@ -1,5 +1,7 @@
 """Estimates of a sweep against plans: at the speed that was driven they are the same."""
 
+from dataclasses import replace
+
 import pytest
 
 from planner.evaluation.work_order import WorkOrder
@@ -19,3 +21,14 @@ def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(tractors: int) -> N
     assert driven is not None and (driven.strategy == "split-field") is (tractors == 2)
     assert estimate.worked_pct == pytest.approx(driven.worked_pct, abs=0.01)
     assert estimate.time_s == pytest.approx(driven.time_s, rel=0.001)
+    assert estimate.uncertainty_pct == 0.0
+
+
+def test_at_other_speeds_estimates_tell_what_they_may_be_off_by() -> None:
+    """The more tractors there are, the more of a plan depends on who meets whom."""
+    reference, found = WorkOrder(PlanRequest("iwamizawa", width_m=6.0, speed_mps=2.5, tractors=(1,))), list[float]()
+    orders = [WorkOrder(replace(reference.request, speed_mps=2.0, tractors=(tractors,))) for tractors in (1, 2, 3, 4)]
+    for plan in estimate_task(orders, lay_out_ground(reference)):
+        assert plan.uncertainty_pct is not None
+        found.append(plan.uncertainty_pct)
+    assert 0.0 < found[0] < found[1] < found[2] == found[3]
