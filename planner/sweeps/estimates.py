@@ -278,11 +278,12 @@ class GroundEstimates:
 
 
 def _drive_best(context: PlanningContext, tractors: int, sketches: list[SketchedPlan]) -> PlanResult:
-    """The plan to take of a number of tractors as driven, with split-field as sketched.
+    """The plan to take of a number of tractors as driven, with split-field as sketched; of one they are all alike.
 
     Raises StrategyError where none can be driven, for what hinders split-field if that was tried.
     """
-    candidates = [Candidate(name, tractors) for name in context.request.strategies]
+    names = context.request.strategies if tractors > 1 else (STRATEGY.name,)
+    candidates = [Candidate(name, tractors) for name in names]
     sketched = {Candidate(STRATEGY.name, tractors): sketches}
     plans = [
         outcome.result for _, outcome in simulate_candidates(context, candidates, prunes_candidates(context), sketched)
