@@ -40,7 +40,7 @@ from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
@@ -77,10 +77,17 @@ ServiceOption = Annotated[
 ]
 
 
+FieldFilesOption = Annotated[
+    Optional[list[str]],
+    typer.Option("--fields", help="File of which all fields are swept, like FILE#*.", rich_help_panel=WORK),
+]
+
+
 @inject_request_options(without=_REPLACED, changes=CHANGES)
 def sweep(
     context: typer.Context,
     fields: FieldsArgument = None,
+    field_files: FieldFilesOption = None,
     headland_order: HeadlandOrderOption = None,
     html: Annotated[
         Optional[Path],
@@ -129,7 +136,9 @@ def sweep(
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
     if cache is not None and cache.exists() and not cache.is_dir():
         raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
-    question = _read_question(context, fields, {**options, HEADLAND_ORDER.name: headland_order})
+    question = _read_question(
+        context, fields or (), field_files or (), {**options, HEADLAND_ORDER.name: headland_order}
+    )
     if (save is not None or pick is not None) and len(question.fields) > 1:
         raise RequestError(f"--save and --pick are for one field, and {len(question.fields)} are given; give one.")
     check_output_paths(
@@ -238,8 +247,11 @@ class _Question:
             yield from ((option, one) for one in (value if isinstance(value, list | tuple) else [value]))
 
 
-def _read_question(context: typer.Context, fields: Sequence[str] | None, options: Mapping[str, Any]) -> _Question:
-    """The question of the command line; raises HeadlandError."""
+def _read_question(
+    context: typer.Context, fields: Sequence[str], files: Sequence[str], options: Mapping[str, Any]
+) -> _Question:
+    """The question of the command line, with all fields of files; raises HeadlandError."""
+    from fields.formats.features import ALL_FIELDS
     from planner.pipeline.many_fields import expand_field_names
 
     given = read_given_options(context, options)
@@ -253,7 +265,8 @@ def _read_question(context: typer.Context, fields: Sequence[str] | None, options
         values[f"headland_{order}"] = True
         names.add(f"headland_{order}")
     reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
-    found = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+    named = [*fields, *(f"{file}#{ALL_FIELDS}" for file in files)]
+    found = expand_field_names(named or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
     return _Question(replace(given, values=values, given_names=names), found, axes)
 
 

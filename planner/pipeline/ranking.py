@@ -16,11 +16,12 @@ from fields.units import MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.ground.unworked_area import (
     KEPT_HEADLAND,
     LEFT_OUT,
     find_unworked_areas,
+    mark_worked_shares,
+    measure_requested_share,
 )
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground
@@ -44,7 +45,6 @@ from vehicle.model.tractor import Tractor
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
 MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
-MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 
 
 def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult | None) -> tuple[str, ...]:
@@ -178,15 +178,6 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     return add_clock_times(replace(advised, shortfalls=find_shortfalls(advised, context)), context)
 
 
-def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:
-    """The results, each with whether it works enough of the ground asked for."""
-    listed = list(results)
-    if all(_is_enough(result, 1.0) for result in listed):
-        return listed
-    requested_share = _measure_requested_share(context)
-    return [replace(result, works_enough=_is_enough(result, requested_share)) for result in listed]
-
-
 def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Shortfall, ...]:
     """What the best plan of a ranking lacks, with what its samples said before; empty without a plan."""
     best = ranking.best
@@ -197,20 +188,9 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
     return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall("late")]))
 
 
-def _is_enough(result: PlanResult, requested_share: float) -> bool:
-    return result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT * requested_share
-
-
-def _measure_requested_share(context: PlanningContext) -> float:
-    """The share of the field that is to be worked: all but what is to be left, headland or tracks."""
-    kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
-    kept_m2 += measure_left_out_m2(context)
-    return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
-
-
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     """The share that a plan works, and the reason why most of the rest is not worked."""
-    requested_share = _measure_requested_share(context)
+    requested_share = measure_requested_share(context)
     requested_m2 = requested_share * context.layout.field.due_region.area
     worked_pct = (best.worked_pct or 0.0) / requested_share
     areas = [

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -18,21 +17,21 @@ import numpy as np
 import shapely
 
 from planner.evaluation.candidates.energy_figures import list_energy_figures
-from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.figures import CandidateRun, add_clock_times, compute_cost
-from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, weigh_order_s
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidates
+from planner.evaluation.candidates.figures import add_clock_times, compute_cost
+from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, sort_sketches, weigh_order_s
+from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.left_out import measure_left_out_m2
+from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.evaluation.layout_choice import compute_covered_share
 from planner.evaluation.preparation import change_terms
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.ranking import mark_worked_shares
 from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import DrivenTimes
-from reports.common.plan_results import PlanResult
+from reports.common.plan_results import PlanResult, choose_plan
 from strategies.lines.line_wishes import LineWishes, name_line
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
@@ -45,6 +44,7 @@ STRATEGY = get_strategy("split-field")
 K = TypeVar("K")
 T = TypeVar("T")
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
+UNCERTAINTY_PCT = (2.0, 4.0, 30.0)  # of one, two, more tractors at other speeds, from tests.benchmarks.sweeps
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
@@ -128,7 +128,14 @@ class GroundEstimates:
                 refusal = cannot_be_driven
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
-        return _build_result(context, min(timed, key=_weigh_s))
+        result = _build_result(context, min(timed, key=_weigh_s))
+        return replace(result, uncertainty_pct=self._find_uncertainty_pct(order.request)) if self._drives else result
+
+    def _find_uncertainty_pct(self, request: PlanRequest) -> float:
+        """Percent by which a drive of a request for one number of tractors may differ; 0 at the speed of the drive."""
+        if _list_speeds(request) == _list_speeds(self._context.request):
+            return 0.0
+        return UNCERTAINTY_PCT[min(request.tractors[0], len(UNCERTAINTY_PCT)) - 1]
 
     def knows(self, order: WorkOrder) -> bool:
         """Whether tours, and moves at its speeds, are there for all that an order asks for."""
@@ -242,7 +249,7 @@ class GroundEstimates:
         return found
 
     def _measure_drive_factors(self, tractors: int, headland: str | None) -> _DriveFactors:
-        """The plan of split-field as driven, else that of the quickest strategy, over the tours of split-field alone.
+        """The plan to take by the rule of `headland plan`, as driven, over the tours of split-field alone.
 
         Raises StrategyError where none can be driven.
         """
@@ -254,17 +261,11 @@ class GroundEstimates:
         refusals = [refusal for refusal in found if isinstance(refusal, StrategyError)]
         if not sketches:
             raise refusals[0]
-        try:
-            driven = _drive(context, STRATEGY.name, tractors, sketches)
-        except StrategyError as refusal:
-            quickest = _drive_quickest(context, tractors)
-            if quickest is None:
-                raise refusal
-            driven = quickest
+        driven = _drive_best(context, tractors, sort_sketches(sketches))
+        assert driven.time_s is not None and driven.worked_pct is not None  # it is feasible
         alone = min(sketches, key=_find_finish_s)
-        worked_share = 0.01 * measure_coverage(driven.run, context).worked_pct
         lines_share = self._covered_share * _find_worked_share(get_site_moves(context).lines, alone.tours)
-        return _DriveFactors(driven.run.duration_s / _find_finish_s(alone), worked_share / lines_share)
+        return _DriveFactors(driven.time_s / _find_finish_s(alone), 0.01 * driven.worked_pct / lines_share)
 
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
@@ -274,24 +275,22 @@ class GroundEstimates:
         return moves
 
 
-def _drive_quickest(context: PlanningContext, tractors: int) -> CandidateRun | None:
-    """The quickest plan of the strategies but split-field as driven; None where none can be."""
-    found = list[CandidateRun]()
-    for name in context.request.strategies:
-        if name != STRATEGY.name:
-            with suppress(StrategyError):
-                found.append(_drive(context, name, tractors))
-    return min(found, key=lambda one: one.run.duration_s, default=None)
+def _drive_best(context: PlanningContext, tractors: int, sketches: list[SketchedPlan]) -> PlanResult:
+    """The plan to take of a number of tractors as driven, with split-field as sketched; of one they are all alike.
 
-
-def _drive(
-    context: PlanningContext, strategy: str, tractors: int, sketches: list[SketchedPlan] | None = None
-) -> CandidateRun:
-    """The plan of a strategy as driven; raises StrategyError where it cannot be driven."""
-    driven = run_candidate(context, Candidate(strategy, tractors), sketches)
-    if driven.reason:
-        raise StrategyError(driven.reason)
-    return driven
+    Raises StrategyError where none can be driven, for what hinders split-field if that was tried.
+    """
+    names = context.request.strategies if tractors > 1 else (STRATEGY.name,)
+    candidates = [Candidate(name, tractors) for name in names]
+    sketched = {Candidate(STRATEGY.name, tractors): sketches}
+    plans = [
+        outcome.result for _, outcome in simulate_candidates(context, candidates, prunes_candidates(context), sketched)
+    ]
+    feasible = mark_worked_shares([plan for plan in plans if plan.feasible], context)
+    if not feasible:
+        own = next((plan for plan in plans if plan.strategy == STRATEGY.name), plans[0])
+        raise StrategyError(own.reason or "")
+    return choose_plan(feasible)
 
 
 def _find_finish_s(sketch: SketchedPlan) -> float:

@@ -71,6 +71,8 @@ class PlanResult(ShownResult):
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
         energy_kwh, energy_kwh_per_ha: kilowatt-hours from the batteries of electric tractors; None for others.
+        uncertainty_pct: what an estimate of a sweep may differ by from its drive in time and cost, percent either way;
+            0 at the speed that was driven, None for other plans.
         charges, charging_s: stops to charge or change batteries, and their time; None for tractors without them.
         co2_kg: of the fuel burnt, or of making the electricity; None where that is not known.
         fuel_l_by_tractor, energy_kwh_by_tractor: the same of each tractor, by its load; None where not known.
@@ -148,6 +150,7 @@ class PlanResult(ShownResult):
     energy_kwh_per_ha: float | None = None
     charges: int | None = None
     charging_s: float | None = None
+    uncertainty_pct: float | None = None
 
     @property
     def remark(self) -> str | None:

@@ -128,11 +128,11 @@ def _widen_range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _list_numbers(one: SweptPlan, place: tuple[float, float]) -> list[Any]:
-    """Place, seconds, cost, share worked and fuel of a point, then the numbers of its values."""
+    """Place, seconds, cost, share worked, fuel and uncertainty of a point, then the numbers of its values."""
     plan = one.plan
     used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
     figures = round(plan.ranked_s), round(plan.ranked_cost, 2), round(plan.worked_pct or 0.0, 1)
-    return [*place, *figures, None if used is None else round(used, 1), *one.numbers]
+    return [*place, *figures, None if used is None else round(used, 1), plan.uncertainty_pct, *one.numbers]
 
 
 def _choose_colour(tractors: int) -> int:

@@ -25,7 +25,8 @@ from reports.sweep.wording import (
 )
 
 PLAN_KEYS = (
-    "finished_s", "finished_cost", "worked_pct", "fuel_l", "energy_kwh", "meets_deadline", "feasible", "reason",
+    "finished_s", "finished_cost", "worked_pct", "fuel_l", "energy_kwh", "uncertainty_pct", "meets_deadline",
+    "feasible", "reason",
 )  # fmt: skip
 
 
@@ -74,6 +75,7 @@ def build_front_table(result: SweepResult) -> FittedTable:
         *(TableColumn(title_option(result.options[place]), drop_order=0) for place in varied),
         TableColumn("Time"),
         TableColumn("Cost"),
+        TableColumn("± %"),
         TableColumn("Worked %", drop_order=1),
         TableColumn("Energy kWh" if uses_energy else "Fuel l", drop_order=2),
     ]
@@ -84,6 +86,7 @@ def build_front_table(result: SweepResult) -> FittedTable:
             *(format_value(result.get_values(one)[place]) for place in varied),
             format_duration(one.plan.ranked_s),
             format_number(one.plan.ranked_cost, 2),
+            format_number(one.plan.uncertainty_pct, 0),
             format_number(one.plan.worked_pct, 1),
             format_number(one.plan.energy_kwh if uses_energy else one.plan.fuel_l, 1),
         )

@@ -8,10 +8,10 @@ import shapely
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
+from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas, mark_worked_shares
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.ranking import mark_worked_shares, rank_plans
+from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 

@@ -73,6 +73,19 @@ def test_a_row_that_is_not_there_and_several_fields_to_save(headland: Run, field
     assert done.status == 2 and "are for one field" in done.err
 
 
+def test_all_fields_of_a_file(headland: Run, field: Path, tmp_path: Path) -> None:
+    geopandas = pytest.importorskip("geopandas")
+    import shapely
+
+    farm, boxes = tmp_path / "farm.gpkg", [shapely.box(x, 56.0, x + 0.0012, 56.0008) for x in (10.0, 10.01)]
+    geopandas.GeoDataFrame({"name": ["north", "south"]}, geometry=boxes, crs=4326).to_file(farm)
+    few = ("--width", "6", "--tractors", "1", "--processes", "1", "--json")
+    data = json.loads(headland("sweep", "--fields", farm, *few).out)
+    assert data["field"] == "north + south" and {one["field"] for one in data["plans"]} == {"north", "south"}
+    done = headland("sweep", "--fields", tmp_path / "none.gpkg", *few)
+    assert done.status == 2 and "There is no field file" in done.err
+
+
 def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
     headland: Run, field: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

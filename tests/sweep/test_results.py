@@ -1,8 +1,13 @@
 """What a sweep says of its plans: the front against brute force, influences against closed forms, tables and pages."""
 
 import json
+import re
+import sys
+from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +20,7 @@ from reports.common.drawing_sizes import ChartAxis
 from reports.common.rendering import ReportError
 from reports.sweep.page import render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influences
-from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
+from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, render_sweep_parquet
 from reports.sweep.wording import build_command
 from tests.printing import print_text
 from tests.sweep.results import build_result
@@ -69,7 +74,8 @@ def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> Non
     assert "6 m, 1 tractor, price per hour 40: 1 h 40 min, 72 EUR; estimated." in text
     assert "Of the difference in time: tractors 52 %, working width 45 %" in text and "in cost: working width" in text
     assert "2 combinations have no plan, the first: There is no work for 3." in text
-    assert "Estimated: each number of tractors was driven once" in text
+    assert "9 of 10 plans driven in full lie within ± %" in text
+    assert re.search(r"40 0:33:20 (\d+\.\d+) 25 99.0", text), "the row of three tractors is told to be uncertain"
 
 
 def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
@@ -96,8 +102,15 @@ def test_json_and_csv_have_all_plans() -> None:
     assert (data["combinations"], data["done"], data["estimated"]) == (12, 12, True)
     assert data["without_plan"] == {"count": 2, "reason": "There is no work for 3."}
     assert len(data["plans"]) == 12 and data["best"]["command"] == build_command(result, result.best)
+    assert [one["uncertainty_pct"] for one in data["plans"] if one["tractors"] == 3 and one["feasible"]] == [25.0, 25.0]
     lines = format_sweep_csv(result).splitlines()
     assert len(lines) == 13 and lines[0].startswith("width_m,tractors,price_per_hour,finished_s")
+
+
+def test_one_combination_is_told_of_as_one() -> None:
+    one = replace(build_result(done=1), total=1)
+    assert "my field, 3.92 ha: 1 combination" in print_text(build_sweep_screen(one), 100)
+    assert "1 combinations" not in print_text(build_sweep_screen(one), 100)
 
 
 def test_an_unfinished_sweep_says_so() -> None:
@@ -127,12 +140,12 @@ def test_ticks_lie_within_the_axis(low: float, span: float) -> None:
     assert len(ticks) <= 8 and all(9.9 <= place <= 500.1 for place, _ in ticks)
 
 
-def test_parquet_needs_pyarrow() -> None:
+def test_parquet_has_all_plans() -> None:
     pytest.importorskip("pyarrow")
-    from io import BytesIO
-
-    import pandas as pd
-
-    from reports.sweep.tables import render_sweep_parquet
-
     assert len(pd.read_parquet(BytesIO(render_sweep_parquet(build_result())))) == 12
+
+
+def test_without_pyarrow_a_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ReportError, match=r"^Parquet needs pyarrow.*; install headland\[parquet\], or write CSV\.$"):
+        render_sweep_parquet(build_result())

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from planner.evaluation.candidates.slope_figures import (
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
+from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.risk.assessment import add_risk_estimate
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
@@ -50,6 +52,9 @@ class Candidate:
     tractors: int
 
 
+NOTHING_SKETCHED: Mapping[Candidate, list[SketchedPlan]] = MappingProxyType({})
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of a candidate: its figures, the run that they are of and its picture.
@@ -63,12 +68,15 @@ class Outcome:
 
 
 def simulate_candidates(
-    context: PlanningContext, candidates: Sequence[Candidate], prunes: bool
+    context: PlanningContext,
+    candidates: Sequence[Candidate],
+    prunes: bool,
+    sketched: Mapping[Candidate, list[SketchedPlan]] = NOTHING_SKETCHED,
 ) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
     Tractors that come nearer than the clearance on neighbouring tracks are the last. With `prunes` a candidate that
-    cannot beat those before it is not driven.
+    cannot beat those before it is not driven. Those `sketched` before are not sketched again.
     """
     results, numbers = list[PlanResult](), range(len(candidates))
     are_near = [_comes_near(context, one) for one in candidates]
@@ -81,11 +89,13 @@ def simulate_candidates(
             marks = {"is_simulated": False, "keeps_clearance": False}
             yield from ((number, _build_refusal(context, candidates[number], reason, **marks)) for number in group)
             return
-        sketches = {number: _sketch(context, candidates[number]) for number in group}
+        sketches = {
+            number: sketched.get(candidates[number]) or _sketch(context, candidates[number]) for number in group
+        }
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
             incumbent = find_incumbent(results) if prunes else None
             outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
-            results.append(outcome.result)
+            results += mark_worked_shares([outcome.result], context)
             yield number, outcome
 
 

@@ -129,6 +129,11 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
         sketches.append(_add_notes(context, one, notes))
     if not sketches:
         raise refusals[0]
+    return sort_sketches(sketches)
+
+
+def sort_sketches(sketches: Sequence[SketchedPlan]) -> list[SketchedPlan]:
+    """Sketches of one strategy, the best by `weigh_order_s` first."""
     return sorted(sketches, key=lambda one: round(weigh_order_s(one.order, max(one.tractor_s)), 3))
 
 

@@ -50,8 +50,8 @@ def is_worth_pruning(context: PlanningContext) -> bool:
 
 
 def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
-    """The quickest feasible plan of one number of tractors; None without any."""
-    feasible = [one for one in results if one.feasible]
+    """The quickest feasible plan of one number of tractors that works enough of the ground; None without any."""
+    feasible = [one for one in results if one.feasible and one.works_enough]
     if not feasible:
         return None
     best = min(feasible, key=lambda one: (not one.keeps_clearance, round(one.finished_field_s, 3), one.strategy))

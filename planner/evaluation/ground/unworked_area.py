@@ -1,9 +1,9 @@
-"""Ground that no swath and no headland pass of a layout covers, and why: known before anything is driven."""
+"""Ground that no swath or headland pass covers, and why, before anything is driven; whether plans work enough."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -14,15 +14,17 @@ from fields.geometry.tolerances import GRID_M
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
-from planner.evaluation.ground.left_out import find_left_out_ground
+from planner.evaluation.ground.left_out import find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import recall
 from reports.common.language import mark_text
+from reports.common.plan_results import PlanResult
 from reports.common.shortfalls import UnworkedPiece
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
+MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
 HECTARES_FROM_M2 = 1000.0
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
@@ -199,3 +201,23 @@ def _estimate_corner_loss_m2(context: PlanningContext) -> float:
     )
     is_limited = context.request.corners == AUTO_CORNERS
     return min(missed_m2, MAX_MISSED_SHARE * context.layout.field.area_m2) if is_limited else missed_m2
+
+
+def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:
+    """The results, each with whether it works enough of the ground asked for."""
+    listed = list(results)
+    if all(_is_enough(result, 1.0) for result in listed):
+        return listed
+    requested_share = measure_requested_share(context)
+    return [replace(result, works_enough=_is_enough(result, requested_share)) for result in listed]
+
+
+def measure_requested_share(context: PlanningContext) -> float:
+    """The share of the field that is to be worked: all but what is to be left, headland or tracks."""
+    kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
+    kept_m2 += measure_left_out_m2(context)
+    return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
+
+
+def _is_enough(result: PlanResult, requested_share: float) -> bool:
+    return result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT * requested_share

@@ -1,0 +1,34 @@
+"""Estimates of a sweep against plans: at the speed that was driven they are the same."""
+
+from dataclasses import replace
+
+import pytest
+
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.planning import plan_order
+from planner.request.plan_request import PlanRequest
+from planner.sweeps.sweep import estimate_task, lay_out_ground
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("tractors", [1, 2, 6])
+def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(tractors: int) -> None:
+    """Six tractors leave a quarter of this field as split-field deals it; the plan to take is another strategy's."""
+    order = WorkOrder(PlanRequest("netherlands", width_m=6.0, speed_mps=2.5, tractors=(tractors,)))
+    (estimate,) = estimate_task([order], lay_out_ground(order))
+    driven = plan_order(order).ranking.best
+    assert driven is not None and (tractors < 6 or driven.strategy != "split-field")
+    assert estimate.worked_pct == pytest.approx(driven.worked_pct, abs=0.01)
+    assert estimate.time_s == pytest.approx(driven.time_s, rel=0.001)
+    assert estimate.uncertainty_pct == 0.0
+
+
+def test_at_other_speeds_estimates_tell_what_they_may_be_off_by() -> None:
+    """The more tractors there are, the more of a plan depends on who meets whom."""
+    reference, found = WorkOrder(PlanRequest("iwamizawa", width_m=6.0, speed_mps=2.5, tractors=(1,))), list[float]()
+    orders = [WorkOrder(replace(reference.request, speed_mps=2.0, tractors=(tractors,))) for tractors in (1, 2, 3, 4)]
+    for plan in estimate_task(orders, lay_out_ground(reference)):
+        assert plan.uncertainty_pct is not None
+        found.append(plan.uncertainty_pct)
+    assert 0.0 < found[0] < found[1] < found[2] == found[3]
