@@ -26,6 +26,7 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.replanning.from_here import RestDriver, build_whole_plan
 from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates
+from planner.fleet.safety.outlines import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
@@ -142,20 +143,21 @@ def infer_carried_supply(plan: FleetPlan) -> Supply | None:
 def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
     """What no machine may touch: tractors left out, with the clearance round them or where they may be, and obstacles.
 
-    `half_m` is half the width of a machine.
+    `half_m` is half the width of a machine. Who is predicted to come nearer than the clearance is stopped, and
+    predictions err: plans keep away by that much more.
     """
     shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
-    long_m = context.tractor.length_m
+    long_m, away_m = context.tractor.length_m, half_m + context.request.clearance_m + PREDICTION_ERROR_M
     for number in remaining.excluded:
         doubt = remaining.states[number].doubt
         if doubt is not None:
-            reach_m = doubt.radius_m + long_m + context.implement.hitch_m + half_m + context.request.clearance_m
+            reach_m = doubt.radius_m + long_m + context.implement.hitch_m + away_m
             shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
         elif not remaining.is_on_road(number):
             for x, y, heading in [remaining.get_pose(number), *remaining.paths.get(number, ())]:
                 ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
                 tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
-                shapes.append(shapely.buffer(shapely.LineString([tail, nose]), half_m + context.request.clearance_m))
+                shapes.append(shapely.buffer(shapely.LineString([tail, nose]), away_m))
     return shapely.union_all(shapes)
 
 
