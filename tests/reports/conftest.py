@@ -90,7 +90,7 @@ def _plan(rank: int, strategy: str, count: int, turn: str, time_s: float, **more
         "turning_s": 61.0 * count,
         "waiting_s": 12.5 * (count - 1),
         "reversals": 3 * count,
-        "measured": {"formation_pct": 12.5, "folding_s": 60.0 if count == 2 else None},
+        "measured": {"formation_pct": 12.5, "folding_s": None},
         "min_clearance_m": math.inf if count == 1 else 2.345678912,
         "collisions": 0,
     }

@@ -158,6 +158,7 @@ def test_no_plan_is_made_or_accepted_of_who_was_led_off_its_leg() -> None:
     fleet.run(4)
     manager = fleet.manager
     manager.plan = replace(manager.plan, field=object())  # type: ignore[arg-type]
+    manager.take_report(1, manager.states[1].report._replace(speed_mps=0.0), fleet.now)
     rest = extract_remaining_work(manager, [1], fleet.now)
     manager.operators.take_lease("anna", 0, False, fleet.now)
     led(fleet, 6.0, 5.0, leg_m=4.0)
