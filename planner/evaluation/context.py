@@ -154,4 +154,4 @@ class PlanningContext:
         if self.gateway is None:
             return shapely.Polygon()
         reach_m = build_body(self.tractor, self.at_gate.implement).reach_m
-        return shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m + reach_m)
+        return shapely.Point(self.gateway.in_pose[:2]).buffer(self.gate_half_width_m + reach_m)

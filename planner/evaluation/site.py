@@ -139,7 +139,7 @@ def _compute_allowed(
     field = context.layout.field
     gate = shapely.Polygon()
     if context.gateway is not None:
-        gate = shapely.Point(context.gateway.edge_pose[:2]).buffer(context.gate_half_width_m)
+        gate = shapely.Point(context.gateway.in_pose[:2]).buffer(context.gate_half_width_m)
     fences = shapely.difference(shapely.union_all(field.fences), gate)
     outline = field.original_boundary or field.boundary
     overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
@@ -171,7 +171,7 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
         return shapely.Polygon()
     tractor, implement = context.tractor, context.at_gate.implement
     reach_m = build_body(tractor, implement).reach_m
-    ends = [shift_pose_ahead(lane.edge_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
+    ends = [shift_pose_ahead(lane.in_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
     return shapely.buffer(shapely.LineString(ends), measure_half_m(tractor, implement) + LANE_SPARE_M, cap_style="flat")
 
 

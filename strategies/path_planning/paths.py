@@ -186,15 +186,16 @@ EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that n
 
 @dataclass(frozen=True)
 class EntranceLane:
-    """The lane through the entrance: from just inside the outline, straight on for `lead_m`."""
+    """The lane through the entrance: where the guided point comes in, just inside the outline, and straight on for
+    `lead_m` to where the body has room for turns."""
 
-    edge_pose: Pose
+    in_pose: Pose
     lead_m: float
 
     @property
     def out_pose(self) -> Pose:
         """Where a tractor leaves, heading out."""
-        x, y, heading = self.edge_pose
+        x, y, heading = self.in_pose
         return x, y, math.remainder(heading + math.pi, 2.0 * math.pi)
 
 
@@ -203,13 +204,11 @@ def build_entrance_lane(
 ) -> EntranceLane:
     """The lane at an entrance on the outline, or where the outline is nearest to it.
 
-    It leads to the nearest place in the largest part of `free`, where the guided point may be.
+    It heads for the nearest place in `free`, where the guided point may be.
     """
     edge = nearest_points(outline.exterior, shapely.Point(entrance))[0]
-    largest_part = max(shapely.get_parts(free).tolist(), key=lambda part: round(part.area, 3))
-    goal = nearest_points(largest_part, edge)[0]
-    off = np.array([goal.x - edge.x, goal.y - edge.y])
-    pose = (float(edge.x), float(edge.y), math.atan2(off[1], off[0]))
-    lead_m = float(np.hypot(*off))
-    edge_m = min(EDGE_INSET_M, 0.5 * lead_m)
-    return EntranceLane(shift_pose_ahead(pose, edge_m), lead_m - edge_m)
+    goal = nearest_points(free, edge)[0]
+    off_m = math.dist((goal.x, goal.y), (edge.x, edge.y))
+    pose = (float(edge.x), float(edge.y), math.atan2(goal.y - edge.y, goal.x - edge.x))
+    inset_m = min(EDGE_INSET_M, 0.5 * off_m)
+    return EntranceLane(shift_pose_ahead(pose, inset_m), off_m - inset_m)

@@ -79,7 +79,7 @@ class SiteMoves:
         nodes, lane = range(2 * len(self.lines)), self.site.lane
         self.ends: list[Pose] = [self.lines[k // 2].get_end(k % 2) for k in nodes]
         self.begins: list[Pose] = [self.lines[k // 2].get_begin(k % 2) for k in nodes]
-        self.ends.append((0.0, 0.0, 0.0) if lane is None else lane.edge_pose)
+        self.ends.append((0.0, 0.0, 0.0) if lane is None else lane.in_pose)
         self.begins.append((0.0, 0.0, 0.0) if lane is None else lane.out_pose)
         self.estimates = MoveEstimates(self.site, self.lines, self.finder, self.ends, self.begins, self.starts)
 

@@ -18,7 +18,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg
-from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane, shift_pose_ahead
+from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
 from strategies.registry import STRATEGIES
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
@@ -54,19 +54,18 @@ def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = 
 class TestGate:
     def test_leads_straight_in_to_where_turns_may_begin(self) -> None:
         found = build_entrance_lane(BOX, shapely.box(2, 2, 58, 108), (30.0, -5.0))
-        assert found.edge_pose == pytest.approx((30.0, EDGE_INSET_M, 0.5 * math.pi))
+        assert found.in_pose == pytest.approx((30.0, EDGE_INSET_M, 0.5 * math.pi))
         assert found.lead_m == pytest.approx(2.0 - EDGE_INSET_M)
         assert found.out_pose == pytest.approx((30.0, EDGE_INSET_M, -0.5 * math.pi))
 
     def test_of_a_corner_is_the_diagonal(self) -> None:
-        assert build_entrance_lane(BOX, shapely.box(2, 2, 58, 108), (0.0, 0.0)).edge_pose[2] == pytest.approx(
+        assert build_entrance_lane(BOX, shapely.box(2, 2, 58, 108), (0.0, 0.0)).in_pose[2] == pytest.approx(
             0.25 * math.pi
         )
 
-    def test_of_ground_in_parts_leads_to_the_largest(self) -> None:
+    def test_of_ground_in_parts_heads_for_the_nearest(self) -> None:
         free = shapely.union(shapely.box(2, 2, 10, 10), shapely.box(20, 2, 58, 108))
-        lane = build_entrance_lane(BOX, free, (5.0, 0.0))
-        assert shift_pose_ahead(lane.edge_pose, lane.lead_m)[:2] == pytest.approx((20.0, 2.0))
+        assert build_entrance_lane(BOX, free, (12.0, 0.0)).in_pose[2] == pytest.approx(0.75 * math.pi)
 
 
 class TestPlaces:
