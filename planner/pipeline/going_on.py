@@ -47,14 +47,14 @@ from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproj
 from planner.task_logs.runs.worked_ground import iter_worked_strips
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import cut_line
-from strategies.path_planning.paths import Pose
 from strategies.program.supply import Supply
 from strategies.registry import get_strategy
 from vehicle.errors import MissionError
-from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission
+from vehicle.missions.plan import ENTER, LEAVE, Leg
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
+from vehicle.records import STANDING, WAITING
 
 PLAN_ERROR_M = 0.5 * MIN_PIECE_WIDTH_M  # a plan of ours: what is narrower than a piece to go back for is its error
 OTHERS_ERROR_M = 0.3  # of guidance by satellites alone from pass to pass, which is what unknown work may be driven with
@@ -469,20 +469,12 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
         return None
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
-    used = measure_used(run.plan.missions[number], at, pose, context)
-    begun = poses[np.argmax(run.get_leg_numbers(number) == at)]
-    stands = at > 0 and math.dist(begun[:2], poses[-1, :2]) < MOST_SHIFT_M  # before the leg: folded as it was
-    is_folded = legs[at - 1 if stands else min(at, len(legs) - 1)].folded
+    is_before = at > 0 and int(run.get_statuses(number)[-1]) in (WAITING, STANDING)  # neither folded nor served for it
+    driven_m = 0.0 if is_before else float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
+    driven = [*legs[:at], *list_driven_part(leg, driven_m)]
+    used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m)
+    is_folded = (legs[at - 1] if is_before else leg).folded
     return Stand(pose, used, list_places_ahead(legs[at:]), number + 1, is_folded)
-
-
-def measure_used(mission: Mission, at: int, pose: Pose, context: PlanningContext) -> float:
-    """What a tractor has used of its load on leg `at` of its mission, at a pose, since it was served last."""
-    if context.supply is None:
-        return 0.0
-    driven_m = float(shapely.LineString(mission.legs[at].points).project(shapely.Point(pose[:2])))
-    legs = [*mission.legs[:at], *list_driven_part(mission.legs[at], driven_m)]
-    return sum_used(legs, context.supply, context.request.width_m)
 
 
 def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:

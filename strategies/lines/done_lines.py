@@ -206,8 +206,11 @@ def _iter_rests(
             curve = shapely.LineString(path)
             begun_m = float(curve.project(place))
             rest_m = line.measure_path_m(way) - begun_m
+            x, y, heading = line.get_pose(way, begun_m)
+            ahead_m = (x - pose[0]) * math.cos(heading) + (y - pose[1]) * math.sin(heading)
             is_on_line = _is_on_line(site, line, curve, way, pose)
-            if 2 * number in taken or not is_on_line or begun_m > 2.0 * join_m or rest_m < MIN_PIECE_M:
+            is_joined = ahead_m <= join_m and begun_m <= 2.0 * join_m
+            if 2 * number in taken or not (is_on_line and is_joined) or rest_m < MIN_PIECE_M:
                 continue
             rest = cut_line(path, begun_m, line.measure_path_m(way))
             yield number, replace(line, paths=(rest, rest), both_ways=False)

@@ -26,6 +26,7 @@ from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
+from vehicle.records import STANDING
 
 WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (90.0, 70.0), (15.0, 6.0)
 FOLD_S = 30.0
@@ -170,20 +171,28 @@ def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tm
     assert next(leg for leg in legs[first:] if not leg.folded).fold_s == FOLD_S
 
 
-def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement) -> None:
+def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement, tmp_path: Path) -> None:
     """Stops for the tank, on a line too, are no folding."""
-    result = plan_order(
-        WorkOrder(
-            PlanRequest(width_m=WIDTH_M, tractors=(1,), refill="headland"),
-            field=build_two_rooms(),
-            implement=two_rooms_farm.simulated_implement,
-            supply=two_rooms_farm.build_supply(240.0),
-        )
+    order = WorkOrder(
+        PlanRequest(width_m=WIDTH_M, tractors=(1,), refill="headland"),
+        field=build_two_rooms(),
+        implement=two_rooms_farm.simulated_implement,
+        supply=two_rooms_farm.build_supply(240.0),
     )
+    result = plan_order(order)
     best, legs = result.ranking.best, list_legs(result)
     assert best is not None and result.run is not None
     stops_s = [leg.stand_s for leg in legs if leg.stand_s]
     assert best.refills and stops_s == [240.0] * best.refills
+    served = (result.run.get_statuses(0) == STANDING) & ~result.run.find_folding_rows(0)
+    begun_s = float(result.run.time_s[int(np.argmax(served))])
+    result.save(tmp_path / "plan.json")
+    for at_s, refills in ((begun_s + 30.0, best.refills), (begun_s + 250.0, best.refills - 1)):
+        order = replace(
+            order, done=(f"{tmp_path / 'plan.json'}@{at_s // 3600:.0f}:{at_s % 3600 // 60:02.0f}:{at_s % 60:02.0f}",)
+        )
+        rest = plan_order(order).ranking.best
+        assert rest is not None and rest.refills == refills, "a tank is full once it was filled to the end"
     folds = sum(before.folded != leg.folded for before, leg in pairwise(legs))
     assert folds and float(result.run.folding_s[0]) == pytest.approx(FOLD_S * folds, abs=1.0)
     assert float(result.run.standing_s[0]) == pytest.approx(240.0 * best.refills, abs=1.0)
@@ -200,6 +209,7 @@ def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: b
     result = plan(PlanRequest(width_m=width_m, tractors=(1,)), field=gated)
     best, legs, run = result.ranking.best, list_legs(result), result.run
     assert best is not None and run is not None and (best.worked_pct or 0.0) > 97.0
+    assert ("for the entrance" in (best.remark or "")) == folds
     passes = [leg for leg in legs if leg.task.kind in (ENTER, LEAVE)]
     assert {leg.folded for leg in passes} == {folds}
     assert float(run.folding_s[0]) == pytest.approx(2.0 * FOLD_S * folds, abs=1.0)

@@ -38,6 +38,7 @@ from reports.common.plan_results import PlanResult
 from reports.common.shortfalls import Remark, Stake
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
+from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun, find_longest_reversing
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
@@ -230,8 +231,11 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
         remarks.append(Remark(Stake.TIME, reversing))
     tractor = 1 + int(np.argmax(run.folding_s))
     if stood_min := float(run.folding_s.max()) / MINUTE_S:
+        legs = run.plan.missions[tractor - 1].legs
         folding = (
-            f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
+            f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement for the entrance"
+            if all(leg.task.kind in (ENTER, LEAVE) for leg in legs if leg.folded)
+            else f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
             "unfolded it does not get through everywhere"
         )
         remarks.append(Remark(Stake.TIME, folding))
