@@ -81,13 +81,14 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
     done = clip_area(ground, field.region_without_obstacles)
-    _check_something_done(done, field)
+    if not any(map(match_plan_time, map(str, order.done))):  # a plan may stop before it works anything
+        _check_something_done(done, field)
     stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
         raise AllDoneError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
     remark = (
-        f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} left."
+        f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} ha left."
     )
     left = replace(left, remarks=(*left.remarks, remark))
     going_on = GoingOn(closing_m, stands)
