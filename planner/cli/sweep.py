@@ -265,7 +265,7 @@ def _read_question(
         values[f"headland_{order}"] = True
         names.add(f"headland_{order}")
     reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
-    named = [*fields, *(f"{file}#{ALL_FIELDS}" for file in files)]
+    named = [*fields, *(file if "#" in file else f"{file}#{ALL_FIELDS}" for file in files)]
     found = expand_field_names(named or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
     return _Question(replace(given, values=values, given_names=names), found, axes)
 

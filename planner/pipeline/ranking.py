@@ -119,6 +119,8 @@ def _describe_pauses(day: Workday, request: PlanRequest, home_s: float) -> tuple
 
 def _format_minutes(seconds: float) -> str:
     minutes = round(seconds / MINUTE_S)
+    if 0.0 < seconds < 0.5 * MINUTE_S:
+        return f"{seconds:.0f} s"
     if minutes < 60:
         return f"{round(seconds / MINUTE_S, 1):g} min"
     return f"{minutes // 60} h {minutes % 60} min"

@@ -263,9 +263,10 @@ class GroundEstimates:
             raise refusals[0]
         driven = _drive_best(context, tractors, sort_sketches(sketches))
         assert driven.time_s is not None and driven.worked_pct is not None  # it is feasible
-        alone = min(sketches, key=_find_finish_s)
-        lines_share = self._covered_share * _find_worked_share(get_site_moves(context).lines, alone.tours)
-        return _DriveFactors(driven.time_s / _find_finish_s(alone), 0.01 * driven.worked_pct / lines_share)
+        moves = self._get_moves(context)
+        alone = min((_time_tours(context, one, moves, self._covered_share) for one in sketches), key=_weigh_s)
+        time = driven.time_s / float(alone.times.tractor_s.max())
+        return _DriveFactors(time, 0.01 * driven.worked_pct / alone.worked_share)
 
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
@@ -291,11 +292,6 @@ def _drive_best(context: PlanningContext, tractors: int, sketches: list[Sketched
         own = next((plan for plan in plans if plan.strategy == STRATEGY.name), plans[0])
         raise StrategyError(own.reason or "")
     return choose_plan(feasible)
-
-
-def _find_finish_s(sketch: SketchedPlan) -> float:
-    """Seconds of the tractor that takes longest, with its service stops."""
-    return max(tour_s + stops_s for tour_s, stops_s in zip(sketch.tractor_s, sketch.served_s, strict=True))
 
 
 def _find_worked_share(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]) -> float:

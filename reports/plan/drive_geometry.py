@@ -19,8 +19,7 @@ STATUS_BY_STATE = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "
 SERVICE_STATE, SERVICE_STATUS = "refilling", 5
 FOLDING_STATE, FOLDING_STATUS = "folding", 6
 RARE_STATES = (SERVICE_STATE, FOLDING_STATE)
-"""States that few drives have."""
-"""Of drives in which a tank is filled or emptied, besides `STATUS_BY_STATE`."""
+"""Of drives in which a tank is filled or emptied, or an implement folded, besides `STATUS_BY_STATE`."""
 SIMPLIFY_TOLERANCE_M = 0.05
 
 

@@ -57,15 +57,18 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
     counts = Counter(replace(line.task, piece=0) for line in lines)
     for line in lines:
         whole = replace(line.task, piece=0)
-        for number, part in enumerate(cut := list(_cut_done_line(site, line, known, START_OVERLAP_M + error_m))):
-            task = replace(line.task, is_piece=line.task.is_piece or len(cut) > 1)
-            if number:
-                task = replace(task, piece=counts[whole])
-                counts[whole] += 1
+        for number, part in enumerate(_cut_done_line(site, line, known, START_OVERLAP_M + error_m)):
+            task = replace(line.task, piece=counts[whole]) if number else line.task
+            counts[whole] += 1 if number else 0
             parts.append(replace(part, task=task))
             is_whole[task] = part is line
     least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
-    return [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
+    kept = [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
+    left = Counter(replace(part.task, piece=0) for part in kept)
+    return [
+        replace(part, task=replace(part.task, is_piece=part.task.is_piece or left[replace(part.task, piece=0)] > 1))
+        for part in kept
+    ]
 
 
 def _cut_done_line(site: Site, line: WorkLine, done: shapely.Geometry, join_m: float) -> Iterator[WorkLine]:

@@ -169,3 +169,15 @@ def test_a_garbled_entry_of_a_leg_is_named(data: dict[str, Any], values: dict[st
     with pytest.raises(MissionError) as refusal:
         parse_plan(json.dumps(data))
     assert str(refusal.value) == f"Tractor 0, {sentence}"
+
+
+def test_lines_of_older_plans_have_the_pieces_that_are_worked() -> None:
+    """Plans said nothing of pieces: a line has several where one beyond the first is worked."""
+    points = np.array([[0.0, 0.0], [10.0, 0.0]])
+    tasks = [LegTask("track", 3), LegTask("track", 3, 1, True), LegTask("track", 4), LegTask("round", 3)]
+    legs = tuple(Leg(points + np.array([0.0, 3.0 * k]), 1.0, implement=True, task=task) for k, task in enumerate(tasks))
+    content = json.loads(format_plan(Plan(tuple(Mission((leg,)) for leg in legs))))
+    for tractor in content["tractors"]:
+        tractor[0]["task"].pop("is_piece", None)
+    read = parse_plan(json.dumps(content))
+    assert [mission.legs[0].task.is_piece for mission in read.missions] == [True, True, False, False]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -136,7 +136,21 @@ def _build_saved_plan(data: Any) -> SavedPlan:
             raise MissionError(f"{WHOLE_PLAN}: tractor {number} is {_shorten(legs)}, not a list of legs.")
         missions.append(Mission(tuple(_build_leg(leg, f"Tractor {number}, leg {k}") for k, leg in enumerate(legs))))
     origin = (float(origin_m[0]), float(origin_m[1]))
+    if not any("is_piece" in leg["task"] for legs in data["tractors"] for leg in legs):
+        missions = _mark_pieces(missions)
     return SavedPlan(Plan(tuple(missions), dict(notes)), crs, origin, scenario, ground)
+
+
+def _mark_pieces(missions: Sequence[Mission]) -> list[Mission]:
+    """Missions of a plan that does not say which lines have several pieces: those of which it works a later one."""
+    tasks = {leg.task for mission in missions for leg in mission.legs if leg.task.is_work}
+    split = {(task.kind, task.number) for task in tasks if task.piece}
+
+    def mark(leg: Leg) -> Leg:
+        is_piece = leg.task.is_piece or (leg.task.kind, leg.task.number) in split
+        return leg if is_piece == leg.task.is_piece else replace(leg, task=replace(leg.task, is_piece=is_piece))
+
+    return [Mission(tuple(map(mark, mission.legs))) for mission in missions]
 
 
 def _check_version(version: Any) -> None:

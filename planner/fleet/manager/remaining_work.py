@@ -14,12 +14,13 @@ import shapely
 from planner.fleet.manager.fleet_state import FleetState
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.tractor_state import MANUAL, REMOTE, Hold, TractorState
+from planner.fleet.model.tractor_state import BY_HAND, MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
 
 Array = npt.NDArray[np.float64]
 STAND_TOLERANCE_M = 1.0  # of a tractor that stands
 SHORTEST_LEG_M = 0.05
+LOST_STEP_M = 1.0  # between the places that one who hears nothing may go on to: a part of its length
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +77,23 @@ def extract_remaining_work(fleet: FleetState, without: Sequence[int], now: float
     elapsed_s = 0.0 if fleet.started_s is None else (now - fleet.started_s) * fleet.rules.times
     shapes = tuple(block.shape for block in fleet.obstacles.items.values())
     lost = [number for number in excluded if _is_lost_in_motion(fleet, number)]
-    paths = dict(zip(lost, fleet.guard.predict_paths(states, lost), strict=True))
+    paths = {number: _predict_lost_path(fleet, number) for number in lost}
     return RemainingWork(fleet.plan, states, excluded, shapes, elapsed_s, fleet.rules.times, paths)
 
 
 def _is_lost_in_motion(fleet: FleetState, number: int) -> bool:
     """Whether a tractor moved when it was heard last: it is watched as going on from there."""
     return fleet.states[number].is_moving and not fleet.is_report_current(number)
+
+
+def _predict_lost_path(fleet: FleetState, number: int) -> Array:
+    """The poses (steps, 3) that a tractor which hears nothing may go on to: to the end of its base, by its guidance."""
+    state = fleet.states[number]
+    if state.mode in BY_HAND:
+        predicted: Array = fleet.guard.predict_paths(fleet.states, [number])[0]
+        return predicted
+    ahead_m = np.arange(0.0, max(state.base_end_m - state.position_m, 0.0) + LOST_STEP_M, LOST_STEP_M)
+    return state.mission.sample_poses(state.leg, state.leg_m, ahead_m, state.base_end)
 
 
 def _check_on_legs(fleet: FleetState, excluded: Sequence[int]) -> None:

@@ -30,6 +30,7 @@ from planner.fleet.safety.outlines import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
+from strategies.lines.line_wishes import get_line_number
 from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
 from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
@@ -300,13 +301,13 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
         return f"Tractor {tractor} is on the way in."
     if task.number is None:
         return f"Tractor {tractor} is on its way."
-    line = task.number + 1
+    name = get_line_number(task)
     if not task.is_work:
         return f"Tractor {tractor} is in a turn."
     return (
-        f"Tractor {tractor} is on track {line}."
+        f"Tractor {tractor} is on track {name}."
         if task.kind == "track"
-        else f"Tractor {tractor} is on headland pass {line}."
+        else f"Tractor {tractor} is on headland pass {name}."
     )
 
 

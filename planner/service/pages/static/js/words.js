@@ -87,9 +87,9 @@ const LEGS = {
   track: (n) => t`track ${n}`, round: (n) => t`headland pass ${n}`, turn: (n) => t`turning to track ${n}`,
   enter: () => translate("coming in"), leave: () => translate("going out"), "drive-in": (n) => t`lining up for track ${n}`,
 };
-/** A leg of a plan in words; its task counts from 0. */
+/** A leg of a plan in words; tracks count from 0, headland passes from 1. */
 export function legWords(leg) {
   if (!leg) return DASH;
-  const number = known(leg.number) ? leg.number + 1 : "";
+  const number = known(leg.number) ? leg.number + (leg.kind === "round" ? 0 : 1) : "";
   return LEGS[leg.kind] ? LEGS[leg.kind](number).trim() : String(leg.kind || "driving").replaceAll("-", " ");
 }
