@@ -81,6 +81,8 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
         motion.observed_s += min(state.last_contact_s - motion.last_report_s, REPORT_GAP_S)
         motion.last_report_s = state.last_contact_s
     allowed_s = ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
+    if motion.observed_s <= allowed_s:  # the order may still be under way: it brakes from the speed at which it hears
+        motion.speed_mps = max(motion.speed_mps, report.speed_mps)
     if _is_braking(report, motion, rules) and not state.is_moving_unreported:
         allowed_s += 2.0 * compute_stopping_time_s(motion.speed_mps, rules) / rules.times
     is_noticed = motion.observed_s >= allowed_s
