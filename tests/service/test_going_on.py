@@ -157,8 +157,10 @@ def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_
     last = manager.guard.predict_paths(manager.states, [1])[0, -1]
     nose = shapely.Point(last[:2] + 0.5 * plan.tractor.length_m * np.array([np.cos(last[2]), np.sin(last[2])]))
     assert taken.contains(nose.buffer(plan.scenario.clearance_m))
-    beside = shapely.Point(remaining.get_pose(1)[:2]).buffer(speed_mps * manager.rules.ahead_s + 12.0)
-    assert beside.contains(taken)
+    end = state.mission.sample_poses(state.leg, state.leg_m, np.array([1e6]), state.base_end)[0, :2]
+    assert taken.contains(shapely.Point(end)) == (speed_mps > 0.0), "the broken link says that it drives on"
+    to_end_m = max(state.base_end_m - state.position_m, 0.0) * (speed_mps > 0.0)
+    assert shapely.Point(remaining.get_pose(1)[:2]).buffer(to_end_m + 12.0).contains(taken)
 
 
 @pytest.mark.slow
