@@ -81,7 +81,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
     done = clip_area(ground, field.region_without_obstacles)
-    if not any(map(match_plan_time, map(str, order.done))):  # a plan may stop before it works anything
+    if not order.begins_on_field:  # a plan may stop before it works anything
         _check_something_done(done, field)
     stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
@@ -462,15 +462,17 @@ def cut_run(run: SimulationRun, elapsed_s: float) -> SimulationRun:
 
 def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> Stand | None:
     """Where a tractor stands at the end of a run; None for one that is not on the field."""
-    legs, at = run.plan.missions[number].legs, int(run.get_leg_numbers(number)[-1])
-    poses = run.get_poses(number)
+    legs, numbers, poses = run.plan.missions[number].legs, run.get_leg_numbers(number), run.get_poses(number)
+    at = int(numbers[-1])
     waits = legs[0].task.kind == ENTER and math.dist(poses[0, :2], poses[-1, :2]) < MOST_SHIFT_M
     leg = legs[min(at, len(legs) - 1)]
     if waits or leg.task.kind == LEAVE or float(run.finish_s[number]) <= float(run.time_s[-1]):
         return None
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
-    is_before = at > 0 and int(run.get_statuses(number)[-1]) in (WAITING, STANDING)  # neither folded nor served for it
+    begun_m = math.dist(poses[np.argmax(numbers == at), :2], poses[-1, :2])
+    stands = run.get_statuses(number)[-1] in (WAITING, STANDING)
+    is_before = at > 0 and stands and begun_m < MOST_SHIFT_M  # neither folded nor served for the leg
     driven_m = 0.0 if is_before else float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
     driven = [*legs[:at], *list_driven_part(leg, driven_m)]
     used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m)

@@ -27,7 +27,7 @@ from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
 from reports.common.plan_results import PlanRanking, PlanResult, build_quality_key
 from reports.common.shortfalls import Shortfall
-from reports.common.wording import LEAST_SHARE, format_duration, format_price
+from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -41,6 +41,7 @@ MAX_SPEED_FACTOR = 3.0  # times the planned speed: no leg is simulated faster
 TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1
 ACCELERATION_MPS2 = 0.7
+MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 Array = npt.NDArray[np.float64]
 
 
@@ -312,7 +313,7 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
             else f"No plan finishes before the rain; the closest is {format_duration(late_s)} late.",
         )
     surest = max(plan.finish_probability or 0.0 for plan in plans)
-    if surest >= LEAST_SHARE:  # else no plan meets the limit
+    if surest >= MIN_FINISH_PROBABILITY:
         return plans, None
     return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} of the samples."
 

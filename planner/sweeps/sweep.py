@@ -298,7 +298,7 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
         worked_pct=worked_ha / math.fsum(areas_ha),
         works_enough=all(plan.works_enough for plan in plans),
         meets_deadline=None if limit_s is None else sums["time_s"] <= limit_s,
-        uncertainty_pct=max(plan.uncertainty_pct or 0.0 for plan in plans),
+        uncertainty_pct=max(plan.uncertainty_pct for plan in plans if plan.uncertainty_pct is not None),
         fuel_l_by_tractor=None,
         energy_kwh_by_tractor=None,
         fuel_l_per_ha=None,

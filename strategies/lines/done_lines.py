@@ -54,19 +54,19 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
     known = done.buffer(error_m)
     shapely.prepare(known)
     parts, is_whole = list[WorkLine](), dict[LegTask, bool]()
-    counts = Counter(replace(line.task, piece=0) for line in lines)
+    counts = Counter(line.task.whole for line in lines)
     for line in lines:
-        whole = replace(line.task, piece=0)
-        for number, part in enumerate(_cut_done_line(site, line, known, START_OVERLAP_M + error_m)):
-            task = replace(line.task, piece=counts[whole]) if number else line.task
-            counts[whole] += 1 if number else 0
+        task = line.task
+        for part in _cut_done_line(site, line, known, START_OVERLAP_M + error_m):
             parts.append(replace(part, task=task))
             is_whole[task] = part is line
+            task = replace(task, piece=counts[task.whole])
+            counts[task.whole] += 1
     least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
     kept = [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
-    left = Counter(replace(part.task, piece=0) for part in kept)
+    left = Counter(part.task.whole for part in kept)
     return [
-        replace(part, task=replace(part.task, is_piece=part.task.is_piece or left[replace(part.task, piece=0)] > 1))
+        replace(part, task=replace(part.task, is_piece=part.task.is_piece or left[part.task.whole] > 1))
         for part in kept
     ]
 

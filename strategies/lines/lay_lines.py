@@ -87,11 +87,13 @@ def lay_lines(site: Site, headland_lines: Sequence[WorkLine] | None = None) -> l
 
 def _number_pieces(lines: Sequence[WorkLine]) -> list[WorkLine]:
     """The lines with the pieces of each swath, and the sides of each headland pass, numbered from 0."""
-    wholes = [replace(line.task, piece=0) for line in lines]
-    counts, numbers = Counter(wholes), defaultdict[LegTask, Iterator[int]](itertools.count)
+    counts = Counter(line.task.whole for line in lines)
+    numbers = defaultdict[LegTask, Iterator[int]](itertools.count)
     return [
-        replace(line, task=replace(whole, piece=next(numbers[whole]), is_piece=counts[whole] > 1))
-        for line, whole in zip(lines, wholes, strict=True)
+        replace(
+            line, task=replace(line.task, piece=next(numbers[line.task.whole]), is_piece=counts[line.task.whole] > 1)
+        )
+        for line in lines
     ]
 
 

@@ -143,22 +143,10 @@ def merge_segments(start: Pose, segments: Iterable[PathSegment], kind: str) -> D
     return DrivePath(start, tuple(merged), kind)
 
 
-def join_paths(paths: Iterable[DrivePath], kind: str) -> DrivePath:
-    """The paths one after another as one path of the given kind; each must begin where the last ended."""
-    parts = list(paths)
-    return merge_segments(parts[0].start, (s for part in parts for s in part.segments), kind)
-
-
 def shift_pose_ahead(pose: Pose, distance_m: float) -> Pose:
     """The pose straight ahead of `pose` (behind it when the distance is negative)."""
     x, y, heading = pose
     return x + distance_m * math.cos(heading), y + distance_m * math.sin(heading), heading
-
-
-def make_straight_path(pose: Pose, distance_m: float) -> DrivePath:
-    """Straight on from `pose`, in reverse when the distance is negative."""
-    gear = 1 if distance_m >= 0.0 else -1
-    return merge_segments(pose, [PathSegment(abs(distance_m), 0.0, gear)], "route")
 
 
 def require_radius(radius_m: float) -> None:

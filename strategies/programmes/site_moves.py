@@ -239,8 +239,9 @@ class SiteMoves:
         numbers = run.get_leg_numbers(0)
         poses, is_folded = run.get_poses(0), run.find_folded_rows(0)
         at_gate = np.array([leg.task.kind in (ENTER, LEAVE) for leg in legs])[numbers]
-        rooms = [measure_proof_rooms(site, poses, is_folded) for site in (self.site, self.site.at_gate)]
-        is_off = np.where(at_gate, rooms[1], rooms[0]) < -ROOM_TOLERANCE_M
+        rooms = measure_proof_rooms(self.site, poses, is_folded)
+        rooms[at_gate] = measure_proof_rooms(self.site.at_gate, poses[at_gate], is_folded[at_gate])
+        is_off = rooms < -ROOM_TOLERANCE_M
         is_off[-1] |= run.outcome != DONE
         lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
         return lost

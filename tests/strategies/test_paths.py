@@ -14,8 +14,6 @@ from strategies.path_planning.paths import (
     Pose,
     TurnError,
     advance_along_segment,
-    join_paths,
-    make_straight_path,
     merge_segments,
     require_radius,
 )
@@ -177,18 +175,15 @@ def test_sampled_length_approaches_the_driven_length() -> None:
 
 
 def test_joining_merges_equal_neighbours_and_drops_empty_segments() -> None:
-    first = make_straight_path((0, 0, 0), 4.0)
-    second = merge_segments(
-        (4, 0, 0), [PathSegment(3.0, 0.0, 1), PathSegment(0.0, 0.25, 1), PathSegment(2.0, 0.0, -1)], "route"
-    )
-    path = join_paths((first, second), "route")
+    lengths = [(4.0, 0.0, 1), (3.0, 0.0, 1), (0.0, 0.25, 1), (2.0, 0.0, -1)]
+    path = merge_segments((0, 0, 0), [PathSegment(*each) for each in lengths], "route")
     assert path.segments == (PathSegment(7.0, 0.0, 1), PathSegment(2.0, 0.0, -1))
     assert path.length_m == 9.0 and path.reverse_m == 2.0 and path.reversals == 1
     assert path.end == (5.0, 0.0, 0.0)
 
 
 def test_a_path_without_segments_stays_where_it_is() -> None:
-    path = make_straight_path((1, 2, 0.5), 0.0)
+    path = merge_segments((1, 2, 0.5), [PathSegment(0.0, 0.0, 1)], "route")
     assert path.segments == () and path.end == (1, 2, 0.5) and path.sample() == []
 
 
@@ -201,4 +196,4 @@ def test_radius_that_is_not_one_is_refused(radius: float) -> None:
 @pytest.mark.parametrize("step", [0.0, -1.0, math.nan])
 def test_step_that_is_not_one_is_refused(step: float) -> None:
     with pytest.raises(TurnError, match="Sampling step"):
-        make_straight_path((0, 0, 0), 1.0).sample(step)
+        merge_segments((0, 0, 0), [PathSegment(1.0, 0.0, 1)], "route").sample(step)

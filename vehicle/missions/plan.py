@@ -65,6 +65,11 @@ class LegTask:
         """Whether the leg is work: guidance then uses the lookahead of swaths."""
         return self.kind in (SWATH, HEADLAND_PASS)
 
+    @property
+    def whole(self) -> LegTask:
+        """The same for all pieces of its swath, or all sides of its headland pass."""
+        return LegTask(self.kind, self.number)
+
     def has_same_goal(self, task: LegTask) -> bool:
         """Whether both work or lead to the same swath or headland pass."""
         return (self.number, self.piece) == (task.number, task.piece)

@@ -178,6 +178,7 @@ class MismatchTest:
     """The evidence of one twin, from a time on."""
 
     def __init__(self, tractor: Tractor, time_s: float) -> None:
+        # In SI: wheel angles are converted to curvatures, and right (clockwise) becomes negative.
         sizes = np.array([get_effect(name).size.typical for name in SHIFT_EFFECTS])
         sizes[0] = -math.tan(math.radians(sizes[0])) / tractor.wheelbase_m
         sizes[7] = -sizes[7]

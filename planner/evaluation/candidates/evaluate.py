@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -53,9 +52,6 @@ class Candidate:
     tractors: int
 
 
-NOTHING_SKETCHED: Mapping[Candidate, list[SketchedPlan]] = MappingProxyType({})
-
-
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of a candidate: its figures, the run that they are of and its picture.
@@ -72,14 +68,14 @@ def simulate_candidates(
     context: PlanningContext,
     candidates: Sequence[Candidate],
     prunes: bool,
-    sketched: Mapping[Candidate, list[SketchedPlan]] = NOTHING_SKETCHED,
+    sketched: Mapping[Candidate, list[SketchedPlan]] | None = None,
 ) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
     Tractors that come nearer than the clearance on neighbouring tracks are the last. With `prunes` a candidate that
     cannot beat those before it is not driven. Those `sketched` before are not sketched again.
     """
-    results, numbers = list[PlanResult](), range(len(candidates))
+    results, numbers, known = list[PlanResult](), range(len(candidates)), sketched or {}
     are_near = [_comes_near(context, one) for one in candidates]
     for near in (False, True):
         incumbent = find_incumbent(results) if prunes and near else None
@@ -90,9 +86,7 @@ def simulate_candidates(
             marks = {"is_simulated": False, "keeps_clearance": False}
             yield from ((number, _build_refusal(context, candidates[number], reason, **marks)) for number in group)
             return
-        sketches = {
-            number: sketched.get(candidates[number]) or _sketch(context, candidates[number]) for number in group
-        }
+        sketches = {number: known.get(candidates[number]) or _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
             incumbent = find_incumbent(results) if prunes else None
             outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)

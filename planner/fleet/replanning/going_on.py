@@ -30,14 +30,14 @@ from planner.fleet.safety.outlines import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
-from strategies.lines.line_wishes import get_line_number
+from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
 from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
 from strategies.programmes.site_moves import SiteMoves
 from strategies.service_stops.stop_plan import infer_supply
 from strategies.split_field import STRATEGY
-from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate, Mission
+from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, Mission
 from vehicle.missions.run import SimulationRun
 
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
@@ -301,14 +301,11 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
         return f"Tractor {tractor} is on the way in."
     if task.number is None:
         return f"Tractor {tractor} is on its way."
-    name = get_line_number(task)
     if not task.is_work:
         return f"Tractor {tractor} is in a turn."
-    return (
-        f"Tractor {tractor} is on track {name}."
-        if task.kind == "track"
-        else f"Tractor {tractor} is on headland pass {name}."
-    )
+    if task.kind == SWATH:
+        return f"Tractor {tractor} is on track {name_line(task)}."
+    return f"Tractor {tractor} is on headland pass {task.number}."
 
 
 def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:

@@ -35,7 +35,7 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import UnworkedPiece
-from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS
+from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS, SERVICE_STATE
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import WorkLine
@@ -108,7 +108,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
     """The run of a plan on its field, as plain arrays."""
     title = f"{result.strategy}, {result.tractors} tractor{'s' if result.tractors > 1 else ''}, turns: {result.turn}"
     worked = {leg.task for mission in run.plan.missions for leg in mission.legs if leg.task.is_work}
-    shares = run.compute_time_shares() | ({} if context.supply is None else {"refilling": run.standing_s})
+    shares = run.compute_time_shares() | ({} if context.supply is None else {SERVICE_STATE: run.standing_s})
     if run.folding_s.any():
         shares |= {"turning": shares["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}
     return replace(

@@ -29,7 +29,7 @@ from planner.errors import HeadlandError, render_refusal
 from planner.service.errors import StorageError
 from planner.service.jobs.input_files import write_inputs
 from planner.service.jobs.job_requests import JobContext, JobFunction
-from planner.service.kept_process import LONGEST_PAUSE_S, KeptProcess, end_with_service
+from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.job_queue import JobStore, ResultFile
@@ -42,7 +42,7 @@ LOST_STATUS = 4
 and nothing is counted against the job."""
 CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
 CACHE_FOLDER = "field-times"
-DISK_RETRY_S = 1.0
+DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
@@ -173,7 +173,7 @@ def _retry_while_disk_full(store: JobStore, claim: ClaimedJob, action: Callable[
         done, all_, _ = before or (0, 0, "")
         claim.latest_progress = (done, all_, waiting)
         time.sleep(pause_s)
-        pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+        pause_s = min(2 * pause_s, LONGEST_DISK_RETRY_S)
         claim.latest_progress = done, all_, before[2] if before is not None else ""
 
 

@@ -241,6 +241,7 @@ class Searcher:
         problem, data = self.problem, self.problem.data
         widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
         linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
+        # Windows of a run are in turn, each run beginning with another: every fold has starts of runs.
         window_runs = data.window_runs
         fold = np.zeros(len(window_runs), dtype=np.int64)
         for run in np.unique(window_runs):
