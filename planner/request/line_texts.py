@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -26,7 +25,7 @@ def read_line_wishes(leave_out: str | None, work_first: str | None, give: tuple[
         () if text is None else parse_line_names(text, parameter)
         for text, parameter in ((leave_out, "leave_out"), (work_first, "work_first"))
     )
-    given, named = list[tuple[int, tuple[LineName, ...]]](), list(out)
+    given, named = list[tuple[int, tuple[LineName, ...]]](), list[LineName]()
     for text in give:
         # "2=5-8" is a tractor and its lines.
         tractor, is_given, names = text.partition("=")
@@ -40,14 +39,16 @@ def read_line_wishes(leave_out: str | None, work_first: str | None, give: tuple[
         given.append((number, parse_line_names(names, "give")))
         named += given[-1][1]
         _check_number(named, "give")
-    twice = next((name for name, count in Counter(named).items() if count > 1), None)
-    if twice is not None:
-        raise HeadlandError(
-            f"{twice} is named twice in {mark_parameter('leave_out')} and {mark_parameter('give')}; name it once.",
-            parameter="give",
-        )
     left_out = frozenset(out)
-    idle = next((name for name in first if name in left_out), None)
+    taken = set(left_out)
+    for twice in sorted(named, key=lambda one: one.piece is not None):  # a piece after its whole
+        if not taken.isdisjoint((twice, twice.whole)):
+            raise HeadlandError(
+                f"{twice} is named twice in {mark_parameter('leave_out')} and {mark_parameter('give')}; name it once.",
+                parameter="give",
+            )
+        taken.add(twice)
+    idle = next((name for name in first if not left_out.isdisjoint((name, name.whole))), None)
     if idle is not None:
         raise HeadlandError(
             f"{idle} is left out and worked first; take it from {mark_parameter('leave_out')} or "

@@ -40,7 +40,8 @@ class PlanResult(ShownResult):
         rank: of feasible plans from 1, by the time to finish the field, then tractors.
         time_s, cost: of the plan as driven.
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
-        spared_m2: of `missed_m2`, what obstacles cut off or was to be left out: no plan is to work it.
+        spared_m2: of `missed_m2`, what obstacles cut off: no plan is to work it.
+        left_out_m2: unworked ground that was to be left out, which is not missed; None without any.
         worked_pct, overlap_pct: shares of the field.
         works_enough: whether the share of the ground asked for is that of a recommendation.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
@@ -96,6 +97,7 @@ class PlanResult(ShownResult):
     overlap_pct: float | None = None
     missed_m2: float | None = None
     spared_m2: float = 0.0
+    left_out_m2: float | None = None
     largest_missed: UnworkedPiece | None = None
     finished_s: float | None = None
     finished_cost: float | None = None

@@ -32,6 +32,7 @@ from reports.common.wording import (
 )
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
+    describe_left_out,
     explain_no_plan,
     format_unworked,
     format_wide_interval,
@@ -144,11 +145,13 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
             time, money = format_time_span(plan.finishing_s), plan.finishing_cost
             rest = translate(
                 " ({area} left: {time}, {money} more)",
-                area=format_area(plan.missed_m2 or 0.0),
+                area=format_area(plan.due_missed_m2),
                 time=time,
                 money=format_money(money, ranking.currency),
             )
         parts.append(_describe_share(plan) + rest)
+    if plan.left_out_m2 is not None:
+        parts.append(describe_left_out(plan.left_out_m2))
     if plan.headland_order is not None:
         parts.append(_describe_headland(ranking, plan.headland_order))
     if (late_s := plan.stated_late_end_s) is not None:

@@ -189,6 +189,8 @@ _CATALOGUE = (
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
     Figure("spared_m2"),
+    Figure("left_out_m2", "Left out", "Left\nout", format_area_or_dash, "ground that was to be left out",
+           is_optional=True),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
     Figure("stated_span_s", "Time", "", format_duration, read=lambda plan: plan.stated_end_s, is_exported=False),
@@ -218,7 +220,7 @@ SCREEN_DROPS = {
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 6, "charges": 3, "turning_s": 5, "waiting_s": 6,
-    "worked_pct": 4, "missed_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
+    "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
 }  # fmt: skip
 """Of the table of all plans."""
@@ -233,7 +235,8 @@ PAGE_KEYS = (
 )  # fmt: skip
 PAGE_EXTRA_KEYS = (
     "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
-    "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct", "on_pareto_front",
+    "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct",
+    "on_pareto_front",
     "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg", "steepest_along",
     "steepest_across", "rollover", "refills", "refilling_s", "folding_s",
     "charges", "charging_s",

@@ -85,11 +85,16 @@ def format_unworked(plan: PlanResult) -> str | None:
     """The unworked area of a plan: ``0.83 ha (17 %)``; None where there is none, or it is not known."""
     if plan.missed_m2 is None or plan.missed_m2 < LEAST_UNWORKED_M2:
         return None
-    share = None if plan.worked_pct is None else 100.0 - plan.worked_pct
-    if share is None:
+    if plan.worked_pct is None:
         return format_area(plan.missed_m2)
+    share = (100.0 - plan.worked_pct) * plan.missed_m2 / (plan.missed_m2 + (plan.left_out_m2 or 0.0))
     percent = "under 0.1" if share < 0.05 else format_number(share, 1 if share < 10 else 0)
     return f"{format_area(plan.missed_m2)} ({percent} %)"
+
+
+def describe_left_out(left_out_m2: float) -> str:
+    """``644 m2 left out as asked``."""
+    return translate("{area} left out as asked", area=format_area(left_out_m2))
 
 
 def format_ground_place(piece: UnworkedPiece | SlopePlace) -> str:
@@ -265,7 +270,8 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
     tractors = format_tractor_count(plan.tractors)
     name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
-    parts = (name, done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves)
+    left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
+    parts = (name, done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves, left_out)
     return ", ".join(part for part in parts if part)
 
 

@@ -28,6 +28,11 @@ class LineName:
     piece: int | None = None
     is_in_range: bool = field(default=False, compare=False)
 
+    @property
+    def whole(self) -> LineName:
+        """The track or headland pass of which it is all or a piece."""
+        return LineName(self.kind, self.number)
+
     def __str__(self) -> str:
         if self.kind == HEADLAND_PASS:
             return f"R{self.number}" if self.piece is None else f"R{self.number}.{self.piece + 1}"
@@ -53,8 +58,8 @@ def _list_names_of(task: LegTask) -> tuple[LineName, ...]:
     """What may name the line of a task: all of its track or headland pass, or its piece or side."""
     if task.number is None:
         return ()
-    number = get_line_number(task)
-    return LineName(task.kind, number), LineName(task.kind, number, task.piece)
+    name = LineName(task.kind, get_line_number(task), task.piece)
+    return name.whole, name
 
 
 @dataclass(frozen=True)
@@ -74,8 +79,11 @@ class LineWishes:
     def __bool__(self) -> bool:
         return bool(self.left_out or self.first or self.given)
 
-    def check(self, lines: Sequence[WorkLine], tractors: int) -> None:
-        """Raise HeadlandError for a line that is not there, and StrategyError for a tractor that is not."""
+    def check(self, lines: Sequence[WorkLine], tractors: int, most_tractors: int) -> None:
+        """Raise HeadlandError for a line that is not there and a tractor that no plan has.
+
+        Raises StrategyError for one that plans of `most_tractors` have, and this one has not.
+        """
         tasks = [line.task for line in lines if line.task.is_work]
         there = {name for task in tasks for name in _list_names_of(task)}
         named = (*self.left_out, *self.first, *(name for _, names in self.given for name in names))
@@ -85,7 +93,8 @@ class LineWishes:
         beyond = next((tractor for tractor, _ in self.given if tractor > tractors), None)
         if beyond is not None:
             have = "there is only 1 tractor" if tractors == 1 else f"there are only {tractors} tractors"
-            raise StrategyError(f"Tracks are given to tractor {beyond}, and {have}.")
+            error = HeadlandError if beyond > most_tractors else StrategyError
+            raise error(f"Tracks are given to tractor {beyond}, and {have}.")
 
     def find_left_out(self, lines: Sequence[WorkLine]) -> list[int]:
         """The numbers of lines that nobody is to work."""

@@ -1,5 +1,6 @@
 """Single tracks left out, worked first or given to a tractor: names, rules, and plans that keep to them."""
 
+import json
 from time import process_time
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +22,11 @@ from planner.pipeline.planning import plan_order
 from planner.request.line_texts import parse_line_names
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
+from reports.plan.answer import write_answer
+from reports.plan.ranking_export import format_ranking_json
+from reports.plan.ranking_table import build_ranking_table
 from strategies.lines.line_wishes import LineName, LineWishes
+from tests.printing import print_text
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
 FIELD = Field("rectangle", shapely.box(0.0, 0.0, 150.0, 100.0))
@@ -71,6 +76,9 @@ def test_more_names_than_any_layout_has_are_refused_at_once(give: tuple[str, ...
         ({"leave_out": "5", "give": ("1=4-6",)}, "5 is named twice"),
         ({"give": ("1=4", "2=4")}, "4 is named twice"),
         ({"leave_out": "4-6", "work_first": "5"}, "5 is left out and worked first"),
+        ({"leave_out": "3", "work_first": "3a"}, "3a is left out and worked first"),
+        ({"leave_out": "R1", "give": ("1=R1.2",)}, "R1.2 is named twice"),
+        ({"give": ("1=3a", "2=3")}, "3a is named twice"),
         ({"work_first": "5", "operation": "mow"}, "has to work the headland first"),
         ({"work_first": "R1", "operation": "sow"}, "has to work the tracks first"),
     ],
@@ -94,9 +102,17 @@ def test_rules_for_the_search_by_hand() -> None:
 def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     order = WorkOrder(PlanRequest(**BASE, **WISHES), field=FIELD)
     context = prepare_context(order)
-    best = plan_order(order).ranking.best
+    ranking = plan_order(order).ranking
+    best = ranking.best
     assert best is not None and best.works_enough
-    assert any("left out as asked" in remark for remark in best.remarks)
+    left_out_m2, field_m2 = measure_left_out_m2(context), context.layout.field.due_region.area
+    assert best.left_out_m2 == pytest.approx(left_out_m2, rel=0.01)
+    assert best.worked_pct is not None and best.missed_m2 is not None
+    assert 0.01 * best.worked_pct * field_m2 + best.missed_m2 + left_out_m2 == pytest.approx(field_m2, rel=0.001)
+    answer, (entry, *_) = write_answer(ranking), json.loads(format_ranking_json(ranking))["plans"]
+    assert "m2 left out as asked" in answer.work and "left:" not in answer.work, "what was not asked for is no rest"
+    assert entry["left_out_m2"] == pytest.approx(left_out_m2, rel=0.01)
+    assert "Left out" in print_text(build_ranking_table(ranking), 160)
     run = plan_order(order).run
     assert run is not None
     worked = [[leg.task for leg in mission.legs if leg.implement] for mission in run.plan.missions]
@@ -110,7 +126,7 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     assert {task.number for task in before} <= {6}, "the side that is worked first comes before all but track 7"
     whole = plan_order(WorkOrder(PlanRequest(**BASE), field=FIELD)).ranking.best
     assert whole is not None and whole.worked_pct is not None and best.worked_pct is not None
-    left_pct = 100.0 * measure_left_out_m2(context) / context.layout.field.due_region.area
+    left_pct = 100.0 * left_out_m2 / field_m2
     assert best.worked_pct == pytest.approx(whole.worked_pct - left_pct, abs=0.3)
     assert best.finished_s is not None and best.time_s is not None
     assert best.finished_s - best.time_s == pytest.approx((whole.finished_s or 0.0) - (whole.time_s or 0.0), abs=20.0)
@@ -122,8 +138,15 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
 def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
     with pytest.raises(HeadlandError, match=r"99 names no work of this layout, which has tracks 1 to \d+ and headland"):
         plan_order(WorkOrder(PlanRequest(**BASE, leave_out="99"), field=FIELD))
-    ranking = plan_order(WorkOrder(PlanRequest(**BASE, give=("3=5",)), field=FIELD)).ranking
-    assert ranking.best is None and "there are only 2 tractors" in str(ranking.plans[0].reason)
+    with pytest.raises(HeadlandError, match="given to tractor 3, and there are only 2 tractors"):
+        plan_order(WorkOrder(PlanRequest(**BASE, give=("3=5",)), field=FIELD))
+
+
+def test_plans_with_too_few_tractors_for_a_wish_are_refused_beside_those_with_enough() -> None:
+    request = PlanRequest(**BASE | {"tractors": (1, 2)}, give=("2=5",))
+    ranking = plan_order(WorkOrder(request, field=FIELD)).ranking
+    assert ranking.best is not None
+    assert {plan.tractors for plan in ranking.plans if "only 1 tractor" in (plan.reason or "")} == {1}
 
 
 def test_formations_do_not_deal_out_single_lines() -> None:

@@ -28,7 +28,8 @@ CONTRACT = [
     "p80_s", "p95_s", "expected_cost", "paid_cost", "bound_s", "refills", "refilling_s", "folding_s", "over_finished_m",
     "over_finished_m2", "p50_done_s", "p95_done_s", "fuel_l", *STATED, "headland_order", "fuel_l_per_ha",
     "energy_kwh", "co2_kg", "fuel_l_by_tractor", "energy_kwh_by_tractor", "steepest_along", "steepest_across",
-    "rollover", "energy_kwh_per_ha", "charges", "charging_s", "spared_m2", "keeps_clearance", "is_simulated",
+    "rollover", "energy_kwh_per_ha", "charges", "charging_s", "spared_m2", "left_out_m2",
+    "keeps_clearance", "is_simulated",
 ]  # fmt: skip
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]

@@ -25,7 +25,6 @@ from strategies.formations.compose import compose_formation, describe_formation_
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
 from strategies.lines.line_wishes import LineWishes
-from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal, group_swath_lines
@@ -322,7 +321,7 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
     wishes = context.request.line_wishes
     if context.going_on is not None:
         return replace(wishes, given=())
-    wishes.check(get_site_moves(context).lines, tractors)
+    wishes.check(get_site_moves(context).lines, tractors, max(context.request.tractors))
     return wishes
 
 
@@ -400,26 +399,17 @@ class ProgrammeDriver:
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[Remark, ...]:
     """Remarks on the lines that are left, with their area and the place of the largest; empty without any to tell."""
-    lines, remarks = programme.table.lines, list[Remark]()
+    lines = programme.table.lines
     wanted = set(context.request.line_wishes.find_left_out(lines))
-    if wanted:
-        count, left_m2 = _count_lines([lines[number] for number in wanted])
-        remarks.append(Remark(Stake.NOTHING, f"{count} left out as asked ({left_m2:.0f} m2)"))
     left = [lines[number] for number in programme.left if number not in wanted]
-    count, left_m2 = _count_lines(left)
+    left_m2 = math.fsum(line.own_m2 for line in left)
     if left_m2 < MENTIONED_M2:
-        return tuple(remarks)
+        return ()
+    count = "1 line of work is" if len(left) == 1 else f"{len(left)} lines of work are"
     x_m, y_m = np.mean(max(left, key=lambda line: line.own_m2).paths[0], axis=0).tolist()
     where = f"{'in all, the largest ' if len(left) > 1 else ''}{describe_position(x_m, y_m, context)}"
     text = f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine"
     return (
-        *remarks,
         Remark(Stake.WORK, text),
         Remark(Stake.WORK, "a smaller turning radius or a narrower implement may help"),
     )
-
-
-def _count_lines(lines: Sequence[WorkLine]) -> tuple[str, float]:
-    """How many lines there are, as the beginning of a sentence, and their ground (m2)."""
-    count = "1 line of work is" if len(lines) == 1 else f"{len(lines)} lines of work are"
-    return count, math.fsum(line.own_m2 for line in lines)

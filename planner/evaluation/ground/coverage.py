@@ -67,9 +67,9 @@ class Coverage:
     """Areas in m2: field without obstacles, worked, worked more than once, unworked; worked + unworked = field.
 
     `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
-    working width separate pieces); None without any. `spared_m2` of the unworked ground are cut off by obstacles or to
-    be left out: no plan is to work them, and none is charged for them. `spoilt_m2` of the worked ground were driven
-    over when finished, and are charged like unworked ground.
+    working width separate pieces); None without any. `left_out_m2` of the unworked ground are to be left out, and
+    `spared_m2` of the rest are cut off by obstacles: no plan is charged for them. `spoilt_m2` of the worked ground were
+    driven over when finished, and are charged like unworked ground.
     """
 
     field_m2: float
@@ -79,12 +79,18 @@ class Coverage:
     unworked_ground: shapely.Geometry
     largest_piece: UnworkedPiece | None
     spared_m2: float = 0.0
+    left_out_m2: float = 0.0
     spoilt_m2: float = 0.0
 
     @cached_property
     def unworked_pieces(self) -> tuple[shapely.Polygon, ...]:
         """The pieces of unworked ground wider than MIN_PIECE_WIDTH_M, the largest first."""
         return tuple(_find_wide_pieces(self.unworked_ground, MIN_PIECE_WIDTH_M))
+
+    @property
+    def missed_m2(self) -> float:
+        """The unworked ground that was not to be left out."""
+        return self.unworked_m2 - self.left_out_m2
 
     @property
     def worked_pct(self) -> float:
@@ -98,7 +104,7 @@ class Coverage:
 
     def extrapolate_to_field(self, spent: float) -> float:
         """Time or hourly cost for all reachable ground, with unworked and spoilt ground at the plan's own rate."""
-        charged_m2 = self.unworked_m2 - self.spared_m2 + self.spoilt_m2
+        charged_m2 = self.missed_m2 - self.spared_m2 + self.spoilt_m2
         return spent * (1.0 + charged_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 
 
@@ -130,8 +136,8 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
     worked = unite_areas(clipped) if field.done is None else clip_area(unite_areas(clipped), boundary)
     unworked = subtract_area(boundary, worked)
     area, total = float(worked.area), float(shapely.area(clipped).sum())
-    spared = [*field.cut_off_parts, find_left_out_ground(context)]
-    due = subtract_area(unworked, unite_areas(np.array([one for one in spared if not one.is_empty])))
+    missed = subtract_area(unworked, find_left_out_ground(context))
+    due = subtract_area(missed, unite_areas(np.array([one for one in field.cut_off_parts if not one.is_empty])))
     largest = _find_largest_piece(due, 0.5 * context.implement.width_m)
     return Coverage(
         boundary.area,
@@ -140,7 +146,8 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
         float(unworked.area),
         unworked,
         largest,
-        max(0.0, float(unworked.area - due.area)),
+        max(0.0, float(missed.area - due.area)),
+        max(0.0, float(unworked.area - missed.area)),
     )
 
 

@@ -88,7 +88,7 @@ function inOrder(plans, best) {
 
 const figuresOf = (plan, { scenario, currency }) => [[scenario?.start ? "Done" : "Time", doneBy(scenario?.start, endOf(plan))], ...(known(lateEndOf(plan)) ? [["95 %", doneBy(scenario?.start, lateEndOf(plan))]] : []),
   ["Fleet", plural(plan.tractors, "tractor")], ["Strategy", plan.strategy], ["Cost", money(costOf(plan), currency ?? "")], ["Worked", percent(plan.worked_pct)],
-  ["Missed", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(known(plan.finish_probability) ? [["In time", `${chance(plan.finish_probability)}\u00A0%`]] : [])];
+  ["Missed", number(plan.missed_m2, 0, "m\u00B2")], ...(known(plan.left_out_m2) ? [["Left out", number(plan.left_out_m2, 0, "m\u00B2")]] : []), ["Waiting", clock(plan.waiting_s)], ...(known(plan.finish_probability) ? [["In time", `${chance(plan.finish_probability)}\u00A0%`]] : [])];
 
 function columnsOf(plans, { scenario, currency }, action) {
   const has = (value) => plans.some((plan) => known(value(plan))), start = scenario?.start;
