@@ -21,13 +21,17 @@ BORDER_SHARE = 0.25  # of a block on either side of its border: swaths that eith
 
 
 def deal_blocks(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> LineDeal:
-    """A block of neighbouring swaths each, equal by work; the search for orders balances them over their borders."""
+    """A block of neighbouring swaths each, equal by work; the search for orders balances them over their borders.
+
+    Where swaths are fewer than tractors, the others have the headland.
+    """
     swaths = group_swath_lines(lines, tractors)
-    borders = cut_balanced_blocks([_weigh_swath_s(lines, numbers, rules) for numbers in swaths], tractors)
     allowed = free_other_lines(lines, tractors)
+    weights = [_weigh_swath_s(lines, numbers, rules) for numbers in swaths]
+    borders = cut_balanced_blocks(weights, min(tractors, len(swaths)))
     for tractor, (first, last) in enumerate(pairwise(borders)):
         low = first - math.ceil(BORDER_SHARE * (first - borders[tractor - 1])) if tractor else 0
-        high = last + (math.ceil(BORDER_SHARE * (borders[tractor + 2] - last)) if tractor < tractors - 1 else 0)
+        high = last + (math.ceil(BORDER_SHARE * (borders[tractor + 2] - last)) if last < len(swaths) else 0)
         for numbers in swaths[low:high]:
             allowed[tractor, numbers] = True
     return LineDeal(allowed)

@@ -17,12 +17,11 @@ from strategies.formations.placement import find_cramped_round, place_rounds
 from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
 from strategies.formations.tours import FormationTour, share_lines, sketch_tours
-from strategies.path_planning.errors import StrategyError, build_too_many_error
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.waiting_places import StandingCheck
-from vehicle.missions.plan import SWATH
 
 ADVICE = "use fewer tractors, or split-field or interleaved"
 T = TypeVar("T")
@@ -150,10 +149,7 @@ class FormationSite:
 
     def _divide(self, tractors: int) -> list[ColumnRound]:
         """The rounds of a number of tractors."""
-        lines, rules = self.moves.lines, self.moves.site.rules
-        swaths = {line.task.number for line in lines if line.task.kind == SWATH}
-        if len(swaths) < tractors:
-            raise build_too_many_error(tractors, len(swaths))
+        rules = self.moves.site.rules
         columns = self._recall("columns", lambda: list_columns(MoveTable(self.moves)))
         if not columns:
             raise StrategyError(f"A formation needs straight tracks side by side, and those here are curved; {ADVICE}.")

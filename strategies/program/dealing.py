@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from strategies.path_planning.errors import build_too_many_error
+from strategies.path_planning.errors import StrategyError
 from strategies.program.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
 
@@ -46,14 +46,17 @@ DealLines = Callable[[Sequence[DealtLine], DrivingRules, int], LineDeal]
 def group_swath_lines(lines: Sequence[DealtLine], tractors: int = 0) -> list[list[int]]:
     """Numbers of the lines of each swath, neighbours after one another.
 
-    Raises StrategyError where these are fewer than the tractors that are to have one each.
+    Raises StrategyError where lines of all kinds are fewer than the tractors, who have one each at least.
     """
     by_swath: dict[int, list[int]] = {}
     for number, line in enumerate(lines):
         if line.task.kind == SWATH:
             by_swath.setdefault(line.task.number or 0, []).append(number)
-    if len(by_swath) < tractors:
-        raise build_too_many_error(tractors, len(by_swath))
+    if (count := len(lines)) < tractors:
+        raise StrategyError(
+            f"{tractors} tractors are more than the {count} tracks and sides of headland passes of the field; use "
+            f"{count} or fewer, or a bearing with more and shorter tracks."
+        )
     return [by_swath[swath] for swath in sorted(by_swath)]
 
 
@@ -67,9 +70,9 @@ def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
 
     Weights count to a millionth of the heaviest, so that rounding errors decide nothing where two cuts are as good.
     """
-    heaviest = max(weights)
+    heaviest = max(weights, default=1.0)
     shares = [round(weight / heaviest / WEIGHT_RESOLUTION) for weight in weights]
-    low, high = max(shares), sum(shares)
+    low, high = max(shares, default=0), sum(shares)
     while low < high:
         middle = (low + high) // 2
         low, high = (low, middle) if len(_pack_runs(shares, middle)) <= count else (middle + 1, high)

@@ -94,9 +94,17 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
 
 
 @pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])
-def test_more_tractors_than_swaths_are_refused(deal: Any) -> None:
-    with pytest.raises(StrategyError, match="4 tractors are more than the 3 tracks"):
-        deal(draw_lines(3, 2), RULES, 4)
+def test_tractors_without_swaths_have_the_headland(deal: Any) -> None:
+    lines = [*draw_lines(3), *draw_ring(1, -20.0, 120.0, 1)]
+    allowed = deal(lines, RULES, 4).allowed
+    headland = [line.task.kind != SWATH for line in lines]
+    assert allowed[:, headland].all() and allowed.any(axis=0).all() and allowed[3].tolist() == headland
+
+
+@pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])
+def test_more_tractors_than_lines_are_refused(deal: Any) -> None:
+    with pytest.raises(StrategyError, match="9 tractors are more than the 8 tracks and sides"):
+        deal([*draw_lines(3), *draw_ring(1, -20.0, 120.0, 1)], RULES, 9)
 
 
 @pytest.mark.parametrize(("order", "stages"), [("first", [0, 1, 1]), ("last", [1, 0, 0]), ("", [0, 0, 0])])

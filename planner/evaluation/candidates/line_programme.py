@@ -221,13 +221,13 @@ def _require_lines(context: PlanningContext) -> SiteMoves:
 
 
 def _check_swaths_are_left(context: PlanningContext, tractors: int) -> None:
-    """Refuse a formation where work goes on and fewer tracks are left than it has tractors."""
+    """Refuse a formation where fewer tracks are to be worked than it has tractors."""
     lines = _require_lines(context).lines
     tracks = {line.task.number for line in lines if line.task.kind == SWATH}
-    if context.going_on is not None and len(tracks) < tractors:
+    if len(tracks) < tractors:
         raise StrategyError(
-            f"{tractors} tractors in formation need {tractors} tracks, and {len(tracks) or 'none'} "
-            f"{'is' if len(tracks) == 1 else 'are'} left; use split-field or interleaved."
+            f"{tractors} tractors in formation need {tractors} tracks, and there "
+            f"{'is' if len(tracks) == 1 else 'are'} {len(tracks) or 'none'}; use split-field or interleaved."
         )
 
 

@@ -136,7 +136,8 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
     worked = unite_areas(clipped) if field.done is None else clip_area(unite_areas(clipped), boundary)
     unworked = subtract_area(boundary, worked)
     area, total = float(worked.area), float(shapely.area(clipped).sum())
-    missed = subtract_area(unworked, find_left_out_ground(context))
+    left_out = find_left_out_ground(context)
+    missed = unworked if left_out.is_empty else subtract_area(unworked, left_out)
     due = subtract_area(missed, unite_areas(np.array([one for one in field.cut_off_parts if not one.is_empty])))
     largest = _find_largest_piece(due, 0.5 * context.implement.width_m)
     return Coverage(
