@@ -114,6 +114,11 @@ class Layout:
         return self.cells[swath.cell_number - 1].bearing_rad
 
     @property
+    def track_count(self) -> int:
+        """Number of lines with swaths, each of one piece or several."""
+        return len({swath.line for swath in self.swaths})
+
+    @property
     def line_count(self) -> int:
         """Number of parallel lines up to the last one with a swath; a line in between may have none."""
         return max(swath.line for swath in self.swaths) + 1

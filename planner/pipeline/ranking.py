@@ -433,7 +433,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         f"Work at {kmh_per_mps * driving_rules.work_speed_mps:.3g} km/h, "
         f"turns at {kmh_per_mps * driving_rules.turn_speed_mps:.3g} km/h.",
         f"Planned turning radius {driving_rules.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
-        f"{len(layout.swaths)} tracks {_describe_bearings(layout)}.",
+        f"{layout.track_count} tracks {_describe_bearings(layout)}.",
         "Metres outside the field are those of the antenna; tractor and implement may reach over the boundary in "
         "turns, which is counted as outline outside.",
         "Worked ground is what the lowered implement passes over. Missed ground is charged at the plan's own rate: the "

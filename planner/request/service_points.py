@@ -92,7 +92,7 @@ def _ceil_to_three_digits(need: float) -> float:
 def export_supply(supply: Supply) -> dict[str, float | str | None]:
     """What tractors carry, or their batteries, as plain values for a ranking."""
     x, y = supply.place or (0.0, 0.0)
-    values: dict[str, float | str | None]
+    values: dict[str, float | str | bool | None]
     if isinstance(supply, BatterySupply):
         drive = supply.meter.drive
         is_charged = drive.battery.change_s is None
@@ -105,6 +105,7 @@ def export_supply(supply: Supply) -> dict[str, float | str | None]:
         }
     else:
         values = {"capacity": supply.capacity, "rate_per_m2": supply.rate_per_m2, "refill_s": supply.stop_s}
+        values |= {"collects": True} if supply.collects else {}
     return {**values, "refill": supply.served_at if supply.place is None else f"{x:.2f},{y:.2f} m"}
 
 

@@ -113,7 +113,7 @@ class PlanDrive(ShownResult):
         headland_passes: those that are worked; headland_order: whether "first" or "last".
         cells: of a field that has several.
         obstacles, fences: rings, and lines along the outline.
-        steps: the legs of each tractor, in order.
+        steps: the legs of each tractor, in order; `service`: what stops at the service point are for.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
         stated_end_s: when its plan is done as every report states it; `has_delays`: with late starts, stops and
@@ -152,3 +152,4 @@ class PlanDrive(ShownResult):
     origin_m: tuple[float, float] = (0.0, 0.0)
     relief: Relief | None = None
     headland_order: str | None = None
+    service: str = "refill"

@@ -444,6 +444,11 @@ class PlanRanking(ShownResult):
         return not self.prices_assumed and any(plan.cost for plan in self.plans)
 
     @property
+    def unloads(self) -> bool:
+        """Whether stops are to empty what was collected."""
+        return bool(self.scenario.get("collects"))
+
+    @property
     def has_knee(self) -> bool:
         """Whether the best plan has so many tractors because one more does not pay: nothing else decides."""
         best = self.best

@@ -32,6 +32,7 @@ from reports.common.wording import (
 )
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
+    count_service_stops,
     describe_left_out,
     explain_no_plan,
     format_unworked,
@@ -161,7 +162,7 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
             translate("95 % sure by {late}", late=late) if has_start else translate("95 % sure in {late}", late=late)
         )
     if plan.refills is not None:
-        parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
+        parts.append(count_service_stops(ranking, plan.refills))
     if plan.charges:
         parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
     return f"{', '.join(parts)}." if parts else ""

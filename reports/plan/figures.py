@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from reports.common.language import translate
+from reports.common.language import mark_text, translate
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
@@ -229,6 +229,8 @@ COUNT_DROPS = {
     "paid_cost": 6,
 }  # fmt: skip
 """Of the table of the best plan of every number of tractors."""
+UNLOADING_HEADINGS = {"refills": mark_text("Unloads"), "refilling_s": mark_text("Unloading")}
+"""Of stops where implements collect."""
 PAGE_KEYS = (
     "rank", "tractors", "strategy", "stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct",
     "finish_probability", "meets_deadline",
@@ -269,6 +271,8 @@ def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) 
         unit = VOLUME.unit if is_fuel else "kWh"
         heading = translate("Fuel {unit}", unit=unit) if is_fuel else translate("Energy {unit}", unit=unit)
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
+    if figure.key in UNLOADING_HEADINGS and ranking.unloads:
+        return replace(figure, heading=UNLOADING_HEADINGS[figure.key], short_heading="")
     if figure.key == "stated_cost" and names_currency and ranking.currency:
         return replace(figure, heading=translate("Cost {currency}", currency=ranking.currency))
     if figure.key not in ("stated_end_s", "stated_late_end_s"):

@@ -37,6 +37,7 @@ from reports.plan.drive_geometry import (
 from reports.plan.leg_list import format_leg_heading, format_leg_rows
 from reports.plan.map_labels import (
     MapLabel,
+    count_tracks,
     list_leg_numbers,
     place_cell_labels,
     place_ground_labels,
@@ -346,7 +347,8 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     """Field and plan, then the figures of the drive, in lines for a figure of `width` inches."""
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    tracks = f"{len(drive.swaths)} track{'' if len(drive.swaths) == 1 else 's'}"
+    track_count = count_tracks(drive)
+    tracks = f"{track_count} track{'' if track_count == 1 else 's'}"
     second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
     if drive.headland_passes:
         passes = max(headland_pass.number for headland_pass in drive.headland_passes)
@@ -410,7 +412,7 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
         (not count, line(color=palette.SWATH_COLOUR, linewidth=1.0, label=f"swaths of {drive.width_m:g} m")),
         (REVERSING in driven, line(color=ink, linewidth=1.5, linestyle="dotted", label="reversing")),
         (STATUS_BY_STATE["waiting"] in driven, mark(marker="s", markerfacecolor="white", label="waiting")),
-        (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label="refill")),
+        (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label=drive.service)),
         (FOLDING_STATUS in driven, mark(marker="H", markerfacecolor="white", label="fold or unfold")),
         (count, mark(marker="o", markerfacecolor="grey", label="start")),
         (drive.entrance, mark(marker="v", markerfacecolor=ink, label="entrance")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from string import ascii_lowercase
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +56,11 @@ class LegMark:
 def name_swaths(drive: PlanDrive) -> tuple[str, ...]:
     """The names of the tracks, by default their places from 1."""
     return drive.swath_names or tuple(str(index + 1) for index in range(len(drive.swaths)))
+
+
+def count_tracks(drive: PlanDrive) -> int:
+    """The number of tracks, each of one piece or several (5a, 5b)."""
+    return len({name.rstrip(ascii_lowercase) for name in name_swaths(drive)})
 
 
 def place_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:

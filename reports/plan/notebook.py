@@ -19,6 +19,7 @@ from reports.common.wording import format_duration, format_number, format_price,
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
+from reports.plan.map_labels import count_tracks
 from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_export import (
     build_plan_entry,
@@ -98,7 +99,7 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
     """A drive on its field: the map, and the seconds of each tractor."""
 
     return ResultView(
-        summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {len(drive.swaths)} tracks",
+        summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {count_tracks(drive)} tracks",
         html=lambda: render_fragment(drive.title, [], [], _encode_map(drive), "Map of the field and the drive"),
         table=lambda: [
             {"tractor": number + 1, "finish_s": finish_s}

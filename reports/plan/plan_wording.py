@@ -271,17 +271,25 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     tractors = format_tractor_count(plan.tractors)
     name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
     left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
-    parts = (name, done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves, left_out)
+    parts = (name, done + _describe_service_stops(ranking, plan), _describe_cost(ranking, plan), leaves, left_out)
     return ", ".join(part for part in parts if part)
 
 
-def _describe_service_stops(plan: PlanResult) -> str:
+def count_service_stops(ranking: PlanRanking, count: int) -> str:
+    """``3 refills``; ``3 stops to unload`` where implements collect."""
+    if ranking.unloads:
+        return translate_count("{count} stop to unload", "{count} stops to unload", count)
+    return translate_count("{count} refill", "{count} refills", count)
+
+
+def _describe_service_stops(ranking: PlanRanking, plan: PlanResult) -> str:
     """`` with 3 refills``, `` with 2 stops to charge``; nothing where nothing is carried and no battery charged."""
     if plan.charges:
         return translate_count(" with {count} stop to charge", " with {count} stops to charge", plan.charges)
     if not plan.refills:
-        return "" if plan.refills is None else translate(" with no refills")
-    return translate_count(" with {count} refill", " with {count} refills", plan.refills)
+        none = translate(" with no stops to unload") if ranking.unloads else translate(" with no refills")
+        return "" if plan.refills is None else none
+    return translate(" with {stops}", stops=count_service_stops(ranking, plan.refills))
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:

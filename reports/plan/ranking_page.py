@@ -114,6 +114,8 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
     rare_colours = {state: colour for state, colour in palette.RARE_STATE_COLOURS.items() if state in states}
     order_remark = describe_order_optimality(plans)
     service = {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
+    if ranking.unloads:
+        service = {"state": "unloading", "stop": "unload", "verb": "unloads"}
     if any(plan.charges for plan in ranking.plans) and all(plan.refills is None for plan in ranking.plans):
         service = {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
     first = next(iter(shown.values()), None)

@@ -21,15 +21,19 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
 from planner.farm.random_inputs import build_certain_settings
 from planner.pipeline.outputs.driving_steps import list_steps
+from planner.pipeline.outputs.pictures import build_run_picture
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from planner.risk.leg_graph import build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes
+from reports.plan.answer import write_answer
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_export import format_ranking_json
+from reports.plan.ranking_table import build_ranking_table
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
+from tests.printing import print_text
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 
@@ -183,6 +187,12 @@ def test_what_fills_goes_as_often_as_what_empties() -> None:
     same = driven(*FIRST)
     assert same.run is not None
     assert found.run.plan.notes["refills"] == same.run.plan.notes["refills"]
+    context = site_for(HEADLAND, True, collecting)
+    ranking = rank_plans(context, [found.result])
+    assert "stops to unload" in write_answer(ranking).work and "refill" not in " ".join(describe_ranking(ranking))
+    table = print_text(build_ranking_table(ranking), 160)
+    assert "Unloads" in table and "Refills" not in table
+    assert build_run_picture(context, found.run, found.result).service == "unload"
     (own,) = list_steps(found.run, WIDTH_M)
     assert {describe_leg(step).split()[0] for step in own if step.kind == "refill"} == {"unload"}
 

@@ -90,6 +90,11 @@ def test_one_track_is_no_tracks(drive: PlanDrive) -> None:
     assert "1 track," in " ".join(title.split())
 
 
+def test_pieces_of_a_track_are_one_track(drive: PlanDrive) -> None:
+    cut = replace(drive, title="a plan", swaths=drive.swaths[:3], swath_names=("1", "2a", "2b"))
+    assert "2 tracks," in " ".join(draw_plan_map(cut).get_suptitle().split())
+
+
 def test_the_title_lies_inside_the_picture(drive: PlanDrive) -> None:
     from matplotlib.transforms import Bbox
 

@@ -163,19 +163,21 @@ def _count_omissions(plan: Plan, tractor_numbers: Sequence[int]) -> dict[str, in
     counts: Counter[str] = Counter()
     for number in tractor_numbers:
         legs = plan.missions[number - 1].legs
-        kinds = [kind for kind, _ in groupby(_classify_omitted_leg(leg) for leg in legs) if kind]
+        kinds = [kind for kind, _ in groupby(_classify_omitted_leg(leg, plan) for leg in legs) if kind]
         counts.update(kinds)
         counts["waits for other tractors"] += sum(bool(leg.gates) for leg in legs)
     return {what: count for what, count in sorted(counts.items()) if count}
 
 
-def _classify_omitted_leg(leg: Leg) -> str:
+def _classify_omitted_leg(leg: Leg, plan: Plan) -> str:
     """What a leg without a guidance line is counted as; "" for work."""
     if leg.task.is_work:
         return ""
     if leg.task.kind in (ENTER, LEAVE):
         return "ways in and out"
-    return "stops to refill" if leg.task.kind == REFILL else "turns"
+    if leg.task.kind != REFILL:
+        return "turns"
+    return "stops to unload" if plan.notes.get("collects") else "stops to refill"
 
 
 def _read_field_ground(

@@ -42,7 +42,7 @@ from strategies.lines.work_line import WorkLine
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
-from vehicle.missions.plan import SWATH
+from vehicle.missions.plan import REFILL, SWATH
 from vehicle.missions.run import SimulationRun
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
@@ -128,6 +128,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
+        service="unload" if run.plan.notes.get("collects") else run.plan.notes.get("service", REFILL),
     )
 
 
@@ -357,12 +358,12 @@ def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, flo
 def build_outline_picture(context: PlanningContext) -> PlanDrive:
     """The field with its layout, without tractors; ground that the layout leaves unworked is shown as missed."""
     layout = context.layout
-    plural = "" if len(layout.swaths) == 1 else "s"
+    plural = "" if layout.track_count == 1 else "s"
     unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
-    title = f"{layout.field.name}: {len(layout.swaths)} track{plural} at {bearing}"
+    title = f"{layout.field.name}: {layout.track_count} track{plural} at {bearing}"
     largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
     return replace(
         build_field_picture(context, title, get_site_moves(context).lines),
