@@ -66,10 +66,12 @@ class DriverLeg:
 
 @dataclass(frozen=True, eq=False)
 class HeadlandPassLine:
-    """A headland pass: its number from 1 and its centre line (n, 2) in metres, closed if the first is repeated."""
+    """A headland pass or a side of one: the number of the pass from 1, the centre line (n, 2) in metres, closed if the
+    first point is repeated, and its name."""
 
     number: int
     points: Points
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,8 @@ class PlanDrive(ShownResult):
             value per tractor.
         done: rings around ground that was worked before, in the same order.
         unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
-        headland_passes: those that are worked; headland_order: whether "first" or "last".
+        headland_passes: those that are worked, and `headland_sides`, their lines by name; headland_order: whether
+            "first" or "last".
         cells: of a field that has several.
         obstacles, fences: rings, and lines along the outline.
         steps: the legs of each tractor, in order; `service`: what stops at the service point are for.
@@ -139,6 +142,7 @@ class PlanDrive(ShownResult):
     largest_missed: UnworkedPiece | None = None
     swath_names: tuple[str, ...] = ()
     headland_passes: tuple[HeadlandPassLine, ...] = ()
+    headland_sides: tuple[HeadlandPassLine, ...] = ()
     cells: tuple[CellOutline, ...] = ()
     obstacles: tuple[Points, ...] = ()
     fences: tuple[Points, ...] = ()

@@ -314,9 +314,9 @@ def format_maps_json(
     (name), ``begin`` (time of day of the field work, or null) and ``plans``, each with ``strategy``, ``tractors``,
     ``title``, ``end_s``, ``width_m``, its ground in metres of the field (``boundary_m``, ``holes_m``, ``obstacles_m``,
     ``fences_m``, ``entrance_m``, ``missed_m``), the ``crs`` and ``origin_m`` of these metres, ``swaths`` and
-    ``headland_passes`` (each a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of
-    its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling,
-    6 folding), and ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height
+    sides of ``headland_passes`` (each a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and
+    ``points_m`` of its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing,
+    5 refilling, 6 folding), and ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height
     (``contours_m``) and the height between two of them (``interval_m``).
 
     Raises:
@@ -359,7 +359,7 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
             for name, track in zip(name_swaths(drive), drive.swaths, strict=True)
         ],
         "headland_passes": [
-            {"name": f"R{each.number}", "points_m": _round_coordinates(each.points)} for each in drive.headland_passes
+            {"name": each.name, "points_m": _round_coordinates(each.points)} for each in drive.headland_sides
         ],
         "lanes": [
             {

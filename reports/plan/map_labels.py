@@ -64,23 +64,34 @@ def count_tracks(drive: PlanDrive) -> int:
 
 
 def place_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
-    """Names of tracks beyond both ends, where they overlap neither each other nor names of cells."""
+    """Names of tracks beyond both ends, where they overlap neither each other nor names of cells and headland sides."""
+    boxes = [_compute_label_box(label, size) for label in place_headland_pass_labels(drive, size)]
+    boxes += _list_large_label_boxes(drive, size)
+    return _choose_free_places([[label] for label in _list_swath_labels(drive, size)], boxes, size)
+
+
+def _list_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
     names = name_swaths(drive)
     places = place_swath_numbers(drive.swaths, _SWATH_LABEL_OFFSET_PCT * size / 100, _LABEL_DISTANCE_PCT * size / 100)
-    return _choose_free_places(
-        [[MapLabel(names[index], place)] for index, place in places], _list_large_label_boxes(drive, size), size
-    )
+    return [MapLabel(names[index], place) for index, place in places]
 
 
 def place_headland_pass_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
-    """R1, R2, ... on the longest edges of every headland pass, where they overlap no other label."""
+    """R1.1, R1.2, ... on the longest edges of every side of a headland pass, where they overlap no other label.
+
+    Names of tracks only where there is no other place.
+    """
     starts = [MapLabel(str(number), xy[0]) for number, xy in enumerate(drive.xy, start=1)]
     boxes = [
         *_list_large_label_boxes(drive, size),
         *(_compute_label_box(start, size, _LARGE_TEXT_SCALE) for start in starts),
     ]
-    boxes += [_compute_label_box(label, size) for label in place_swath_labels(drive, size)]
-    return _choose_free_places([_list_pass_label_places(one) for one in drive.headland_passes], boxes, size)
+    tracks = np.array([_compute_label_box(label, size) for label in _list_swath_labels(drive, size)]).reshape(-1, 2, 2)
+    candidates = [
+        sorted(_list_pass_label_places(one), key=lambda label: _is_taken(_compute_label_box(label, size), tracks))
+        for one in drive.headland_sides
+    ]
+    return _choose_free_places(candidates, boxes, size)
 
 
 def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Points]:
@@ -92,13 +103,13 @@ def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Points]:
 
 
 def _list_pass_label_places(headland_pass: HeadlandPassLine) -> list[MapLabel]:
-    """Possible places of the number of a pass: its longest edges, at a share that differs between passes first."""
+    """Possible places of the name of a side: its longest edges, at a share that differs between passes first."""
     edges = np.diff(headland_pass.points, axis=0)
     longest = np.argsort(-np.hypot(*edges.T), kind="stable")[:_PASS_LABEL_EDGES]
     first = _PASS_LABEL_SHARE + _PASS_LABEL_STEP * ((headland_pass.number - 1) % _PASS_LABEL_PLACES)
-    shares = (first, *(share for share in _ARROW_SHARES if share != first))
+    shares = (first, *np.linspace(0.1, 0.9, 21).tolist())
     return [
-        MapLabel(f"R{headland_pass.number}", headland_pass.points[edge] + share * edges[edge])
+        MapLabel(headland_pass.name, headland_pass.points[edge] + share * edges[edge])
         for edge in longest
         for share in shares
     ]
@@ -113,11 +124,16 @@ def _choose_free_places(
     for places in candidates:
         for label in places:
             label_box = _compute_label_box(label, size)
-            if not ((label_box[0] < occupied[:, 1]) & (occupied[:, 0] < label_box[1])).all(axis=1).any():
+            if not _is_taken(label_box, occupied):
                 occupied = np.concatenate([occupied, label_box[None]])
                 chosen.append(label)
                 break
     return chosen
+
+
+def _is_taken(label_box: Points, occupied: Points) -> bool:
+    """Whether a box (2, 2) overlaps one of others (n, 2, 2)."""
+    return bool(((label_box[0] < occupied[:, 1]) & (occupied[:, 0] < label_box[1])).all(axis=1).any())
 
 
 def _compute_label_box(label: MapLabel, size: float, scale: float = 1.0) -> Points:

@@ -46,28 +46,31 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
     """The lines, or their parts, that are not done, each with the ground that it alone covers of what is due.
 
     Where work was done is known to `error_m`: ground that near to it is no reason to drive, and is worked again where a
-    line joins it. Nor is a part that is no more than a corner which those before went round.
+    line joins it. Nor is a part that is no more than a corner which those before went round. The first part of a line
+    that is left has its name.
     """
     done = site.layout.field.done
     if done is None:
         return list(lines)
     known = done.buffer(error_m)
     shapely.prepare(known)
-    parts, is_whole = list[WorkLine](), dict[LegTask, bool]()
+    parts, is_whole, origins = list[WorkLine](), dict[LegTask, bool](), dict[LegTask, LegTask]()
     counts = Counter(line.task.whole for line in lines)
     for line in lines:
         task = line.task
         for part in _cut_done_line(site, line, known, START_OVERLAP_M + error_m):
             parts.append(replace(part, task=task))
-            is_whole[task] = part is line
+            is_whole[task], origins[task] = part is line, line.task
             task = replace(task, piece=counts[task.whole])
             counts[task.whole] += 1
     least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
     kept = [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
+    names = {task: origin for origin, task in {origins[part.task]: part.task for part in reversed(kept)}.items()}
     left = Counter(part.task.whole for part in kept)
+    tasks = [names.get(part.task, part.task) for part in kept]
     return [
-        replace(part, task=replace(part.task, is_piece=part.task.is_piece or left[part.task.whole] > 1))
-        for part in kept
+        replace(part, task=replace(task, is_piece=task.is_piece or left[task.whole] > 1))
+        for part, task in zip(kept, tasks, strict=True)
     ]
 
 

@@ -13,6 +13,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.pictures import build_outline_picture, exclude_cut_off_piece
 from planner.request.plan_request import PlanRequest
 from reports.common.shortfalls import UnworkedPiece
+from reports.plan.map_labels import place_headland_pass_labels
 
 BOX = shapely.box(0, 0, 100, 60)
 
@@ -62,6 +63,9 @@ def test_the_map_names_lines_as_the_list_of_legs_does() -> None:
     drawn = next(iter(result.pictures.values()))
     worked = {f"{step.number}{step.part}" for step in drawn.steps[0] if step.kind == "track"}
     assert set(drawn.swath_names) == worked and any(name.endswith("b") for name in worked)
+    sides = {f"R{step.number}.{step.part}" for step in drawn.steps[0] if step.kind == "round"}
+    assert {side.name for side in drawn.headland_sides} == sides
+    assert sides <= {label.text for label in place_headland_pass_labels(drawn, 130.0)}, "each is named on the map"
     cut = next(name for name in worked if name.endswith("b"))
     without = plan(PlanRequest(width_m=3.0, tractors=(1,), leave_out=cut), field=treed)
     assert set(next(iter(without.pictures.values())).swath_names) == worked - {cut}

@@ -183,6 +183,7 @@ def listed_drive(drive: PlanDrive) -> PlanDrive:
     return replace(
         drive,
         headland_passes=(HeadlandPassLine(1, ring), HeadlandPassLine(2, ring * 0.97 + 1.0)),
+        headland_sides=(HeadlandPassLine(1, ring, "R1"), HeadlandPassLine(2, ring * 0.97 + 1.0, "R2")),
         cells=(CellOutline(1, 90.0, (west,), 70.0, 35.0), CellOutline(2, 12.4, (east,), 190.0, 35.0)),
         obstacles=(np.array([[121.0, 28.5], [127.0, 28.5], [127.0, 29.5]]),),
         swath_names=tuple(f"{number}a" for number in range(1, len(drive.swaths) + 1)),

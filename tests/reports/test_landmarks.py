@@ -39,8 +39,8 @@ def crowded(drive: PlanDrive) -> PlanDrive:
         holes=(),
         swaths=tracks,
         swath_names=tuple(f"{number}a" for number in range(len(tracks))),
-        headland_passes=tuple(
-            HeadlandPassLine(number, ring(3 * number - 1.5, 101.5 - 3 * number)) for number in (1, 2, 3)
+        headland_sides=tuple(
+            HeadlandPassLine(number, ring(3 * number - 1.5, 101.5 - 3 * number), f"R{number}") for number in (1, 2, 3)
         ),
         cells=(CellOutline(1, 90.0, (ring(10, 90),), 50.0, 50.0),),
     )

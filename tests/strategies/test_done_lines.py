@@ -86,6 +86,12 @@ def test_work_in_the_middle_leaves_two_pieces_with_numbers_of_their_own() -> Non
     assert measure_worked_x(second)[0] == pytest.approx(59.0, abs=STATION_M)
 
 
+def test_a_rest_has_the_name_of_its_line_where_what_came_before_is_not_gone_back_for() -> None:
+    """A metre and a half at the begin of the line is left, and its end."""
+    first, *_ = leave(shapely.box(1.5, -2.0, 40.0, 2.0))
+    assert (first.task.piece, first.task.is_piece) == (0, False) and measure_worked_x(first)[1] == LENGTH_M
+
+
 def test_a_gap_that_two_joins_would_close_is_driven_through() -> None:
     first, second, _ = leave(shapely.box(50.0, -2.0, 51.5, 2.0))
     assert measure_worked_x(first) == (0.0, LENGTH_M) and second.task.number == 1

@@ -42,7 +42,7 @@ from strategies.lines.work_line import WorkLine
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.site_moves import SiteMoves
-from vehicle.missions.plan import REFILL, SWATH
+from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH
 from vehicle.missions.run import SimulationRun
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
@@ -74,6 +74,11 @@ def build_field_picture(context: PlanningContext, title: str, lines: Sequence[Wo
         headland_passes=(
             *(_build_pass_line(one) for one in context.headland_passes),
             *(HeadlandPassLine(line.task.number or 0, line.tool_path) for line in lines if line.group[0] == LEFTOVER),
+        ),
+        headland_sides=tuple(
+            HeadlandPassLine(line.task.number or 0, line.tool_path, name_line(line.task))
+            for line in lines
+            if line.task.kind == HEADLAND_PASS
         ),
         cells=tuple(_build_cell_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_outline_obstacles(layout.field),

@@ -132,17 +132,24 @@ export function tractor(ctx, view, pose, number, { hollow = false, ghost = false
   ctx.textBaseline = "alphabetic";
 }
 
-/** Numbers of tracks beyond their ends, where they have room. */
-export function trackNames(ctx, view, tracks) {
-  const taken = [];
+/** Numbers of tracks beyond their ends, and names of sides of the headland in their middle, where they have room. */
+export function trackNames(ctx, view, tracks, sides = []) {
+  const taken = [], isTaken = (at) => taken.some((one) => Math.hypot(one[0] - at[0], one[1] - at[1]) < 17);
+  const write = (at, name) => {
+    taken.push(at);
+    word(ctx, ...at, name, colours.soft, "600 11px system-ui, sans-serif");
+  };
   for (const { name, points_m: points } of tracks) {
     for (const [end, other] of [[points[points.length - 1], points[0]], [points[0], points[points.length - 1]]]) {
       const length = Math.hypot(end[0] - other[0], end[1] - other[1]) || 1;
       const [px, py] = view.at(end[0], end[1]);
       const at = [px + ((end[0] - other[0]) / length) * 11, py - ((end[1] - other[1]) / length) * 11];
-      if (taken.some((one) => Math.hypot(one[0] - at[0], one[1] - at[1]) < 17)) continue;
-      taken.push(at);
-      word(ctx, ...at, name, colours.soft, "600 11px system-ui, sans-serif");
+      if (!isTaken(at)) write(at, name);
     }
+  }
+  for (const { name, points_m: points } of sides) {
+    const middle = points.length >> 1, [a, b] = [points[middle - 1], points[middle]];
+    const at = view.at((a[0] + b[0]) / 2, (a[1] + b[1]) / 2);
+    if (!isTaken(at)) write(at, name);
   }
 }

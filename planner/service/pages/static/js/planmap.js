@@ -62,7 +62,7 @@ export class PlanMap {
     });
     ctx.globalAlpha = 1;
     if (plan.entrance_m) marker(ctx, view, plan.entrance_m, "");
-    trackNames(ctx, view, plan.swaths);
+    trackNames(ctx, view, plan.swaths, plan.headland_passes);
     plan.lanes.forEach((lane, n) => tractor(ctx, view, poseAt(lane, now), n + 1, { width: plan.width_m }));
   }
 
