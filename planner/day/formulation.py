@@ -237,8 +237,9 @@ def _estimate_handling_s(start: int, end: int, yard: int, farm: FarmFile, implem
 
     At the yard there is no handling: fleets leave it with tanks full, or empty to collect.
     """
-    fold_s = 0.0 if start == yard else farm.times.fold_s
-    unfold_s = 0.0 if end == yard else farm.times.unfold_s
+    times = farm.times.drop_folding(implement.simulated_implement.folds)
+    fold_s = 0.0 if start == yard else times.fold_s
+    unfold_s = 0.0 if end == yard else times.unfold_s
     has_load = implement.capacity is not None and yard not in (start, end)
     return fold_s + unfold_s + (farm.times.refill_s if has_load else 0.0)
 

@@ -159,6 +159,7 @@ def _settle_terms(
     with attach_parameter("farm"):
         times, has_gate = order.times, field.entrance is not None and not request.no_headland
         fold_s = implement.fold_s if has_gate and folds_at_gate(tractor, implement) else 0.0
+        times = None if times is None else times.drop_folding(implement.folds)
         workday = None if times is None else build_workday(field, request.start_s, times, order.yard or Yard(), fold_s)
         workday = workday.begin_on_field() if workday is not None and order.begins_on_field else workday
     return workday, complete_cost_terms(order.cost_terms, workday, tractor)

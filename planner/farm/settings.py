@@ -215,6 +215,10 @@ class FarmTimes(FileSection):
             raise ValueError("the breaks take the whole shift; shorten them")
         return self
 
+    def drop_folding(self, folds: bool) -> FarmTimes:
+        """The times of an implement that folds or not."""
+        return self if folds else self.model_copy(update={"unfold_s": 0.0, "fold_s": 0.0})
+
     @property
     def break_spans_s(self) -> tuple[tuple[int, int], ...]:
         """Sorted breaks as seconds of the day (from, to); an end past midnight is above a day."""

@@ -54,9 +54,13 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
         return notes
     if day.start_s is None:
         return (
-            *notes,
-            f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
-            "the field work.",
+            notes
+            if day.before_field_s + day.after_field_s == 0.0
+            else (
+                *notes,
+                f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
+                "the field work.",
+            )
         )
     home_s = (
         plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
@@ -95,7 +99,8 @@ def _describe_duties(day: Workday) -> str:
     road_s = day.sum_duties_s(ROAD) / max(1, day.road_ways)
     road = f"{day.road_m / 1000.0:.1f} km of road each way take {_format_minutes(road_s)}, " if day.road_m else ""
     unfolding, folding = (_format_minutes(day.sum_duties_s(duty)) for duty in (UNFOLD, FOLD))
-    sentence = f"{road}unfolding {unfolding} and folding {folding}"
+    handling_s = day.sum_duties_s(UNFOLD) + day.sum_duties_s(FOLD)
+    sentence = f"{road}unfolding {unfolding} and folding {folding}" if handling_s else f"{road}no unfolding or folding"
     return sentence[0].upper() + sentence[1:]
 
 

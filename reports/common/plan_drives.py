@@ -119,6 +119,7 @@ class PlanDrive(ShownResult):
         steps: the legs of each tractor, in order; `service`: what stops at the service point are for.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
+        begin_s: when field work begins, seconds after the start: lists of legs count from the start.
         stated_end_s: when its plan is done as every report states it; `has_delays`: with late starts, stops and
             breakdowns, which the drive has not. None for the end of the drive.
         fault_places: places (x, y) where plans cannot be driven.
@@ -157,3 +158,4 @@ class PlanDrive(ShownResult):
     relief: Relief | None = None
     headland_order: str | None = None
     service: str = "refill"
+    begin_s: float = 0.0

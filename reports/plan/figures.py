@@ -219,7 +219,7 @@ SCREEN_DROPS = {
 """Of the first screen, each with the order in which it is dropped where there is no room."""
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
-    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 6, "charges": 3, "turning_s": 5, "waiting_s": 6,
+    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
     "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
 }  # fmt: skip

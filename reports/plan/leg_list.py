@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -101,6 +102,11 @@ def build_leg_tables(
             heading = Text(format_leg_heading(tractor, rows), style="bold")
             parts += [Text(""), heading, FittedTable(columns, cells)]
     return Group(*parts)
+
+
+def delay_steps(steps: Sequence[DriverLeg], begin_s: float) -> list[DriverLeg]:
+    """The legs of a tractor where field work begins so many seconds after the start."""
+    return [replace(step, from_s=step.from_s + begin_s) for step in steps]
 
 
 def format_leg_heading(tractor: int, steps: Sequence[DriverLeg]) -> str:

@@ -18,10 +18,11 @@ from planner.evaluation.ground.contact_places import find_contact_places, measur
 from planner.evaluation.ground.coverage import compute_guided_path, measure_outside_m
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
+from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.pipeline.planning import PlanningResult, plan_order
-from reports.plan.leg_list import describe_leg
+from reports.plan.leg_list import delay_steps, describe_leg
 from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -86,7 +87,7 @@ def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, 
     whole, half = folding.ranking.best, rigid.ranking.best
     assert whole is not None and half is not None
     assert whole.worked_pct > 90.0 and half.worked_pct == pytest.approx(0.5 * whole.worked_pct, abs=2.0)
-    assert "to fold and unfold its implement" in whole.remark and "fold" not in half.remark
+    assert "to fold and unfold" in whole.remark and "fold" not in half.remark
     assert "cut off: no passage as wide as the machines (9 m)" in half.remark
     assert not any(leg.folded for leg in list_legs(rigid))
 
@@ -219,3 +220,15 @@ def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: b
     outside_m = shapely.distance(shapely.points(guided), CORNER_M)
     assert float(outside_m[~within].max()) < 0.5
     assert float(measure_outside_m(run, 0, result.context)[within].max()) < 0.5
+
+
+def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_answer() -> None:
+    gated = Field("gated", CORNER_M, entrance=(0.0, 45.0))
+    request = PlanRequest(width_m=12.0, tractors=(2,), strategies=("split-field",))
+    result = plan_order(WorkOrder(request, field=gated, times=FarmTimes(unfold_s=400.0)))
+    best, (drawn, *_) = result.ranking.best, result.pictures.values()
+    assert best is not None and "tractors 1 and 2 stand " in (best.remark or "")
+    assert drawn.begin_s == best.ready_s == 400.0 - FOLD_S
+    delayed = [delay_steps(steps, drawn.begin_s) for steps in drawn.steps]
+    worked_s = max(step.from_s + step.seconds for steps in delayed for step in steps if step.kind in ("track", "round"))
+    assert worked_s == pytest.approx(best.stated_end_s, abs=1.0)

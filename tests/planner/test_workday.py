@@ -136,7 +136,7 @@ class TestDay:
     def test_a_plan_counts_it(self) -> None:
         """Two tractors: transport of both; ready, done and home by the clock; a deadline is one of field work."""
         yard = Yard(lon=9.83, lat=56.83)
-        plain = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR)
+        plain = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR, transport_width_m=2.5)
         terms = CostTerms(FarmPrices(per_hour=36.0, supervision_share=0.0))
         free = simulate_candidate(
             prepare_context(WorkOrder(plain, FIELD, cost_terms=terms)), Candidate("split-field", 2)
@@ -157,6 +157,12 @@ class TestDay:
         assert found.cost is not None and found.cost - free.cost == pytest.approx(0.01 * found.transport_s)
         words = describe_workday(day, site.request, found)
         assert len(words) == 1 and "out at 08:00" in words[0]
+
+    def test_a_rigid_implement_is_not_folded(self) -> None:
+        order = WorkOrder(PlanRequest(field="far", transport_width_m=3.0), FIELD, times=self.TIMES, yard=Yard())
+        assert prepare_context(order).workday == build_workday(
+            FIELD, None, FarmTimes(unfold_s=0.0, fold_s=0.0, breaks=self.TIMES.breaks), Yard()
+        )
 
     def test_draws_count_it(self) -> None:
         """What is certain is in time by the clock or never: before the road, the break and the night are over."""

@@ -32,6 +32,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.risk.assessment import add_risk_estimate
+from reports.common.language import mark_text
 from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import PlanResult
 from reports.common.shortfalls import Remark, Stake
@@ -223,14 +224,15 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
-    tractor = 1 + int(np.argmax(run.folding_s))
-    if stood_min := float(run.folding_s.max()) / MINUTE_S:
-        legs = run.plan.missions[tractor - 1].legs
+    if stood := {1 + int(number): run.folding_s[number] / MINUTE_S for number in np.flatnonzero(run.folding_s)}:
+        tractors, minutes = " and ".join(map(str, stood)), " and ".join(f"{each:.1f}" for each in stood.values())
+        one = mark_text(f"tractor {tractors} stands {minutes} min in all")
+        stands = one if len(stood) == 1 else mark_text(f"tractors {tractors} stand {minutes} min in all")
+        legs = [leg for mission in run.plan.missions for leg in mission.legs if leg.folded]
         folding = (
-            f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement for the entrance"
-            if all(leg.task.kind in (ENTER, LEAVE) for leg in legs if leg.folded)
-            else f"tractor {tractor} stands {stood_min:.1f} min in all to fold and unfold its implement: "
-            "unfolded it does not get through everywhere"
+            f"{stands} to fold and unfold for the entrance"
+            if all(leg.task.kind in (ENTER, LEAVE) for leg in legs)
+            else f"{stands} to fold and unfold: unfolded machines do not get through everywhere"
         )
         remarks.append(Remark(Stake.TIME, folding))
     slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)

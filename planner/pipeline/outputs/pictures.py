@@ -133,6 +133,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
+        begin_s=result.ready_s or 0.0,
         service="unload" if run.plan.notes.get("collects") else run.plan.notes.get("service", REFILL),
     )
 

@@ -232,8 +232,10 @@ def _export_request(request: PlanRequest) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StatedFigures:
-    """The end of field work (s by the clock; in half and in 95 % of the samples) and the cost that a ranking stated."""
+    """Begin and end of field work (s by the clock; the end in half and in 95 % of the samples) and the cost that a
+    ranking stated."""
 
+    begin_s: float
     end_s: float
     late_end_s: float | None
     cost: float | None
@@ -245,11 +247,13 @@ def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
     stated = saved.plan.notes.get(STATED_KEY)
     if not isinstance(stated, dict) or not isinstance(stated.get("end_s"), int | float):
         return None
-    late_end_s, cost = (
-        stated[key] if isinstance(stated.get(key), int | float) else None for key in ("late_end_s", "cost")
+    begin_s, late_end_s, cost = (
+        stated[key] if isinstance(stated.get(key), int | float) else None for key in ("begin_s", "late_end_s", "cost")
     )
     currency = stated.get("currency")
-    return StatedFigures(stated["end_s"], late_end_s, cost, currency if isinstance(currency, str) else None)
+    return StatedFigures(
+        begin_s or 0.0, stated["end_s"], late_end_s, cost, currency if isinstance(currency, str) else None
+    )
 
 
 def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str, Any]:
@@ -261,6 +265,7 @@ def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str,
         return {}
     return {
         STATED_KEY: {
+            "begin_s": result.ready_s or 0.0,
             "end_s": result.stated_end_s,
             "late_end_s": result.stated_late_end_s,
             "cost": result.stated_cost,
