@@ -35,6 +35,7 @@ from planner.pipeline.outputs.saved_plans import (
     read_machines,
     read_planned_layout,
     read_request,
+    read_stated_figures,
     read_supply,
     rerun_plan,
 )
@@ -91,7 +92,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
         f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} ha left."
     )
     left = replace(left, remarks=(*left.remarks, remark))
-    going_on = GoingOn(closing_m, stands)
+    going_on = GoingOn(closing_m, stands, may_rest=bool(stands))
     return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
 
 
@@ -374,9 +375,10 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     """What a saved plan has done at a time, and where the machines that are left stand then."""
     (saved, request), field = _read_plan(match["file"]), context.layout.field
     _check_same_job(match["file"], saved, request, context)
-    elapsed_s = _read_clock(match) - (request.start_s or 0)
-    elapsed_s += DAY_S if elapsed_s < 0.0 else 0.0
-    run = rerun_plan(saved, request)
+    since_start_s = _read_clock(match) - (request.start_s or 0)
+    since_start_s += DAY_S if since_start_s < 0.0 else 0.0
+    stated, run = read_stated_figures(saved), rerun_plan(saved, request)
+    elapsed_s = max(0.0, since_start_s - (0.0 if stated is None else stated.begin_s))  # before it is road and unfolding
     if elapsed_s >= run.duration_s:
         raise RequestError(
             f"The plan {quote_path(match['file'])} {_format_span(request, run)}, and {match[0].rpartition('@')[2]} is "
@@ -384,7 +386,7 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
             parameter="done",
         )
     if not order.from_road:
-        _check_deadline(match["file"], request, elapsed_s, context.request)
+        _check_deadline(match["file"], request, since_start_s, context.request)
     begun = cut_run(run, elapsed_s)
     shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
     swept = unite_areas(compute_swept_area(begun, context).ground)

@@ -64,7 +64,8 @@ def test_tanks_are_made_good_between_fields_and_not_before_the_first_or_after_th
     farm = FarmFile.model_validate({
         "tractors": [{"name": "t", "count": 2}],
         "implements": [
-            {"name": "tanker", "width_m": 6.0, "capacity": 900.0, "rate_per_m2": 1.0}, {"name": "harrow", "width_m": 6.0},
+            {"name": "tanker", "width_m": 6.0, "capacity": 900.0, "rate_per_m2": 1.0},
+            {"name": "harrow", "width_m": 6.0},
         ],
         "times": {"refill_s": 300.0},
     })  # fmt: skip

@@ -254,16 +254,27 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
 
 
 @pytest.mark.slow
-def test_who_stands_without_work_is_named_with_what_leaves_it_out(folder: Path, whole: PlanningResult) -> None:
+def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: PlanningResult) -> None:
     nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 56.0, 20.0, 60.0), 0.1)
     sources = (f"{folder}/plan.json@0:05", nearly_all)
-    (refused,) = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.plans
-    words = r"for tractor (\d) of the plan before; go on without (\d)\."
-    named = re.search(words, str(refused.reason))
-    assert named is not None and named[1] == named[2]
-    one = replace(whole.context.request, tractors=(1,))
-    alone = plan(one, done=sources, without=int(named[1]), executor=SerialExecutor())
-    assert alone.ranking.best is not None
+    best = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.best
+    assert best is not None and best.works_enough, "what was done before counts"
+    assert re.search(r"no work that is left is worth the drive for tractor [12]", best.remark or "")
+
+
+@pytest.mark.slow
+def test_the_last_seconds_of_a_plan_are_driven_or_said_to_be_done(folder: Path, whole: PlanningResult) -> None:
+    assert whole.run is not None
+    for before_end_s in (2, 10, 30):
+        at_s = round(whole.run.duration_s) - before_end_s
+        source = f"{folder}/plan.json@0:{at_s // 60:02d}:{at_s % 60:02d}"
+        try:
+            ranking = go_on(folder, source).ranking
+        except HeadlandError as error:
+            assert "is done; there is nothing left to plan" in str(error)
+            continue
+        best = ranking.best
+        assert best.works_enough if best else "Everything is done; tracks" in ranking.refusal
 
 
 def test_a_load_is_counted_from_the_last_stop() -> None:
@@ -302,7 +313,7 @@ def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_no
         assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
     formation = replace(request, strategies=("row-by-row",))
     (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
-    assert "need 2 tracks, and none are left; use split-field" in str(refused.reason)
+    assert "need 2 tracks, and there are none; use split-field" in str(refused.reason)
     rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
     (refused,) = plan(
         replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()

@@ -116,7 +116,7 @@ def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
 def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
         monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
-    with pytest.raises(FleetManagerError, match="What is left is not worth a drive, or no way leads there"):
+    with pytest.raises(FleetManagerError, match="Everything is done; tracks and headland sides of"):
         stop_and_go_on(plan, 0.93, [])
 
 

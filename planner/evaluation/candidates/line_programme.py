@@ -154,28 +154,18 @@ def _compose_sketch(
     one = compose()
     may_rest = context.going_on is not None and context.going_on.may_rest
     if may_rest and not any(one.programme.tours):
-        raise StrategyError("What is left is not worth a drive, or no way leads there and out of the field.")
+        lines = [line for line in one.programme.table.lines if line.task.is_work]
+        count, length_m = len(lines), math.fsum(line.length_m for line in lines)
+        raise StrategyError(
+            f"Everything is done; tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
+            "worth a drive, or to which no way leads."
+        )
     if not may_rest and not (one.programme.tours and all(one.programme.tours)):
-        _refuse_idle_stands(context, one.programme)
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."
         )
     return replace(one, build=partial(_finish_plan, context, one, notes))
-
-
-def _refuse_idle_stands(context: PlanningContext, programme: Programme) -> None:
-    """Refuse a programme in which machines that stand on the field have no work, with what leaves them out."""
-    stands = () if context.going_on is None else context.going_on.stands
-    idle = [
-        str(stand.number) for stand, tour in zip(stands, programme.tours, strict=False) if stand.number and not tour
-    ]
-    if idle:
-        numbers = " and ".join(idle)
-        raise StrategyError(
-            f"No work that is left is worth the drive for {'tractor' if len(idle) == 1 else 'tractors'} "
-            f"{numbers} of the plan before; go on without {numbers}."
-        )
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
@@ -392,6 +382,8 @@ class ProgrammeDriver:
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
         left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
+        idle = " and ".join(str(number) for number, tour in enumerate(composed.programme.tours, start=1) if not tour)
+        left += (Remark(Stake.NOTHING, f"no work that is left is worth the drive for tractor {idle}"),) if idle else ()
         return CandidateRun(
             run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
         )

@@ -206,10 +206,11 @@ def _estimate_corner_loss_m2(context: PlanningContext) -> float:
 def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:
     """The results, each with whether it works enough of the ground asked for."""
     listed = list(results)
-    if all(_is_enough(result, 1.0) for result in listed):
+    if all(_is_enough(result, 1.0, 1.0) for result in listed):
         return listed
-    requested_share = measure_requested_share(context)
-    return [replace(result, works_enough=_is_enough(result, requested_share)) for result in listed]
+    field, requested_share = context.layout.field, measure_requested_share(context)
+    due_share = field.due_region.area / field.region_without_obstacles.area
+    return [replace(result, works_enough=_is_enough(result, requested_share, due_share)) for result in listed]
 
 
 def measure_requested_share(context: PlanningContext) -> float:
@@ -219,5 +220,8 @@ def measure_requested_share(context: PlanningContext) -> float:
     return 1.0 - kept_m2 / float(context.layout.field.due_region.area)
 
 
-def _is_enough(result: PlanResult, requested_share: float) -> bool:
-    return result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT * requested_share
+def _is_enough(result: PlanResult, requested_share: float, due_share: float) -> bool:
+    """Whether a plan works enough of the ground asked for, what was done before included."""
+    if result.worked_pct is None:
+        return True
+    return (100.0 * requested_share - result.worked_pct) * due_share <= (100.0 - MIN_WORKED_PCT) * requested_share

@@ -258,7 +258,7 @@ def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
 
 def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str, Any]:
     """Time (s) and cost of a plan as every report states them; empty without its ranking."""
-    key = plan.notes.get("strategy"), plan.tractors
+    key = plan.notes.get("strategy"), plan.notes.get("tractors", plan.tractors)
     results = [] if ranking is None else ranking.plans
     result = next((each for each in results if each.feasible and (each.strategy, each.tractors) == key), None)
     if result is None or ranking is None:
