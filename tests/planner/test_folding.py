@@ -16,6 +16,7 @@ from planner import PlanRequest, plan
 from planner.errors import RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
 from planner.evaluation.ground.coverage import compute_guided_path, measure_outside_m
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
 from planner.farm.settings import FarmTimes
@@ -140,6 +141,11 @@ def test_a_leg_does_not_work_folded(folding: PlanningResult) -> None:
 def test_a_width_that_is_none_is_refused(width_m: float) -> None:
     with pytest.raises(RequestError, match="transport width"):
         PlanRequest(transport_width_m=width_m)
+
+
+def test_a_folded_implement_is_no_wider_than_at_work() -> None:
+    with pytest.raises(RequestError, match="A transport width of 14 m is more than the 6 m of the implement"):
+        prepare_context(WorkOrder(PlanRequest(width_m=6.0, transport_width_m=14.0), field=Field("f", CORNER_M)))
 
 
 def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:

@@ -214,10 +214,10 @@ def _check_swaths_are_left(context: PlanningContext, tractors: int) -> None:
     """Refuse a formation where fewer tracks are to be worked than it has tractors."""
     lines = _require_lines(context).lines
     tracks = {line.task.number for line in lines if line.task.kind == SWATH}
-    if len(tracks) < tractors:
+    if (count := len(tracks)) < tractors:
         raise StrategyError(
-            f"{tractors} tractors in formation need {tractors} tracks, and there "
-            f"{'is' if len(tracks) == 1 else 'are'} {len(tracks) or 'none'}; use split-field or interleaved."
+            f"{tractors} tractors in formation need {tractors} tracks, and the field has {count}; use split-field or "
+            "interleaved."
         )
 
 
