@@ -198,7 +198,9 @@ def lay_swaths(
     _check_layout_request(width_m, headland_m, bearing_deg, min_length_m)
     region = _inset_boundary(field, width_m)
     if headland_passes:
-        return _lay_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m, min_spacing_m)
+        return _lay_inside_headland(
+            field, width_m, headland_m, headland_passes, bearing_deg, min_length_m, min_spacing_m
+        )
     edges = collect_edges(region)
     trim_m = max(headland_m - width_m / 2.0, 0.0) + GRID_M
     rules = PatternRules(width_m, trim_m, min_length_m, GRID_M, field.area_m2)
@@ -304,13 +306,13 @@ def _fill_inside_headland(
 def _lay_inside_headland(
     field: Field,
     width_m: float,
+    headland_m: float,
     headland_passes: int,
     bearing_deg: float | None,
     min_length_m: float,
     min_spacing_m: float,
 ) -> Layout:
     """Swaths over all ground inside the headland passes."""
-    headland_m = headland_passes * width_m
     filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m, min_spacing_m)
     if filled is None:
         raise FieldError(
@@ -319,8 +321,9 @@ def _lay_inside_headland(
             f"{_advise_on_passes(field, width_m, headland_passes)}."
         )
     bearing_rad, region, pattern = filled
+    depth = headland_passes * width_m
     swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)))
-    return Layout(field, bearing_rad, width_m, headland_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
+    return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
 def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:

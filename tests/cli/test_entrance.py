@@ -52,7 +52,7 @@ def test_entrances_that_cannot_be_used_are_refused(
 def test_the_day_of_a_farm_is_told_in_lines(headland: Headland, small: Path, tmp_path: Path) -> None:
     farm = tmp_path / "farm.toml"
     farm.write_text(FARM, encoding="utf-8")
-    words = ("plan", small, *PLAN, "--tractors", "1", "--no-headland", "--farm", farm)
+    words = ("plan", small, *PLAN, "--tractors", "1", "--no-headland", "--farm", farm, "--transport-width", "2.5")
     result = planned(headland(*words, "--json"))
     assert result["transport_s"] == pytest.approx(150.0) and result["ready_s"] == 60.0
     assert result["done_s"] == pytest.approx(60.0 + result["time_s"], abs=1e-3)

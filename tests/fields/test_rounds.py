@@ -213,8 +213,3 @@ def test_a_round_turns_at_both_corners_of_a_narrow_end(count: int) -> None:
     assert band.difference(swept(lines, 3.0)).area < 1.0
     (lap,) = [lap for lap in lay_headland_passes(field, 3.0, count) if lap.number == count]
     assert len(lap.sides) == 8
-
-
-def test_a_headland_that_leaves_no_track_is_named_as_wide_as_its_passes() -> None:
-    with pytest.raises(FieldError, match=r"inside a headland of 48 m, worked in passes of 6 m; use 6 headland passes"):
-        lay_swaths(rectangle(150, 80), 6.0, 45.0, headland_passes=8)
