@@ -238,9 +238,8 @@ PAGE_KEYS = (
 PAGE_EXTRA_KEYS = (
     "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
     "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct",
-    "on_pareto_front", "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg", "steepest_along",
-    "steepest_across", "rollover", "refills", "refilling_s", "folding_s",
-    "charges", "charging_s",
+    "on_pareto_front", "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg",
+    "steepest_along", "steepest_across", "rollover", "refills", "refilling_s", "folding_s", "charges", "charging_s",
 )  # fmt: skip
 """Of the page, shown on request."""
 
