@@ -113,6 +113,11 @@ class HeadlandPass:
         """The whole centre line."""
         return shapely.LineString(np.concatenate([side.points for side in self.sides]))
 
+    @cached_property
+    def is_round_hole(self) -> bool:
+        """Whether it leads round a hole of the field, which lies on its right."""
+        return self.is_closed and not shapely.is_ccw(self.line)
+
 
 def lay_headland_passes(
     field: Field, width_m: float, count: int, corner_length_m: float = CORNER_LENGTH_M

@@ -101,7 +101,7 @@ def test_more_tractors_than_swaths_are_refused(deal: Any) -> None:
 
 @pytest.mark.parametrize(("order", "stages"), [("first", [0, 1, 1]), ("last", [1, 0, 0]), ("", [0, 0, 0])])
 def test_stages_of_lines(order: str, stages: Sequence[int]) -> None:
-    assert list_stages(draw_lines(2), order) == stages
+    assert list_stages(make_site(), draw_lines(2), order) == stages
 
 
 def make_plan(*kinds: str) -> Plan:
