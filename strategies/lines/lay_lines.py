@@ -117,9 +117,7 @@ def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
     for ring, headland_pass in enumerate(site.headland_passes):
         group = (HOLE_PASS if headland_pass.is_round_hole else HEADLAND_PASS, ring)
         for side in headland_pass.sides:
-            yield LineDraft(
-                HEADLAND_PASS, headland_pass.number, group, _draw_into_corners(site, headland_pass, side)
-            )
+            yield LineDraft(HEADLAND_PASS, headland_pass.number, group, _draw_into_corners(site, headland_pass, side))
 
 
 def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]:

@@ -29,8 +29,8 @@ def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> froze
 def list_stages(site: Site, lines: Sequence[WorkLine], order: str) -> list[int]:
     """The stage of every line; with no order everything comes at any time.
 
-    Into a crop that stands a machine works its way: passes round the field from the outside, tracks, passes round holes,
-    which it reaches over worked ground then, and last the pieces that begin or end there and what all others leave.
+    Into a crop that stands a machine works its way: passes round the field from the outside, tracks, passes round holes
+    that it reaches over worked ground then, and last the pieces that begin or end there and what all others leave.
     """
     first = find_first_tasks(site, lines, order)
     if not (order and site.crop_stands):

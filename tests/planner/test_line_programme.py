@@ -28,7 +28,6 @@ from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import get_stage
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
@@ -180,7 +179,9 @@ def test_nobody_begins_the_second_stage_before_the_others_end_the_first(operatio
     rules = found.driving_rules
     arrivals, begins = [], []
     for number, mission in enumerate(run.plan.missions):
-        stages = [get_stage(leg.task, order) if leg.implement else -1 for leg in mission.legs]
+        stages = [
+            int((leg.task.kind == HEADLAND_PASS) == (order == "last")) if leg.implement else -1 for leg in mission.legs
+        ]
         last_part, legs = max(n for n, stage in enumerate(stages) if stage == 0), run.get_leg_numbers(number)
         from_last_part_m = np.hypot(*(run.get_poses(number)[:, :2] - mission.legs[last_part].points[0]).T)
         arrivals.append(float(run.time_s[(legs >= last_part - 1) & (from_last_part_m < rules.hold_back_m)][0]))
