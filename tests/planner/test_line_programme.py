@@ -19,7 +19,7 @@ from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.preparation import prepare_context
-from planner.evaluation.site import build_site
+from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.shortfalls import OBSTACLE
@@ -161,6 +161,15 @@ def test_two_tractors_need_little_more_than_half_the_time_of_one(context: Planni
     assert alone.time_s is not None
     assert 0.5 * alone.time_s * 0.95 < both.time_s < 0.5 * alone.time_s * 1.1
     assert abs((both.worked_pct or 0.0) - (alone.worked_pct or 0.0)) < 0.5
+
+
+@pytest.mark.slow
+def test_where_most_moves_fail_others_are_tried_for_them() -> None:
+    """An implement narrower than the tractor: hardly any move finds the rounds along the edge."""
+    found = prepare(Field("small", shapely.box(0.0, 0.0, 60.0, 40.0)), width_m=1.4)
+    worked_m2 = sum(line.own_m2 for line in get_site_moves(found).lines)
+    left_m2 = sketch_plans(found, STRATEGIES["split-field"], 1)[0].compose().programme.left_m2
+    assert left_m2 < 0.15 * worked_m2
 
 
 def test_a_programme_that_is_longer_than_the_incumbent_is_not_driven(context: PlanningContext) -> None:
