@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.products import multiply
 from fields.geometry.tolerances import PARALLEL_RAD, ROUNDING
 
 FloatArray = npt.NDArray[np.float64]
@@ -84,7 +85,7 @@ def _measure_edge_directions(boundary: shapely.Polygon) -> tuple[FloatArray, Flo
     is_long_enough = length > 1e-9
     angle, length = angle[is_long_enough], length[is_long_enough]
     rows = (angle[start : start + EDGES_PER_BATCH, None] for start in range(0, len(angle), EDGES_PER_BATCH))
-    parallel_lengths = [(_compute_angle_between(some, angle[None, :]) < PARALLEL_RAD) @ length for some in rows]
+    parallel_lengths = [multiply(_compute_angle_between(some, angle[None, :]) < PARALLEL_RAD, length) for some in rows]
     return angle, np.concatenate(parallel_lengths)
 
 
@@ -96,8 +97,8 @@ def _find_rectangle_directions(boundary: shapely.Polygon) -> list[float]:
     hull = np.asarray(boundary.convex_hull.exterior.coords)[:, :2]
     step = np.diff(hull, axis=0)
     angle = np.arctan2(step[:, 1], step[:, 0]) % math.pi
-    along = hull @ np.stack([np.cos(angle), np.sin(angle)])
-    across = hull @ np.stack([-np.sin(angle), np.cos(angle)])
+    along = multiply(hull, np.stack([np.cos(angle), np.sin(angle)]))
+    across = multiply(hull, np.stack([-np.sin(angle), np.cos(angle)]))
     size = np.stack([np.ptp(along, axis=0), np.ptp(across, axis=0)])
     area = size[0] * size[1]
     is_smallest = np.flatnonzero(area <= area.min() * (1.0 + ROUNDING))[:MAX_DIRECTIONS]
@@ -133,14 +134,13 @@ def find_handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, fl
     moments of third order, change sign in the mirror image and are invariant to translation and rotation.
     """
     points, weights = _weigh_points(rings, marks)
-    _, axes = np.linalg.eigh((points * weights[:, None]).T @ points)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 0] = -axes[:, 0]
-    across, along = (points @ axes).T
-    fourth = float(weights @ (across * along * (along**2 - across**2)))
-    third = float(
-        (weights @ along**3) * (weights @ (along**2 * across)) + (weights @ across**3) * (weights @ (across**2 * along))
-    )
+    (xx, xy), (_, yy) = multiply((points * weights[:, None]).T, points)
+    turn = 0.5 * math.atan2(2.0 * xy, xx - yy)  # the principal axis along which they extend most
+    cosine, sine = math.cos(turn), math.sin(turn)
+    across, along = multiply(points, [[sine, cosine], [-cosine, sine]]).T
+    fourth = multiply(weights, across * along * (along**2 - across**2))
+    third = multiply(weights, along**3) * multiply(weights, along**2 * across)
+    third += multiply(weights, across**3) * multiply(weights, across**2 * along)
     return next((1 if one > 0.0 else -1 for one in (fourth, third) if abs(one) > SYMMETRY_TOLERANCE), 1)
 
 
@@ -154,8 +154,8 @@ def choose_longer_reach_direction(
     """
     points, weights = _weigh_points(rings, marks)
     cosine, sine = math.cos(bearing_rad), math.sin(bearing_rad)
-    along, across = points @ (cosine, sine), points @ (-sine, cosine)
-    moments = float(weights @ along**3), float(weights @ across**3)
+    along, across = multiply(points, (cosine, sine)), multiply(points, (-sine, cosine))
+    moments = multiply(weights, along**3), multiply(weights, across**3)
     if next((one for one in moments if abs(one) > SYMMETRY_TOLERANCE), 1.0) > 0.0:
         return bearing_rad
     return bearing_rad + math.pi if bearing_rad <= 0.0 else bearing_rad - math.pi
@@ -167,8 +167,8 @@ def _weigh_points(rings: Sequence[FloatArray], marks: Sequence[tuple[float, floa
     points = np.concatenate([one for one, _ in places] + [np.array(marks).reshape(-1, 2)])
     weights = np.concatenate([one for _, one in places] + [np.full(len(marks), MARK_WEIGHT_M)])
     weights = weights / weights.sum()
-    points = points - weights @ points
-    return points / np.sqrt(weights @ (points**2).sum(axis=1)), weights
+    points = points - multiply(weights, points)
+    return points / math.sqrt(multiply(weights, (points**2).sum(axis=1))), weights
 
 
 def _sample_ring(ring: FloatArray) -> tuple[FloatArray, FloatArray]:

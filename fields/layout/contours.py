@@ -18,6 +18,7 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.products import multiply
 from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
@@ -197,7 +198,7 @@ def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None
         [2.0 * _fit_end(headings, reach) - headings[reach:0:-1], headings,
          2.0 * _fit_end(headings[::-1], reach) - headings[-2 : -reach - 2 : -1]]
     )  # fmt: skip
-    smooth = np.convolve(continued, kernel / kernel.sum(), mode="valid")
+    smooth = multiply(np.lib.stride_tricks.sliding_window_view(continued, len(kernel)), kernel / kernel.sum())
     points = np.concatenate([[[0.0, 0.0]], np.cumsum(STEP_M * np.column_stack([np.cos(smooth), np.sin(smooth)]), 0)])
     ends = 1.5 * smooth[[0, -1]] - 0.5 * smooth[[1, -2]]
     node_headings = np.concatenate([ends[:1], 0.5 * (smooth[1:] + smooth[:-1]), ends[1:]])
@@ -207,14 +208,16 @@ def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None
 def _fit_end(headings: FloatArray, reach: int) -> float:
     """The heading at the beginning of a row of them, by a straight fit over the first of them."""
     some = headings[: max(reach, 4)]
-    return float(np.polyfit(np.arange(len(some)), some, 1)[1])
+    middle = 0.5 * (len(some) - 1)
+    away = np.arange(len(some)) - middle
+    return float(some.mean() - middle * multiply(away, some) / multiply(away, away))
 
 
 def _move_onto(guide: GuideCurve, places: FloatArray) -> GuideCurve:
     """The guide turned and moved so that its points lie as near to as many places (n, 2) as they can (Kabsch)."""
     own, other = guide.points - guide.points.mean(axis=0), places - places.mean(axis=0)
     turn = math.atan2(float((own[:, 0] * other[:, 1] - own[:, 1] * other[:, 0]).sum()), float((own * other).sum()))
-    return GuideCurve(own @ compute_axes(turn) + places.mean(axis=0), guide.headings + turn)
+    return GuideCurve(multiply(own, compute_axes(turn)) + places.mean(axis=0), guide.headings + turn)
 
 
 def _has_room_to_bend(guide: GuideCurve, region: shapely.Geometry, radius_m: float) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -96,12 +96,14 @@ class HeadlandPass:
         ring: 0 and up among the passes of one number.
         sides: its sides in order.
         is_closed: whether the last side ends where the first begins; False for the middle of a narrow strip.
+        is_round_hole: whether it leads round a hole of the field.
     """
 
     number: int
     ring: int
     sides: tuple[HeadlandPassSide, ...]
     is_closed: bool = True
+    is_round_hole: bool = False
 
     @cached_property
     def length_m(self) -> float:
@@ -131,8 +133,8 @@ def lay_headland_passes(
     _check_pass_request(width_m, count, corner_length_m)
     passes: list[HeadlandPass] = []
     for number in range(1, count + 1):
-        lines = _lay_pass_lines(field.boundary, width_m, number, corner_length_m)
-        passes += [HeadlandPass(number, ring, sides, closed) for ring, (sides, closed) in enumerate(lines)]
+        drawn = enumerate(_draw_passes(field.boundary, width_m, number, corner_length_m))
+        passes += [replace(headland_pass, ring=ring) for ring, headland_pass in drawn]
     return tuple(passes)
 
 
@@ -150,16 +152,17 @@ def _check_pass_request(width_m: float, count: int, corner_length_m: float) -> N
         raise FieldError(f"The length of a corner is {corner_length_m} m; give a length above 0 m.")
 
 
-def _lay_pass_lines(
+def _draw_passes(
     boundary: shapely.Polygon, width_m: float, number: int, corner_length_m: float
-) -> Iterator[tuple[tuple[HeadlandPassSide, ...], bool]]:
-    """Sides of every pass of a number, and whether it is closed: rings first, then middles of narrow strips."""
+) -> Iterator[HeadlandPass]:
+    """Every pass of a number: rings first, then middles of narrow strips."""
     middle = _inset_polygon(boundary, (number - 0.5) * width_m - GRID_M)
     wide = [part for part in _sort_polygons(middle) if 2.0 * part.area / part.length >= MIN_RING_THICKNESS * width_m]
     for part in wide:
-        for ring in (part.exterior, *part.interiors):
+        for place, ring in enumerate((part.exterior, *part.interiors)):
             if ring.length >= MIN_RING_LENGTH * width_m:
-                yield _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m), True
+                sides = _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m)
+                yield HeadlandPass(number, 0, sides, is_round_hole=place > 0)
     if number == 1:
         return  # no pass where the field is narrower than the implement
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
@@ -167,7 +170,7 @@ def _lay_pass_lines(
     for part in _sort_polygons(unworked):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None
         if line is not None:
-            yield (HeadlandPassSide(line),), False
+            yield HeadlandPass(number, 0, (HeadlandPassSide(line),), is_closed=False)
 
 
 def _inset_polygon(boundary: shapely.Polygon, depth_m: float) -> shapely.Geometry:

@@ -12,6 +12,7 @@ import shapely
 
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.field import Field
+from fields.geometry.products import multiply
 from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.bearings import list_candidate_bearings, list_trial_bearings
 from fields.layout.cells import PLAIN_RATES, Cell, EffortRates, RegionPart, divide_region, estimate_costs_m
@@ -59,7 +60,7 @@ def _estimate_cell_turns_m(swaths: Sequence[Swath], cell: Cell, rates: EffortRat
     turns_m = np.array((np.inf, *rates.turns_m, np.inf))[np.minimum(apart, len(rates.turns_m) + 1)]
     total_m = 0.0
     for ends in ([swath.start_m for swath in swaths], [swath.end_m for swath in swaths]):
-        station = np.array(ends) @ along
+        station = multiply(ends, along)
         costs = turns_m + rates.offset * np.abs(station[:, None] - station[None, :])
         cheapest = costs.min(axis=1)
         total_m += 0.5 * float(np.where(np.isfinite(cheapest), cheapest, rates.turn_m).sum())

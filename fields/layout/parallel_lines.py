@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.products import multiply
 from fields.geometry.tolerances import CURVE_M, GRID_M
 
 FloatArray = npt.NDArray[np.float64]
@@ -219,7 +220,7 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
     half a width. `rules.trim_m` is not used. The cost is the length driven; nothing remains uncovered.
     """
     frame = compute_axes(bearing_rad)
-    turned = shapely.transform(region, lambda points: points @ frame.T)
+    turned = shapely.transform(region, lambda points: multiply(points, frame.T))
     edges = collect_edges(turned)
     if not len(edges):
         return None

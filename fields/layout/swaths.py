@@ -18,6 +18,7 @@ import shapely
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
+from fields.geometry.products import multiply
 from fields.geometry.tolerances import CURVE_M, EDGE_M, GRID_M, MITRE_LIMIT
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
@@ -354,7 +355,7 @@ def _choose_pattern(
         angles = _select_promising_bearings(list_candidate_bearings(field.boundary), edges, rules)
     best: tuple[float, SwathPattern] | None = None
     for angle in angles:
-        pattern = find_best_pattern(edges @ compute_axes(angle).T, rules, OUTER_LINE_SHIFTS)
+        pattern = find_best_pattern(multiply(edges, compute_axes(angle).T), rules, OUTER_LINE_SHIFTS)
         if pattern is not None and (best is None or is_better(pattern, best[1])):
             best = angle, pattern
     return best
@@ -362,7 +363,7 @@ def _choose_pattern(
 
 def _select_promising_bearings(angles: list[float], edges: FloatArray, rules: PatternRules) -> list[float]:
     """The directions, in order and in (-pi/2, pi/2], whose pattern without shifts is nearly the cheapest."""
-    patterns = [(angle, find_best_pattern(edges @ compute_axes(angle).T, rules)) for angle in angles]
+    patterns = [(angle, find_best_pattern(multiply(edges, compute_axes(angle).T), rules)) for angle in angles]
     cost = [(angle, teeth.cost_m) for angle, teeth in patterns if teeth is not None]
     limit = min((value for _, value in cost), default=0.0) * PROMISING_COST_RATIO
     return [normalise_bearing(angle) for angle, value in cost if value <= limit]
@@ -383,8 +384,8 @@ def normalise_bearing(angle_rad: float) -> float:
 def build_swaths(pattern: SwathPattern, axes: FloatArray) -> tuple[Swath, ...]:
     """The pieces of a pattern as swaths in metres; empty lines before the first piece are not counted."""
     q = pattern.offsets_m[pattern.line_index]
-    start = np.column_stack([pattern.start_m, q]) @ axes
-    end = np.column_stack([pattern.end_m, q]) @ axes
+    start = multiply(np.column_stack([pattern.start_m, q]), axes)
+    end = multiply(np.column_stack([pattern.end_m, q]), axes)
     swaths: list[Swath] = []
     for line, a, b in zip(
         (pattern.line_index - pattern.line_index[0]).tolist(), start.tolist(), end.tolist(), strict=True
@@ -413,7 +414,7 @@ def reverse_line_numbers(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:
 def _trim_region(region: shapely.Geometry, edges: FloatArray, frame: FloatArray, trim_m: float) -> shapely.Geometry:
     """The region without the ground within ``trim_m`` of its edge, measured along the swaths."""
     reach = trim_m * frame[0]
-    slanted = np.abs((edges[:, 1] - edges[:, 0]) @ frame[1]) > 1e-9
+    slanted = np.abs(multiply(edges[:, 1] - edges[:, 0], frame[1])) > 1e-9
     if not slanted.any():
         return region
     a, b = edges[slanted, 0], edges[slanted, 1]

@@ -218,7 +218,7 @@ def estimate_finish_s(context: PlanningContext) -> float:
     if not moves.lines:
         return math.inf
     table, orders = MoveTable(moves), context.request.headland_orders or ("",)
-    cost_s = min(sketch_programme(table, 1, list_stages(moves.lines, order)).cost_s for order in orders)
+    cost_s = min(sketch_programme(table, 1, list_stages(moves.site, moves.lines, order)).cost_s for order in orders)
     return cost_s / compute_covered_share(moves)
 
 

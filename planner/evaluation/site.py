@@ -56,7 +56,8 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         return ground, proof_ground
 
     ground, proof_ground = build_grounds(shapely.Polygon())
-    is_kept = operation in KEPT_GROUND_OPERATIONS or operation in STANDING_CROP_OPERATIONS
+    crop_stands = operation in STANDING_CROP_OPERATIONS
+    is_kept = crop_stands or operation in KEPT_GROUND_OPERATIONS
     return Site(
         layout=context.layout,
         headland_passes=context.headland_passes,
@@ -67,6 +68,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         ground=ground,
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(_build_lane_ground(context)),
+        crop_stands=crop_stands,
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.products import multiply
 from reports.common.plan_drives import PlanDrive, Points
 from reports.common.rendering import ReportError
 
@@ -191,8 +192,8 @@ def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
     Lines are `apart_m` apart, in one pattern for all rings. A place inside an even number of rings is outside the area.
     """
     turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / math.sqrt(2.0)  # to metres along and across the lines
-    starts = np.concatenate([np.empty((0, 2)), *rings]) @ turn
-    ends = np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)]) @ turn
+    starts = multiply(np.concatenate([np.empty((0, 2)), *rings]), turn)
+    ends = multiply(np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)]), turn)
     # A line crosses an edge that begins below it and ends on or above it: corners on a line count once.
     low = np.ceil(np.minimum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64)
     count = np.ceil(np.maximum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64) - low
@@ -201,7 +202,7 @@ def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
     along = ends[edge] - starts[edge]
     places = starts[edge, 0] + along[:, 0] * (line * apart_m - starts[edge, 1]) / along[:, 1]
     order = np.lexsort((places, line))
-    lines: Points = (np.column_stack([places, line * apart_m])[order] @ turn.T).reshape(-1, 2, 2)
+    lines: Points = multiply(np.column_stack([places, line * apart_m])[order], turn.T).reshape(-1, 2, 2)
     return lines
 
 

@@ -19,6 +19,7 @@ import shapely
 from fields.geometry.overlays import Areas, clip_all_areas, subtract_area, unite_areas
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
 from strategies.lines.work_line import (
+    HOLE_PASS,
     Floats,
     WorkLine,
     cut_line,
@@ -114,9 +115,9 @@ def _build_strips(site: Site, lines: Sequence[WorkLine]) -> Areas:
 
 def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
     for ring, headland_pass in enumerate(site.headland_passes):
+        group = (HOLE_PASS if headland_pass.is_round_hole else HEADLAND_PASS, ring)
         for side in headland_pass.sides:
-            points = _draw_into_corners(site, headland_pass, side)
-            yield LineDraft(HEADLAND_PASS, headland_pass.number, (HEADLAND_PASS, ring), points)
+            yield LineDraft(HEADLAND_PASS, headland_pass.number, group, _draw_into_corners(site, headland_pass, side))
 
 
 def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]:

@@ -17,6 +17,8 @@ from vehicle.missions.plan import LegTask
 
 Floats = npt.NDArray[np.float64]
 
+HOLE_PASS = "hole"  # group of the sides of a headland pass round a hole
+
 SHARPEST_RAD = 2.0  # corners of the headland beyond this are turned with the implement up
 STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.products import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import extend_line
 from strategies.moves.move import Move
@@ -171,7 +172,9 @@ class MoveDrives:
         end_s = float(np.interp(settled_m, driven_m, time_s[row:]))
         drive_s = end_s - begun_s - settled_m / self.site.rules.work_speed_mps
         off_m = self._measure_off_m(line.points, poses[row:][driven_m <= settled_m])
-        return MoveDrive(drive_s, float(off_m[0]), float(off_m[:-1] @ np.diff(driven_m[: len(off_m)])), seen, is_folded)
+        return MoveDrive(
+            drive_s, float(off_m[0]), multiply(off_m[:-1], np.diff(driven_m[: len(off_m)])), seen, is_folded
+        )
 
     def _measure_off_m(self, line: Floats, poses: Floats) -> Floats:
         """How far (t,) beside a line (n, 2) the implement is, with the centre of mass at poses (t, 3)."""
@@ -213,14 +216,14 @@ def compute_missed_s(site: Site, missed_m2: float) -> float:
 def _see_from(pose: Pose, points: Floats) -> Floats:
     """Points (n, 2) as seen from a pose."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    seen: Floats = (points - pose[:2]) @ np.array([[cosine, -sine], [sine, cosine]])
+    seen: Floats = multiply(points - pose[:2], [[cosine, -sine], [sine, cosine]])
     return seen
 
 
 def _place_at(pose: Pose, points: Floats) -> Floats:
     """Points (n, 2) seen from a pose as they lie."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    places: Floats = points @ np.array([[cosine, sine], [-sine, cosine]]) + pose[:2]
+    places: Floats = multiply(points, [[cosine, sine], [-sine, cosine]]) + pose[:2]
     return places
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
 MOST_ROUNDS = 80  # of searching and driving
 NEAR_NODES = 8  # whose moves from a node are estimated first
 ESTIMATE_ROUNDS = 3  # of searching and asking what the moves of the tours cost
+OTHERS = 4  # moves that are tried for one that failed, from where it leads and to where
 REFINING = 2  # times fewer perturbations once tours are known
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
@@ -55,6 +57,23 @@ def _list_near(problem: OrderProblem) -> Tours:
     return near
 
 
+def _list_others(table: MoveTable, problem: OrderProblem, tours: Tours, list_moves: ListMoves) -> list[tuple[int, int]]:
+    """The cheapest moves that may take the place of those of tours that no drive found good."""
+    lines = np.arange(len(problem.move_s)) // 2
+    move_s = np.where(lines[:, None] != lines, problem.tabulate_moves()[0], NO_MOVE_S)
+
+    def list_joins(pairs: Tours) -> list[tuple[int, int]]:
+        return [move for move in list_moves(pairs) if table.gate not in move]
+
+    def list_cheapest(seconds: npt.NDArray[np.float64]) -> list[int]:
+        return [node for node in np.argsort(seconds, kind="stable")[:OTHERS].tolist() if seconds[node] < NO_MOVE_S]
+
+    pairs = [[u, v] for tour in tours for u, v in pairwise(tour)]
+    failed = [pair for pair in pairs if not all(table.is_proven(*move) for move in list_joins([pair]))]
+    onward = [[u, v] for u, _ in failed for v in list_cheapest(move_s[u])]
+    return list_joins(onward + [[u, v] for _, v in failed for u in list_cheapest(move_s[:, v])])
+
+
 def search_driven_tours(
     table: MoveTable,
     pose_problem: PoseProblem,
@@ -84,6 +103,8 @@ def search_driven_tours(
                 return best
             best_s = math.inf
         are_driven = table.prove(list_moves(tours))
+        if not are_driven:
+            table.prove(_list_others(table, problem, tours, list_moves))
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue

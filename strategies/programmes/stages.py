@@ -1,23 +1,56 @@
-"""Headland first or last: the stage of every line, and tractors that wait for one another between the two stages."""
+"""Headland first or last: the stage of every line, and tractors that wait for one another between the two."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from strategies.lines.work_line import WorkLine
+import shapely
+
+from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from vehicle.missions.plan import GATE_MARGIN_M, HEADLAND_PASS, Leg, LegGate, LegTask, Mission, Plan
+from strategies.site.site import Site
+from vehicle.missions.plan import GATE_MARGIN_M, HEADLAND_PASS, SWATH, Leg, LegGate, LegTask, Mission, Plan
 
 
-def get_stage(task: LegTask, order: str) -> int:
-    """0 for work that comes first in an order, 1 for what follows; with no order everything comes at any time."""
-    return int((task.kind == HEADLAND_PASS) != (order == HEADLAND_FIRST)) if order else 0
+def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
+    """What the lines are for that come before all others in an order: those of the headland, or the others.
+
+    In a crop that stands only passes round the field are its headland.
+    """
+    headland = {
+        line.task
+        for line in lines
+        if line.task.kind == HEADLAND_PASS and (line.group[0] == HEADLAND_PASS or not site.crop_stands)
+    }
+    return frozenset(headland if order == HEADLAND_FIRST else {line.task for line in lines} - headland)
 
 
-def list_stages(lines: Sequence[WorkLine], order: str) -> list[int]:
-    """The stage of every line."""
-    return [get_stage(line.task, order) for line in lines]
+def list_stages(site: Site, lines: Sequence[WorkLine], order: str) -> list[int]:
+    """The stage of every line; with no order everything comes at any time.
+
+    Into a crop that stands a machine works its way: passes round the field from the outside, tracks, passes round holes
+    that it reaches over worked ground then, and last the pieces that begin or end there and what all others leave.
+    """
+    first = find_first_tasks(site, lines, order)
+    if not (order and site.crop_stands):
+        return [int(bool(order) and line.task not in first) for line in lines]
+    passes = max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=0)
+    round_holes = shapely.MultiLineString([line.paths[0] for line in lines if line.group[0] == HOLE_PASS])
+
+    def find_stage(line: WorkLine) -> int:
+        number = line.task.number or 0
+        if line.task in first:
+            return number - 1
+        if line.group[0] == HOLE_PASS:
+            return 2 * passes + 1 - number
+        return passes if line.group[0] == SWATH and not ends_there(line) else 2 * passes + 1
+
+    def ends_there(line: WorkLine) -> bool:
+        ends = shapely.points(line.tool_path[[0, -1]])
+        return bool((shapely.distance(ends, round_holes) < site.width_m).any())
+
+    return [find_stage(line) for line in lines]
 
 
 @dataclass(frozen=True)
@@ -32,12 +65,12 @@ class _StageBorder:
     has_more: bool
 
 
-def add_stage_gates(plan: Plan, order: str) -> Plan:
-    """A plan in which nobody begins the second stage before all others are on the last part of their first.
+def add_stage_gates(plan: Plan, first: Collection[LegTask]) -> Plan:
+    """A plan in which nobody begins other work before all others are on the last part of what comes first.
 
     A tractor waits before that part of its own, where it may stand in any case.
     """
-    borders = [_find_border(mission.legs, order) for mission in plan.missions]
+    borders = [_find_border(mission.legs, first) for mission in plan.missions]
     gates = [
         LegGate(number, border.hold - 1, max(0.0, mission.legs[border.hold - 1].length_m - GATE_MARGIN_M))
         for number, (mission, border) in enumerate(zip(plan.missions, borders, strict=True))
@@ -50,8 +83,8 @@ def add_stage_gates(plan: Plan, order: str) -> Plan:
     return plan
 
 
-def _find_border(legs: Sequence[Leg], order: str) -> _StageBorder:
-    stages = [get_stage(leg.task, order) if leg.implement else -1 for leg in legs]
+def _find_border(legs: Sequence[Leg], first: Collection[LegTask]) -> _StageBorder:
+    stages = [int(leg.task not in first) if leg.implement else -1 for leg in legs]
     last = max((number for number, stage in enumerate(stages) if stage == 0), default=0)
     hold = next((number for number in range(last, 0, -1) if legs[number].may_wait), 0)
     return _StageBorder(hold, 0 in stages, 1 in stages)

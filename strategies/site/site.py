@@ -45,6 +45,7 @@ class Site:
         ground: what the body may touch in plans.
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
         gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
+        crop_stands: whether a crop stands that must not be driven over before it is worked.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
@@ -64,6 +65,7 @@ class Site:
     ground: Ground
     proof_ground: Ground
     gate_grounds: tuple[Ground, Ground] | None
+    crop_stands: bool
     kept: Ground
     wheels_s_per_m: float
     axle_m: float

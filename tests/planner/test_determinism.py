@@ -1,10 +1,15 @@
 """Same question, same bytes: whatever the executor, the order of words, or the time of day."""
 
+import json
 import multiprocessing
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,8 +44,6 @@ def serial(scenario: PlanRequest) -> PlanRanking:
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> PlanRequest:
-    import json
-
     place = tmp_path_factory.mktemp("field") / "small.geojson"
     place.write_text(json.dumps(rectangle(0, 0, 45, 60)))
     names = ("split-field", "interleaved", "row-by-row-optimised")  # one of each kind
@@ -170,3 +173,21 @@ def test_progress_counts_up_to_all(few: PlanRequest) -> None:
     ranking = plan(few, executor=SerialExecutor(), progress=lambda done, total: seen.append((done, total))).ranking
     assert seen == [(1, 3), (2, 3), (3, 3)], "one tractor is tried once"
     assert len(format_ranking_csv(ranking).splitlines()) == 4
+
+
+@pytest.mark.slow
+def test_another_processor_gives_the_same_plan(tmp_path: Path) -> None:
+    """Libraries choose other code on other processors, which may add in another order; where they cannot be told to,
+    the two are the same in any case."""
+    corners = [[0, 0], [83, 9], [95, 61], [22, 78], [0, 0]]
+    field = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
+    (tmp_path / "skew.geojson").write_text(json.dumps(field))
+    older = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
+    command = (sys.executable, "-m", "planner.cli.main", "plan", "skew.geojson", "--local", "--tractors", "1-2")
+    plans = []
+    for name, more in (("here", {}), ("older", older)):
+        subprocess.run(
+            (*command, "--save", f"{name}.json"), cwd=tmp_path, env=os.environ | more, check=True, capture_output=True
+        )
+        plans.append((tmp_path / f"{name}.json").read_bytes())
+    assert plans[0] == plans[1]

@@ -19,7 +19,7 @@ from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.preparation import prepare_context
-from planner.evaluation.site import build_site
+from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.shortfalls import OBSTACLE
@@ -28,7 +28,6 @@ from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import get_stage
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
@@ -164,6 +163,15 @@ def test_two_tractors_need_little_more_than_half_the_time_of_one(context: Planni
     assert abs((both.worked_pct or 0.0) - (alone.worked_pct or 0.0)) < 0.5
 
 
+@pytest.mark.slow
+def test_where_most_moves_fail_others_are_tried_for_them() -> None:
+    """An implement narrower than the tractor: hardly any move finds the rounds along the edge."""
+    found = prepare(Field("small", shapely.box(0.0, 0.0, 60.0, 40.0)), width_m=1.4)
+    worked_m2 = sum(line.own_m2 for line in get_site_moves(found).lines)
+    left_m2 = sketch_plans(found, STRATEGIES["split-field"], 1)[0].compose().programme.left_m2
+    assert left_m2 < 0.15 * worked_m2
+
+
 def test_a_programme_that_is_longer_than_the_incumbent_is_not_driven(context: PlanningContext) -> None:
     (alone_s,) = sketch_plans(context, STRATEGIES["split-field"], 1)[0].compose().tractor_s
     for finish_s, is_driven in ((0.9 * alone_s, False), (1.1 * alone_s, True)):
@@ -180,7 +188,9 @@ def test_nobody_begins_the_second_stage_before_the_others_end_the_first(operatio
     rules = found.driving_rules
     arrivals, begins = [], []
     for number, mission in enumerate(run.plan.missions):
-        stages = [get_stage(leg.task, order) if leg.implement else -1 for leg in mission.legs]
+        stages = [
+            int((leg.task.kind == HEADLAND_PASS) == (order == "last")) if leg.implement else -1 for leg in mission.legs
+        ]
         last_part, legs = max(n for n, stage in enumerate(stages) if stage == 0), run.get_leg_numbers(number)
         from_last_part_m = np.hypot(*(run.get_poses(number)[:, :2] - mission.legs[last_part].points[0]).T)
         arrivals.append(float(run.time_s[(legs >= last_part - 1) & (from_last_part_m < rules.hold_back_m)][0]))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -11,10 +12,10 @@ import pytest
 
 from strategies.interleaved import deal_in_turn
 from strategies.lines.deal_apart import list_deals_apart
-from strategies.lines.work_line import WorkLine
+from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.program.driving_rules import DrivingRules
-from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
+from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import BarredPlaces, list_parts_m
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
@@ -109,7 +110,30 @@ def test_more_tractors_than_lines_are_refused(deal: Any) -> None:
 
 @pytest.mark.parametrize(("order", "stages"), [("first", [0, 1, 1]), ("last", [1, 0, 0]), ("", [0, 0, 0])])
 def test_stages_of_lines(order: str, stages: Sequence[int]) -> None:
-    assert list_stages(draw_lines(2), order) == stages
+    assert list_stages(make_site(), draw_lines(2), order) == stages
+
+
+def test_a_machine_works_its_way_into_a_crop_that_stands() -> None:
+    """Two passes round a field with a hole in the middle, a track past it, and one in two pieces up to its passes."""
+
+    def draw_pass(kind: str, number: int, low: float, high: float) -> list[WorkLine]:
+        pieces = enumerate(draw_ring(number, low, high, 0), start=4 * (kind == HOLE_PASS))
+        return [replace(line, group=(kind, 0), task=replace(line.task, piece=piece)) for piece, line in pieces]
+
+    outer, inner = draw_pass(HEADLAND_PASS, 1, 1.5, 98.5), draw_pass(HEADLAND_PASS, 2, 4.5, 95.5)
+    near, away = draw_pass(HOLE_PASS, 1, 43.5, 56.5), draw_pass(HOLE_PASS, 2, 40.5, 59.5)
+    past = draw_line(SWATH, 0, (6.0, 20.0), (94.0, 20.0))
+    up_to, on = draw_line(SWATH, 1, (6.0, 50.0), (39.0, 50.0)), draw_line(SWATH, 1, (61.0, 50.0), (94.0, 50.0))
+    lines = [*near, on, *inner, past, *away, up_to, *outer]
+    stages = list_stages(make_site(crop_stands=True), lines, "first")
+    assert stages == [4] * 4 + [5] + [1] * 4 + [2] + [3] * 4 + [5] + [0] * 4
+    first = find_first_tasks(make_site(crop_stands=True), lines, "first")
+    assert first == {line.task for line in (*outer, *inner)}
+    assert list_stages(make_site(), lines, "first") == [int(line.task.kind == SWATH) for line in lines]
+
+
+def make_site(crop_stands: bool = False) -> Any:
+    return SimpleNamespace(crop_stands=crop_stands, width_m=3.0)
 
 
 def make_plan(*kinds: str) -> Plan:
@@ -127,24 +151,27 @@ def make_plan(*kinds: str) -> Plan:
     return Plan(tuple(make_mission(row, letters) for row, letters in enumerate(kinds)))
 
 
+TRACKS = (LegTask(SWATH, 0),)
+
+
 def list_gates(plan: Plan) -> dict[tuple[int, int], list[LegGate]]:
     return {(t, n): list(leg.gates) for t, m in enumerate(plan.missions) for n, leg in enumerate(m.legs) if leg.gates}
 
 
 def test_all_wait_before_the_last_part_of_their_first_stage() -> None:
-    gates = list_gates(add_stage_gates(make_plan("tT-tT-hH", "tT-hH"), "last"))
+    gates = list_gates(add_stage_gates(make_plan("tT-tT-hH", "tT-hH"), TRACKS))
     assert gates == {(0, 4): [LegGate(1, 0, 29.8)], (1, 1): [LegGate(0, 3, 29.8)]}
 
 
 def test_nobody_waits_for_a_tractor_without_a_first_stage_nor_one_without_a_second() -> None:
-    gates = list_gates(add_stage_gates(make_plan("tT-hH", "hH", "tT"), "last"))
+    gates = list_gates(add_stage_gates(make_plan("tT-hH", "hH", "tT"), TRACKS))
     assert gates == {(0, 1): [LegGate(2, 0, 29.8)], (1, 0): [LegGate(0, 0, 29.8), LegGate(2, 0, 29.8)]}
 
 
 def test_starts_are_staggered_on_the_first_working_leg() -> None:
     gates = list_gates(stagger_starts(make_plan("-tT", "tT", "tT"), 12.0))
     assert gates == {(1, 0): [LegGate(0, 1, 12.0)], (2, 0): [LegGate(1, 0, 12.0)]}
-    waiting = add_stage_gates(make_plan("hH", "tT-hH"), "last")
+    waiting = add_stage_gates(make_plan("hH", "tT-hH"), TRACKS)
     assert list_gates(stagger_starts(waiting, 12.0)) == list_gates(waiting), "no circle of two that wait"
 
 

@@ -169,6 +169,8 @@ def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
     if not points:
         return DieselEngine(power_w)
     shaft_kw, litres_per_h = np.array(points).T
-    use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
+    away_kw = shaft_kw - shaft_kw.mean()
+    use = float((away_kw * litres_per_h).sum() / (away_kw**2).sum())
+    no_load_lph = float(litres_per_h.mean() - use * shaft_kw.mean())
     rated_kw = power_w * ENGINE_TO_SHAFT / KILO
     return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)

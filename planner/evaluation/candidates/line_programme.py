@@ -33,7 +33,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.sketch import sketch_programme
-from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
+from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
@@ -261,7 +261,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
     def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
         allowed, table = wishes.limit(moves.lines, shares[number].allowed), MoveTable(moves)
-        stages = shares[number].rank(wishes.rank(table.lines, list_stages(table.lines, order)))
+        stages = shares[number].rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         sketched = sketch_programme(table, tractors, stages, allowed, served_s)
@@ -360,7 +360,8 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[s
     plan, operation = composed.plan, context.request.operation
     plan = replace(plan, notes={**notes, **plan.notes})
     if operation in (STANDING_CROP_OPERATIONS if composed.order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
-        return add_stage_gates(plan, composed.order)
+        table = composed.programme.table
+        return add_stage_gates(plan, find_first_tasks(table.site, table.lines, composed.order))
     return plan
 
 
