@@ -104,7 +104,7 @@ def search_driven_tours(
             best_s = math.inf
         are_driven = table.prove(list_moves(tours))
         if not are_driven:
-            table.prove(_list_others(table, problem, tours, list_moves))
+            table.prove(_list_others(table, problem, tours, list_moves), are_chosen=False)
         is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
         if not is_settled:
             continue

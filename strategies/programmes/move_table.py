@@ -116,12 +116,12 @@ class MoveTable:
         """By how much moves that tours use are usually dearer than expected, at most."""
         return max(0.0, float(np.quantile(self.excesses_s, USUAL_SHARE))) if self.excesses_s else 0.0
 
-    def prove(self, pairs: Sequence[tuple[int, int]]) -> bool:
+    def prove(self, pairs: Sequence[tuple[int, int]], are_chosen: bool = True) -> bool:
         """Find and drive the moves of all pairs of nodes until one of each was driven well that is likely to be the
         cheapest; whether all have one.
 
         A move that a drive refuses does not exist; of others the time is as driven, and beginning the next line beside
-        it is charged.
+        it is charged. Those that tours chose (`are_chosen`) say what others are likely to take more.
         """
         todo = {pair: float(self.cost_s[pair]) for pair in pairs if pair not in self._proven}
         undriven = [pair for pair in todo if self.find(*pair) and not self._is_settled(pair)]
@@ -133,6 +133,8 @@ class MoveTable:
             undriven = [pair for pair in undriven if not self._is_settled(pair)]
         for pair, before_s in todo.items():
             self._update_cost(*pair)
+            if not are_chosen:
+                continue
             if pair not in self._proven:
                 self._failures[[0, 1], pair] += 1
             self.excesses_s.append(
