@@ -28,7 +28,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "vehicle": ("vehicle", "fields.errors", "fields.units", "fields.text_files", "fields.nested_text"),
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
-        "reports", "fields.errors", "fields.units", "fields.geometry.tolerances", "fields.formats",
+        "reports", "fields.errors", "fields.units", "fields.geometry.arithmetic", "fields.formats",
         "fields.documents.reader",
         "vehicle.arrays", "vehicle.model", "vehicle.missions.run",
         "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",

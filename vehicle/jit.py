@@ -60,6 +60,12 @@ def compile_for_views(function: Function) -> Function:
     return compile_function(function, _nrt=False)
 
 
+def compile_inlined(function: Function) -> Function:
+    """As `compile_for_views`, for a function that loops call which pass on more than they compute: it becomes part of
+    them."""
+    return compile_function(function, _nrt=False, forceinline=True)
+
+
 def is_compiled(dispatcher: Any, types: tuple[Any, ...]) -> bool:
     """Whether a compiled function for these argument types is on disk, or there is nowhere to keep it."""
     stored = dispatcher._cache

@@ -21,6 +21,7 @@ from fields.documents.sources import FieldReference, parse_field_reference
 from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value
 from fields.feature_words import NOTE, OBSTACLE, find_meaning, find_name
 from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
+from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.assumed_obstacles import MAX_UNKNOWN_FEATURES, assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
     FieldFrame,
@@ -36,7 +37,6 @@ from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import read_edge_overhangs, read_fences, read_guidance_lines, read_headland_edges
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.outline_cleaning import clean_outline
-from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.raw_document import LOCAL_METRES, FieldDocument, GeoShape, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES

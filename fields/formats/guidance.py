@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.arithmetic import CURVE_M
 from fields.geometry.geodesy import LocalPlane
-from fields.geometry.tolerances import CURVE_M
 
 DegreePoints = npt.NDArray[np.float64]
 """Longitude and latitude (WGS 84) of points, (n, 2). Rings do not repeat their first point."""

@@ -25,10 +25,10 @@ from fields.feature_words import (
     find_name,
     is_label,
 )
+from fields.geometry.arithmetic import MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.geometry.coordinates import FieldFrame, parse_position
 from fields.geometry.field_lines import FENCE, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
-from fields.geometry.tolerances import MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 

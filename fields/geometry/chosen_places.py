@@ -10,10 +10,10 @@ from dataclasses import replace
 import shapely
 
 from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value, suggest_name
+from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, MAX_ENTRANCE_INSIDE_M, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
-from fields.geometry.tolerances import NEAR_FIELD_M
 
 
 def parse_obstacle_place(text: str) -> tuple[float, float, float]:

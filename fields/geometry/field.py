@@ -14,6 +14,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.coordinates import MIN_FIELD_AREA_M2
 from fields.geometry.field_lines import (
     MAX_OVERHANG_M,
@@ -26,7 +27,6 @@ from fields.geometry.field_lines import (
 from fields.geometry.geodesy import FloatArray, project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
 from fields.geometry.overlays import subtract_area
-from fields.geometry.tolerances import EDGE_M
 
 MIN_REPORTED_M2 = 1.0
 HOLE_NAME = "a hole of the field"

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
+from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.geometry.coordinates import FieldFrame, parse_position
-from fields.geometry.tolerances import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"

@@ -8,10 +8,10 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.arithmetic import CURVE_M, GRID_M, MITRE_LIMIT
 from fields.geometry.field import Field
 from fields.geometry.obstacles import compute_workable_ground
 from fields.geometry.outline_cleaning import find_largest_polygon, list_polygons
-from fields.geometry.tolerances import CURVE_M, GRID_M, MITRE_LIMIT
 
 MIN_PART_SHARE, MIN_PART_M2 = 0.01, 300.0  # smaller parts are not listed
 LINK_REACH_M = 100.0  # from the shortest line between two parts to the middle of the neck

@@ -11,9 +11,9 @@ import shapely
 
 from fields.errors import MAX_NAMED, FieldError, shorten_value
 from fields.feature_words import find_name
+from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
-from fields.geometry.tolerances import GRID_M, MITRE_LIMIT
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError
-from fields.geometry.tolerances import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
+from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
 
 TURNING_CIRCLE_M = 12.0
 """Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.tolerances import EDGE_M, GRID_M, SLIVER_M2
+from fields.geometry.arithmetic import EDGE_M, GRID_M, SLIVER_M2
 
 ROUNDING_SHARE = 1e-7  # of an area: a smaller difference may be rounding
 Areas = npt.NDArray[np.object_]

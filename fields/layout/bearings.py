@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.products import multiply
-from fields.geometry.tolerances import PARALLEL_RAD, ROUNDING
+from fields.geometry.arithmetic import PARALLEL_RAD, ROUNDING, multiply
 
 FloatArray = npt.NDArray[np.float64]
 

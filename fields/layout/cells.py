@@ -24,7 +24,7 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
-from fields.geometry.tolerances import CURVE_M, EDGE_M, GRID_M, ROUNDING
+from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, ROUNDING
 from fields.layout.bearings import SIMPLIFY_M
 from fields.layout.parallel_lines import TURN_COST_M, collect_edges, compute_axes
 

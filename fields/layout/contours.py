@@ -17,9 +17,8 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
-from fields.geometry.products import multiply
-from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
 from fields.layout.swaths import (

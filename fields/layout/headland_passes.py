@@ -17,8 +17,8 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError
+from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 from fields.geometry.field import Field
-from fields.geometry.tolerances import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 
 FloatArray = npt.NDArray[np.float64]
 

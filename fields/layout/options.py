@@ -11,9 +11,8 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
-from fields.geometry.products import multiply
-from fields.geometry.tolerances import MIN_SWATH_LENGTH_M
 from fields.layout.bearings import list_candidate_bearings, list_trial_bearings
 from fields.layout.cells import PLAIN_RATES, Cell, EffortRates, RegionPart, divide_region, estimate_costs_m
 from fields.layout.parallel_lines import PatternRules, compute_axes, fill_region

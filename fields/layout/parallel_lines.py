@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.products import multiply
-from fields.geometry.tolerances import CURVE_M, GRID_M
+from fields.geometry.arithmetic import CURVE_M, GRID_M, multiply
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -16,10 +16,9 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError, mark_parameter
+from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MITRE_LIMIT, multiply
 from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
-from fields.geometry.products import multiply
-from fields.geometry.tolerances import CURVE_M, EDGE_M, GRID_M, MITRE_LIMIT
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
 from fields.layout.headland_passes import compute_inner_region

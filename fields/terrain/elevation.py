@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
+from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, measure_distance_m, project
-from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.terrain.checks import (
     MIN_SPIKE_M,
     check_coverage,

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import shapely
 
+from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
-from fields.geometry.tolerances import EDGE_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS

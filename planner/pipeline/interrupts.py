@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 REPEAT_INTERVAL_S = 0.5
 
@@ -15,17 +20,19 @@ REPEAT_INTERVAL_S = 0.5
 def repeat_interrupts() -> Iterator[None]:
     """Repeat an interrupt of the block every REPEAT_INTERVAL_S until the block ends or `stop_repeating` is called.
 
-    Compiled calls may lose the interrupt that reaches them. Does nothing where the system has no timers, outside the
-    main thread, or where somebody else handles Ctrl-C.
+    Compiled calls may lose the interrupt that reaches them; that is not reported. Does nothing where the system has no
+    timers, outside the main thread, or where somebody else handles Ctrl-C.
     """
     if not _can_listen():
         yield
         return
+    previous_hook, sys.unraisablehook = sys.unraisablehook, _report_lost_error
     previous_handlers = [signal.signal(number, _raise_interrupt) for number in (signal.SIGINT, signal.SIGALRM)]
     try:
         yield
     finally:
         stop_repeating()
+        sys.unraisablehook = previous_hook
         for number, handler in zip((signal.SIGINT, signal.SIGALRM), previous_handlers, strict=True):
             signal.signal(number, handler)
 
@@ -57,3 +64,9 @@ def _can_listen() -> bool:
 def _raise_interrupt(_number: int, _frame: FrameType | None) -> None:
     signal.setitimer(signal.ITIMER_REAL, REPEAT_INTERVAL_S)
     raise KeyboardInterrupt
+
+
+def _report_lost_error(lost: UnraisableHookArgs) -> None:
+    """What Python says of an error that nobody can handle; of an interrupt nothing, as it comes again."""
+    if not is_interrupt(lost.exc_value):
+        sys.__unraisablehook__(lost)

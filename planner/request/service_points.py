@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import shapely
 
+from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.field import Field
-from fields.geometry.tolerances import NEAR_FIELD_M
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest

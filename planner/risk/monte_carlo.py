@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fields.geometry.tolerances import ROUNDING
+from fields.geometry.arithmetic import ROUNDING
 from fields.units import PCT
 from planner.farm.random_inputs import (
     MAX_SLIP_PCT,

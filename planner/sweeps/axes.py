@@ -10,7 +10,7 @@ from itertools import product
 from math import prod
 from typing import Any
 
-from fields.geometry.tolerances import ROUNDING
+from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest

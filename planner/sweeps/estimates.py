@@ -284,9 +284,8 @@ def _drive_best(context: PlanningContext, tractors: int, sketches: list[Sketched
     names = context.request.strategies if tractors > 1 else (STRATEGY.name,)
     candidates = [Candidate(name, tractors) for name in names]
     sketched = {Candidate(STRATEGY.name, tractors): sketches}
-    plans = [
-        outcome.result for _, outcome in simulate_candidates(context, candidates, prunes_candidates(context), sketched)
-    ]
+    driven = simulate_candidates(context, candidates, prunes_candidates(context), sketched, is_shown=False)
+    plans = [outcome.result for _, outcome in driven]
     feasible = mark_worked_shares([plan for plan in plans if plan.feasible], context)
     if not feasible:
         own = next((plan for plan in plans if plan.strategy == STRATEGY.name), plans[0])

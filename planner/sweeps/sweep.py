@@ -31,7 +31,6 @@ from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
-PROGRESS_STEP = 500
 MOST_GROUNDS_AT_ONCE = 32  # laid out before they are estimated: enough for all processes, few enough to hold
 _ADDED = (
     "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s",
@@ -204,7 +203,8 @@ class Sweep:
         describe_refusal: Callable[[HeadlandError], str] = str,
         processes: int | None = None,
     ) -> None:
-        """Estimate what is not known yet; `progress` is called with (done, total). Raises HeadlandError.
+        """Estimate what is not known yet; after each task `progress` is called with (done, total). Raises
+        HeadlandError.
 
         What is found before an exception, such as Ctrl-C, stays: `build_result` shows it.
         """
@@ -215,7 +215,7 @@ class Sweep:
             for place, number, plan in iter_plans(every, executor, cache, describe_refusal):
                 found = self._found[owners[place]]
                 found[number] = plan
-                if progress is not None and (len(found) == len(self._points) or self.done % PROGRESS_STEP == 0):
+                if progress is not None and number == every[place].numbers[-1]:
                     progress(self.done, self.total)
 
     def build_result(self) -> SweepResult:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.products import multiply
+from fields.geometry.arithmetic import multiply
 from reports.common.plan_drives import PlanDrive, Points
 from reports.common.rendering import ReportError
 

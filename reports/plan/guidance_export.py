@@ -20,7 +20,7 @@ from fields.formats.guidance import (
     cut_curves_into_segments,
     simplify_to_ascii,
 )
-from fields.geometry.tolerances import CURVE_M
+from fields.geometry.arithmetic import CURVE_M
 from reports.common.rendering import ReportError, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fields.geometry.products import multiply
+from fields.geometry.arithmetic import multiply
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_table import MoveTable

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from fields.geometry.products import multiply
+from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import (
     MIN_LEFT_AREA_WIDTHS,
     MIN_OWN_SHARE,

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.products import multiply
+from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import extend_line
 from strategies.moves.move import Move

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
@@ -16,6 +16,7 @@ from strategies.moves.move import Move
 from strategies.programmes.move_estimates import DETOUR_S, NO_MOVE_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site
+from vehicle.missions.plan import Mission
 
 Floats = npt.NDArray[np.float64]
 
@@ -33,12 +34,14 @@ class MoveTable:
             there is none.
         is_estimated: (n + 1, n + 1) which costs are more than guesses by distance.
         excesses_s: by how much moves were dearer than expected, of all that were driven.
+        missions: by the nodes of a tour and the moves between them.
     """
 
     moves: SiteMoves
     cost_s: Floats = field(init=False)
     is_estimated: npt.NDArray[np.bool_] = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
+    missions: dict[tuple[Hashable, ...], Mission] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _cut: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)

@@ -32,7 +32,7 @@ from strategies.programmes.order_tours import (
     set_piece,
     weigh_tours,
 )
-from vehicle.jit import compile_for_views
+from vehicle.jit import compile_for_views, compile_inlined
 
 MAX_SEGMENT_LINES = 3  # in a segment that is moved; any number may be reversed or change tractors at the end of a tour
 TAILS: Any = np.int64(-1)  # stands for the last place of a segment in a move that exchanges tails
@@ -126,7 +126,7 @@ def _weigh_rows(tours, a, new_a_s, b, new_b_s, left_s):  # type: ignore[no-untyp
     return (1.0 - SUM_SHARE) * longest_s + SUM_SHARE * total_s + left_s
 
 
-@compile_for_views
+@compile_inlined
 def _weigh_transfer(tours, tables, move):  # type: ignore[no-untyped-def]
     """The cost after a transfer."""
     left = len(tours.seconds) - 1
@@ -160,7 +160,7 @@ def _weigh_transfer(tours, tables, move):  # type: ignore[no-untyped-def]
     return _weigh_rows(tours, a, new_a_s, b, new_b_s, left_s)
 
 
-@compile_for_views
+@compile_inlined
 def _weigh_tails(tours, tables, move):  # type: ignore[no-untyped-def]
     """The cost after two tractors have exchanged their tails."""
     a, p, is_reversed, b, q = move[0], move[1], move[3] != 0, move[4], move[5]

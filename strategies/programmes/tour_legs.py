@@ -23,7 +23,15 @@ Pair = tuple[int, int]
 
 
 def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
-    """The mission of a tractor that works the nodes of a tour in order."""
+    """The mission of a tractor that works the nodes of a tour in order, built once for the same moves."""
+    nodes = [table.gate, *tour, table.gate]
+    key = (*nodes, *(table.get_move(*pair) for pair in pairwise(nodes)))
+    if key not in table.missions:
+        table.missions[key] = _build_mission(table, tour)
+    return table.missions[key]
+
+
+def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
     pairs, legs, join_m = list(pairwise([table.gate, *tour, table.gate])), build_way_in(table, tour[0]), 0.0
     for node, following in pairs[1:]:
         is_last = following == table.gate

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, lay_swaths, list_sample_names, read_field
-from fields.geometry.tolerances import CURVE_M
+from fields.geometry.arithmetic import CURVE_M
 from fields.layout.headland_passes import HeadlandPass, compute_inner_region, find_centre_line, lay_headland_passes
 from tests.examples import count_examples
 

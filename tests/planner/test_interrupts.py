@@ -2,6 +2,7 @@
 
 import contextlib
 import signal
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -40,6 +41,27 @@ def test_what_is_taken_comes_no_more(swallow: Callable[[], None]) -> None:
         swallow()
         stop_repeating()
         assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+class _FailsInTheEnd:
+    """Raises an error where nobody can handle it, as what compiled code calls may."""
+
+    def __init__(self, error: type[BaseException]) -> None:
+        self._error = error
+
+    def __del__(self) -> None:
+        raise self._error
+
+
+@needs_timers
+def test_what_comes_again_is_not_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.unraisablehook
+    with repeat_interrupts():
+        _FailsInTheEnd(KeyboardInterrupt)
+        assert capsys.readouterr().err == ""
+        _FailsInTheEnd(ValueError)
+        assert "ValueError" in capsys.readouterr().err
+    assert sys.unraisablehook is before
 
 
 def test_an_interrupt_in_disguise() -> None:

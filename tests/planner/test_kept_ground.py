@@ -1,11 +1,13 @@
 """Sowing and spraying: ways by the headland and forwards, and what is driven over all the same is told and charged."""
 
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
 import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.context import PlanningContext
 from vehicle.missions.run import find_longest_reversing
 
@@ -58,3 +60,19 @@ def test_slanted_ends_do_not_block_the_headland(place: Any, width_m: float) -> N
     assert site.layout.headland_passes == 1
     assert plan.feasible, plan.reason
     assert plan.worked_pct is not None and plan.worked_pct > 90.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", ["sow", "till"])
+def test_a_plan_that_is_not_shown_has_the_figures_it_is_chosen_by(
+    sown: tuple[PlanningContext, Outcome], operation: str
+) -> None:
+    """Where finished ground is charged what wheels go over decides too."""
+    site, found = sown
+    assert found.run is not None
+    tilled, run = replace(site, request=replace(site.request, operation=operation)), CandidateRun(found.run, None, "")
+    shown, hidden = (measure_candidate(tilled, "interleaved", 2, run, is_shown=each) for each in (True, False))
+    others = {one.name for one in fields(shown) if getattr(shown, one.name) != getattr(hidden, one.name)}
+    wheels = {"wheel_traffic_m2", "over_finished_m", "over_finished_m2"}
+    assert others - {"remarks"} == {"outside_m", "outside_along_m"} | (wheels if operation == "till" else set())
+    assert {getattr(hidden, name) for name in others - {"remarks"}} == {None}

@@ -28,6 +28,7 @@ from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.tour_legs import build_mission
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
@@ -217,3 +218,14 @@ def test_no_two_tractors_begin_or_end_where_they_never_get_on() -> None:
     site, check = composed.programme.table.site, build_standing_check(found, beside=False)
     ways = [build_way(mission, site.body.guide_m - site.axle_m) for mission in composed.plan.missions]
     assert [find_stuck_side(a, b, check) for a, b in combinations(ways, 2)] == [None] * 3
+
+
+def test_a_mission_is_built_once_for_the_same_moves(context: PlanningContext) -> None:
+    """A move that is struck makes it another one."""
+    composed = sketch_plans(context, STRATEGIES["split-field"], 1)[0].compose().programme
+    table, (tour,) = composed.table, composed.tours
+    mission = build_mission(table, tour)
+    assert build_mission(table, list(tour)) is mission
+    pair = next(pair for pair in composed.list_pairs() if len(table._options[pair]) > 1)
+    table.strike(*pair)
+    assert build_mission(table, tour) is not mission

@@ -2,12 +2,17 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.executors import SerialExecutor
+from planner.request.plan_request import PlanRequest
 from planner.sweeps import sweep as sweeps
+from planner.sweeps.axes import read_axes
 from tests.cli.conftest import built, headland
 
 __all__ = ["built", "headland"]
@@ -104,6 +109,13 @@ def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
     assert "2 of 8 combinations; the same command goes on with it" in done.err
     done = headland("sweep", field, *FEW)
     assert done.status == 0 and len(calls) == 5, "what was done is not done again"
+
+
+def test_every_number_of_tractors_is_progress(field: Path) -> None:
+    axes, told = read_axes({"width": "6,9", "tractors": "1-2", "price_per_hour": "30,40"}), list[tuple[int, int]]()
+    swept = sweeps.Sweep(axes, (str(field),), lambda name, each: WorkOrder(replace(PlanRequest(name), **each)))
+    swept.run(SerialExecutor(), progress=lambda done, total: told.append((done, total)))
+    assert told == [(2, 8), (4, 8), (6, 8), (8, 8)]
 
 
 def test_files_beyond_the_bound_are_removed(tmp_path: Path) -> None:

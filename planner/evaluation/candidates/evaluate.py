@@ -70,11 +70,14 @@ def simulate_candidates(
     candidates: Sequence[Candidate],
     prunes: bool,
     sketched: Mapping[Candidate, list[SketchedPlan]] | None = None,
+    *,
+    is_shown: bool = True,
 ) -> Iterator[tuple[int, Outcome]]:
     """Evaluate candidates of one number of tractors, those with the quickest sketch first; yields each with its number.
 
     Tractors that come nearer than the clearance on neighbouring tracks are the last. With `prunes` a candidate that
-    cannot beat those before it is not driven. Those `sketched` before are not sketched again.
+    cannot beat those before it is not driven. Those `sketched` before are not sketched again. Only with `is_shown` are
+    figures measured by which nothing is chosen.
     """
     results, numbers, known = list[PlanResult](), range(len(candidates)), sketched or {}
     are_near = [_comes_near(context, one) for one in candidates]
@@ -90,7 +93,7 @@ def simulate_candidates(
         sketches = {number: known.get(candidates[number]) or _sketch(context, candidates[number]) for number in group}
         for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
             incumbent = find_incumbent(results) if prunes else None
-            outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent)
+            outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent, is_shown=is_shown)
             results += mark_worked_shares([outcome.result], context)
             yield number, outcome
 
@@ -132,13 +135,15 @@ def _simulate_sketched(
     candidate: Candidate,
     sketches: list[SketchedPlan] | StrategyError,
     incumbent: Incumbent | None,
+    *,
+    is_shown: bool = True,
 ) -> Outcome:
     try:
         driven = _run_unless_pruned(context, candidate, sketches, incumbent)
     except StrategyError as refusal:
         return _build_refusal(context, candidate, str(refusal))
     if isinstance(driven, CandidateRun):
-        return _measure_run(context, candidate, driven)
+        return _measure_run(context, candidate, driven, is_shown)
     assert incumbent is not None
     reason = describe_loss(driven, incumbent)
     return _build_refusal(context, candidate, reason, bound_s=round(driven, 3), is_simulated=False)
@@ -194,9 +199,9 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     return replace(driven, reason=reason, remarks=remarks, faults=tuple(place.fault for place in places))
 
 
-def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> Outcome:
+def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun, is_shown: bool) -> Outcome:
     """The figures of a run, with those of its samples."""
-    result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
+    result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome, is_shown=is_shown)
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,

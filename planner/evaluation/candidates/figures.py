@@ -50,9 +50,9 @@ class CandidateRun:
 
 
 def measure_candidate(
-    context: PlanningContext, strategy: str, tractors: int, candidate_run: CandidateRun
+    context: PlanningContext, strategy: str, tractors: int, candidate_run: CandidateRun, *, is_shown: bool = True
 ) -> PlanResult:
-    """The figures of a candidate's last run."""
+    """The figures of a candidate's last run; where it is not shown without those by which nothing is chosen."""
     run, reason, turn_names = candidate_run.run, candidate_run.reason, candidate_run.turns
     if run.outcome != DONE:
         return PlanResult(
@@ -65,15 +65,14 @@ def measure_candidate(
             faults=candidate_run.faults,
         )
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    traffic, is_charged = (
-        measure_finished_ground_traffic(run, context, swept),
-        context.request.operation in KEPT_GROUND_OPERATIONS,
-    )
-    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
+    is_charged = context.request.operation in KEPT_GROUND_OPERATIONS
+    traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_charged else None
+    spoilt_m2 = traffic.area_m2 if traffic and is_charged else 0.0
+    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2)
     tractor_time = float(np.sum(run.finish_s))
     times, energy = measure_driven_times(run), measure_energy(context, run)
     hourly, hiring = compute_cost(context, times, energy)
-    overhang = measure_overhang(run, context)
+    overhang = measure_overhang(run, context) if is_shown else None
     figures = PlanResult(
         strategy=strategy,
         tractors=tractors,
@@ -91,12 +90,12 @@ def measure_candidate(
         largest_missed=coverage.largest_piece,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
-        wheel_traffic_m2=traffic.off_headland_m2,
-        over_finished_m=traffic.length_m,
-        over_finished_m2=traffic.area_m2,
+        wheel_traffic_m2=None if traffic is None else traffic.off_headland_m2,
+        over_finished_m=None if traffic is None else traffic.length_m,
+        over_finished_m2=None if traffic is None else traffic.area_m2,
         over_finished_charged=is_charged,
-        outside_m=overhang.farthest_m,
-        outside_along_m=overhang.beyond_m,
+        outside_m=None if overhang is None else overhang.farthest_m,
+        outside_along_m=None if overhang is None else overhang.beyond_m,
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
@@ -109,7 +108,7 @@ def measure_candidate(
             (
                 *_list_missed_remarks(coverage.largest_piece, context),
                 *candidate_run.remarks,
-                *_list_overhang_remarks(overhang, context),
+                *([] if overhang is None else _list_overhang_remarks(overhang, context)),
             )
         ),
         headland_passes=context.layout.headland_passes,

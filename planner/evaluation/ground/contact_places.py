@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.products import multiply
+from fields.geometry.arithmetic import multiply
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
 from planner.evaluation.machine_outlines import build_body

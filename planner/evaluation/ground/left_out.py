@@ -6,8 +6,8 @@ import math
 
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import extract_polygons
-from fields.geometry.tolerances import GRID_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.site import get_site_moves
 from strategies.lines.lay_lines import unite_strips

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import extract_polygons
-from fields.geometry.tolerances import GRID_M
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.tolerances import GRID_M
+from fields.geometry.arithmetic import GRID_M
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
 

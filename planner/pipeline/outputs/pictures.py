@@ -11,10 +11,10 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import Field
 from fields.geometry.field_lines import HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
-from fields.geometry.tolerances import GRID_M
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
