@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.arithmetic import multiply
 from reports.common.plan_drives import PlanDrive, Points
 from reports.common.rendering import ReportError
 
@@ -191,9 +190,13 @@ def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
 
     Lines are `apart_m` apart, in one pattern for all rings. A place inside an even number of rings is outside the area.
     """
-    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / math.sqrt(2.0)  # to metres along and across the lines
-    starts = multiply(np.concatenate([np.empty((0, 2)), *rings]), turn)
-    ends = multiply(np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)]), turn)
+
+    def turn(places: Sequence[Points]) -> Points:
+        """Places (m, 2) in metres along and across the lines."""
+        x, y = np.concatenate([np.empty((0, 2)), *places]).T
+        return np.column_stack([x + y, y - x]) / math.sqrt(2.0)
+
+    starts, ends = turn(rings), turn([np.roll(ring, -1, axis=0) for ring in rings])
     # A line crosses an edge that begins below it and ends on or above it: corners on a line count once.
     low = np.ceil(np.minimum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64)
     count = np.ceil(np.maximum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64) - low
@@ -202,8 +205,8 @@ def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
     along = ends[edge] - starts[edge]
     places = starts[edge, 0] + along[:, 0] * (line * apart_m - starts[edge, 1]) / along[:, 1]
     order = np.lexsort((places, line))
-    lines: Points = multiply(np.column_stack([places, line * apart_m])[order], turn.T).reshape(-1, 2, 2)
-    return lines
+    a, b = np.column_stack([places, line * apart_m])[order].T / math.sqrt(2.0)
+    return np.column_stack([a - b, a + b]).reshape(-1, 2, 2)
 
 
 def choose_round_length_m(length_m: float) -> float:

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from fields.geometry.arithmetic import multiply
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_table import MoveTable
@@ -75,15 +74,20 @@ def list_columns(table: MoveTable) -> list[Column]:
 
 def _is_straight(line: WorkLine) -> bool:
     (x, y), (u, v) = line.paths[0][0], line.paths[0][-1]
-    away_m = multiply(line.paths[0] - (x, y), (y - v, u - x)) / math.hypot(u - x, v - y)
+    east_m, north_m = (line.paths[0] - (x, y)).T
+    away_m = (east_m * (y - v) + north_m * (u - x)) / math.hypot(u - x, v - y)
     return bool(np.abs(away_m).max() <= STRAIGHT_M)
 
 
 def _order_pieces(table: MoveTable, numbers: Sequence[int]) -> list[int]:
     """The pieces of one swath along its first direction."""
     heading = table.lines[numbers[0]].get_begin(FIRST)[2]
-    ahead = math.cos(heading), math.sin(heading)
-    return sorted(numbers, key=lambda number: round(multiply(table.lines[number].paths[0][0], ahead), 3))
+
+    def measure_ahead_m(number: int) -> float:
+        x, y = table.lines[number].paths[0][0].tolist()
+        return round(float(x * math.cos(heading) + y * math.sin(heading)), 3)
+
+    return sorted(numbers, key=measure_ahead_m)
 
 
 def _list_ways(before: int, after: int) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import (
     MIN_LEFT_AREA_WIDTHS,
     MIN_OWN_SHARE,
@@ -136,7 +135,7 @@ def build_round_corners(legs: Iterable[Leg], radius_m: float, width_m: float) ->
     for points in (leg.points for leg in legs if leg.implement):
         steps = np.diff(points, axis=0)
         first, last = steps[0] / np.hypot(*steps[0]), steps[-1] / np.hypot(*steps[-1])
-        sine, cosine = float(first[0] * last[1] - first[1] * last[0]), multiply(first, last)
+        sine, cosine = float(first[0] * last[1] - first[1] * last[0]), float(first[0] * last[0] + first[1] * last[1])
         turn = abs(math.atan2(sine, cosine))
         if STRAIGHT_RAD < turn < SHARPEST_RAD and measure_along(points)[-1] <= LOOSE_BEND * radius_m * turn:
             gap = points[-1] - points[0]

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.arithmetic import multiply
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
 from planner.evaluation.machine_outlines import build_body
@@ -302,7 +301,7 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
             farthest_m = max(farthest_m, _measure_farthest_m(shapes, ground))
             is_beyond[owner[~shapely.covers(allowed, shapes)]] = 1.0
         steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-        beyond_m += multiply(steps_m, 0.5 * (is_beyond[1:] + is_beyond[:-1]))
+        beyond_m += float((steps_m * 0.5 * (is_beyond[1:] + is_beyond[:-1])).sum())
     return Overhang(farthest_m, beyond_m)
 
 
