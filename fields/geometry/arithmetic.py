@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 GRID_M = 1e-6  # of overlays, without which GEOS leaves slivers along nearly coincident edges; less is rounding
 ROUNDING = 1e-9  # relative, of computed lengths, areas and degrees that are the same but for their order of terms
@@ -25,6 +25,8 @@ def multiply(a: npt.ArrayLike, b: npt.ArrayLike) -> Any:
 
     BLAS, which `@` asks, adds in the order and with the rounding that suit the processor.
     """
+    import numpy as np
+
     right = np.asarray(b, dtype=float)
     product = np.einsum("...j,jk->...k" if right.ndim == 2 else "...j,j->...", np.asarray(a, dtype=float), right)
     return product if product.ndim else float(product)

@@ -163,7 +163,7 @@ def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[...,
     answer = json.loads(outcome.out)
     assert answer["best"] is None
     assert len(answer["plans"]) == 2 and not any(plan["feasible"] for plan in answer["plans"])
-    assert all("40 tractors are more than" in plan["reason"] for plan in answer["plans"])
+    assert all(plan["reason"].startswith("40 tractors") for plan in answer["plans"])
 
 
 class TestFaults:
