@@ -26,7 +26,7 @@ NARROW: ViewportSize = {"width": 390, "height": 844}
 def serve_app(app: FastAPI) -> Iterator[str]:
     """The address of an app that is served in a thread of its own."""
     server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
-    thread = threading.Thread(target=server.run)
+    thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:
         assert thread.is_alive()
@@ -35,7 +35,8 @@ def serve_app(app: FastAPI) -> Iterator[str]:
         yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
     finally:
         server.should_exit = server.force_exit = True
-        thread.join()
+        thread.join(LONGEST_WAIT_S)
+        assert not thread.is_alive(), "the app ends when it is asked to"
 
 
 class WatchedPage:
