@@ -19,7 +19,6 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
-from reports.common.language import mark_text
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.shortfalls import Remark, Stake
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
@@ -396,9 +395,11 @@ def _list_rest_remarks(programme: Programme) -> tuple[Remark, ...]:
     if all(has_work):
         return ()
     idle = " and ".join(str(number) for number, works in enumerate(has_work, start=1) if not works)
-    rests = mark_text(f"no work that is left is worth the drive for tractor {idle}")
-    is_renumbered = not all(has_work[: sum(has_work)])
-    text = f"{rests}; lists and maps number the others in order from 1" if is_renumbered else rests
+    if all(has_work[: sum(has_work)]):
+        return (Remark(Stake.NOTHING, f"no work that is left is worth the drive for tractor {idle}"),)
+    text = (
+        f"no work that is left is worth the drive for tractor {idle}; lists and maps number the others in order from 1"
+    )
     return (Remark(Stake.NOTHING, text),)
 
 
