@@ -17,12 +17,12 @@ import numpy.typing as npt
 from strategies.formations.passing import Floats
 from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.programme import list_pairs, prove_short_runs
+from strategies.programmes.stages import find_first_tasks
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
@@ -102,10 +102,12 @@ class _Pieces:
         return list_pairs(self.table, [self.expand(tour).nodes for tour in tours])
 
     def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
-        """Columns left over follow the rounds, headland sides come before or after both."""
-        headland = 0 if order == HEADLAND_FIRST else 3
-        kinds = [self.table.lines[line].task.kind for line in self.lines]
-        return np.array([headland if kind == HEADLAND_PASS else 2 for kind in kinds] + [1] * len(self.chains))
+        """Columns left over follow the rounds, headland sides come before or after both as what comes first says."""
+        first = find_first_tasks(self.table.site, self.table.lines, order)
+        passes = {True: 0, False: 3}  # by whether they are among what comes first
+        tasks = [self.table.lines[line].task for line in self.lines]
+        stages = [passes[task in first] if task.kind == HEADLAND_PASS else 2 for task in tasks]
+        return np.array(stages + [1] * len(self.chains))
 
     def expand(self, tour: Sequence[int]) -> FormationTour:
         """A tour of the search as nodes of the table."""

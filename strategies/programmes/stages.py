@@ -16,12 +16,13 @@ from vehicle.missions.plan import GATE_MARGIN_M, HEADLAND_PASS, SWATH, Leg, LegG
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
     """What the lines are for that come before all others in an order: those of the headland, or the others.
 
-    In a crop that stands only passes round the field are its headland.
+    Where a machine works its way into a crop that stands, only passes round the field are its headland.
     """
+    works_way_in = _works_way_in(site, order)
     headland = {
         line.task
         for line in lines
-        if line.task.kind == HEADLAND_PASS and (line.group[0] == HEADLAND_PASS or not site.crop_stands)
+        if line.task.kind == HEADLAND_PASS and (line.group[0] == HEADLAND_PASS or not works_way_in)
     }
     return frozenset(headland if order == HEADLAND_FIRST else {line.task for line in lines} - headland)
 
@@ -29,11 +30,12 @@ def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> froze
 def list_stages(site: Site, lines: Sequence[WorkLine], order: str) -> list[int]:
     """The stage of every line; with no order everything comes at any time.
 
-    Into a crop that stands a machine works its way: passes round the field from the outside, tracks, passes round holes
-    that it reaches over worked ground then, and last the pieces that begin or end there and what all others leave.
+    Into a crop that stands a machine works its way, headland first: passes round the field from the outside, tracks,
+    passes round holes that it reaches over worked ground then, and last the pieces that begin or end there and what all
+    others leave.
     """
     first = find_first_tasks(site, lines, order)
-    if not (order and site.crop_stands):
+    if not _works_way_in(site, order):
         return [int(bool(order) and line.task not in first) for line in lines]
     passes = max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=0)
     round_holes = shapely.MultiLineString([line.paths[0] for line in lines if line.group[0] == HOLE_PASS])
@@ -51,6 +53,10 @@ def list_stages(site: Site, lines: Sequence[WorkLine], order: str) -> list[int]:
         return bool((shapely.distance(ends, round_holes) < site.width_m).any())
 
     return [find_stage(line) for line in lines]
+
+
+def _works_way_in(site: Site, order: str) -> bool:
+    return site.crop_stands and order == HEADLAND_FIRST
 
 
 @dataclass(frozen=True)

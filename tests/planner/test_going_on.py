@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -255,11 +254,18 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
 
 @pytest.mark.slow
 def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: PlanningResult) -> None:
-    nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 56.0, 20.0, 60.0), 0.1)
-    sources = (f"{folder}/plan.json@0:05", nearly_all)
-    best = plan(whole.context.request, done=sources, executor=SerialExecutor()).ranking.best
-    assert best is not None and best.works_enough, "what was done before counts"
-    assert re.search(r"no work that is left is worth the drive for tractor [12]", best.remark or "")
+    """Where that is the first, the other has the first list, which is told."""
+    corners = {2: shapely.box(0.0, 0.0, 20.0, 4.0), 1: shapely.box(70.0, 56.0, 90.0, 60.0)}
+    for idle, corner in corners.items():
+        nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - corner, 0.1)
+        rest = plan(whole.context.request, done=(f"{folder}/plan.json@0:05", nearly_all), executor=SerialExecutor())
+        best, run, going_on = rest.ranking.best, rest.run, rest.context.going_on
+        assert best is not None and best.works_enough, "what was done before counts"
+        assert f"no work that is left is worth the drive for tractor {idle}" in (best.remark or "")
+        assert ("number the others in order from 1" in (best.remark or "")) == (idle == 1)
+        assert run is not None and run.plan.tractors == 1 and going_on is not None
+        begin, other = run.plan.missions[0].legs[0].points[0], going_on.stands[2 - idle].pose
+        assert begin == pytest.approx(other[:2], abs=0.01), "the other drives"
 
 
 @pytest.mark.slow

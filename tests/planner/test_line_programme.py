@@ -24,6 +24,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from reports.common.shortfalls import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
+from strategies.lines.work_line import HOLE_PASS
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
@@ -229,3 +230,16 @@ def test_a_mission_is_built_once_for_the_same_moves(context: PlanningContext) ->
     pair = next(pair for pair in composed.list_pairs() if len(table._options[pair]) > 1)
     table.strike(*pair)
     assert build_mission(table, tour) is not mission
+
+
+@pytest.mark.slow
+def test_a_formation_reaches_passes_round_a_hole_over_worked_ground_where_a_crop_stands() -> None:
+    hole = [(50.0, 45.0), (75.0, 45.0), (75.0, 65.0), (50.0, 65.0)]
+    field = Field("hole", shapely.Polygon([(0.0, 0.0), (125.0, 0.0), (125.0, 110.0), (0.0, 110.0)], [hole]))
+    request = PlanRequest(width_m=4.0, operation="mow", tractors=(2,), clearance_m=0.1)
+    composed = sketch_plans(prepare_context(WorkOrder(request, field=field)), STRATEGIES["row-by-row"], 2)[0].compose()
+    groups = {line.task: line.group[0] for line in composed.programme.table.lines}
+    driven = [[groups[leg.task] for leg in mission.legs if leg.implement] for mission in composed.plan.missions]
+    assert composed.order == "first" and any(HOLE_PASS in kinds for kinds in driven)
+    for kinds in driven:
+        assert HOLE_PASS not in kinds or SWATH not in kinds[kinds.index(HOLE_PASS) :]

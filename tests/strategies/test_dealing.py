@@ -130,6 +130,9 @@ def test_a_machine_works_its_way_into_a_crop_that_stands() -> None:
     first = find_first_tasks(make_site(crop_stands=True), lines, "first")
     assert first == {line.task for line in (*outer, *inner)}
     assert list_stages(make_site(), lines, "first") == [int(line.task.kind == SWATH) for line in lines]
+    asked = make_site(crop_stands=True)
+    assert list_stages(asked, lines, "last") == [int(line.task.kind != SWATH) for line in lines]
+    assert find_first_tasks(asked, lines, "last") == {line.task for line in (past, up_to, on)}
 
 
 def make_site(crop_stands: bool = False) -> Any:

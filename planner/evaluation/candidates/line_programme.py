@@ -383,11 +383,24 @@ class ProgrammeDriver:
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
         left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
-        idle = " and ".join(str(number) for number, tour in enumerate(composed.programme.tours, start=1) if not tour)
-        left += (Remark(Stake.NOTHING, f"no work that is left is worth the drive for tractor {idle}"),) if idle else ()
+        left += _list_rest_remarks(composed.programme)
         return CandidateRun(
             run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
         )
+
+
+def _list_rest_remarks(programme: Programme) -> tuple[Remark, ...]:
+    """Who has no work, and that numbers of a plan are others where a tractor before one with work has none."""
+    has_work = [bool(tour) for tour in programme.tours]
+    if all(has_work):
+        return ()
+    idle = " and ".join(str(number) for number, works in enumerate(has_work, start=1) if not works)
+    if all(has_work[: sum(has_work)]):
+        return (Remark(Stake.NOTHING, f"no work that is left is worth the drive for tractor {idle}"),)
+    text = (
+        f"no work that is left is worth the drive for tractor {idle}; lists and maps number the others in order from 1"
+    )
+    return (Remark(Stake.NOTHING, text),)
 
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[Remark, ...]:
