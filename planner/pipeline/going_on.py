@@ -378,11 +378,13 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     since_start_s = _read_clock(match) - (request.start_s or 0)
     since_start_s += DAY_S if since_start_s < 0.0 else 0.0
     stated, run = read_stated_figures(saved), rerun_plan(saved, request)
-    elapsed_s = max(0.0, since_start_s - (0.0 if stated is None else stated.begin_s))  # before it is road and unfolding
-    if elapsed_s >= run.duration_s:
+    begin_s = 0.0 if stated is None else stated.begin_s  # before it is road and unfolding
+    elapsed_s = since_start_s - begin_s
+    if not 0.0 <= elapsed_s < run.duration_s:
+        span = _format_span(request, begin_s, begin_s + run.duration_s)
         raise RequestError(
-            f"The plan {quote_path(match['file'])} {_format_span(request, run)}, and {match[0].rpartition('@')[2]} is "
-            "not within that; give a time within it.",
+            f"The plan {quote_path(match['file'])} {span}, and {match[0].rpartition('@')[2]} is not within that; give "
+            "a time within it.",
             parameter="done",
         )
     if not order.from_road:
@@ -409,10 +411,12 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
 
 
-def _format_span(request: PlanRequest, run: SimulationRun) -> str:
+def _format_span(request: PlanRequest, begin_s: float, end_s: float) -> str:
     if request.start_s is None:
-        return f"takes {int(run.duration_s) // 3600}:{int(run.duration_s) % 3600 // 60:02d} h"
-    return f"goes from {format_clock(request.start_s)} to {format_later_clock(request.start_s, run.duration_s)}"
+        begin, end = (f"{int(seconds) // 3600}:{int(seconds) % 3600 // 60:02d} h" for seconds in (begin_s, end_s))
+        return f"goes from {begin} to {end}" if begin_s else f"takes {end}"
+    begin, end = (format_later_clock(request.start_s, seconds) for seconds in (begin_s, end_s))
+    return f"goes from {begin} to {end}"
 
 
 def _check_deadline(name: str, earlier: PlanRequest, elapsed_s: float, request: PlanRequest) -> None:

@@ -26,13 +26,19 @@ def repeat_interrupts() -> Iterator[None]:
     if not _can_listen():
         yield
         return
-    previous_hook, sys.unraisablehook = sys.unraisablehook, _report_lost_error
+    report_lost = sys.unraisablehook
+
+    def report_other(lost: UnraisableHookArgs) -> None:
+        if not is_interrupt(lost.exc_value):
+            report_lost(lost)
+
+    sys.unraisablehook = report_other
     previous_handlers = [signal.signal(number, _raise_interrupt) for number in (signal.SIGINT, signal.SIGALRM)]
     try:
         yield
     finally:
         stop_repeating()
-        sys.unraisablehook = previous_hook
+        sys.unraisablehook = report_lost
         for number, handler in zip((signal.SIGINT, signal.SIGALRM), previous_handlers, strict=True):
             signal.signal(number, handler)
 
@@ -64,9 +70,3 @@ def _can_listen() -> bool:
 def _raise_interrupt(_number: int, _frame: FrameType | None) -> None:
     signal.setitimer(signal.ITIMER_REAL, REPEAT_INTERVAL_S)
     raise KeyboardInterrupt
-
-
-def _report_lost_error(lost: UnraisableHookArgs) -> None:
-    """What Python says of an error that nobody can handle; of an interrupt nothing, as it comes again."""
-    if not is_interrupt(lost.exc_value):
-        sys.__unraisablehook__(lost)

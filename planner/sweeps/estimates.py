@@ -341,7 +341,7 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
     """The figures of a plan as a drive would have them, as far as they are estimated."""
     times, share, due_m2 = timed.times, timed.worked_share, context.layout.field.due_region.area
     left_out_m2 = measure_left_out_m2(context)
-    missed_m2 = (1.0 - share) * due_m2 - left_out_m2
+    missed_m2 = max(0.0, (1.0 - share) * due_m2 - left_out_m2)
     whole = 1.0 + missed_m2 / (share * due_m2)
     finish_s = float(times.tractor_s.max())
     energy = _estimate_energy(context, times)

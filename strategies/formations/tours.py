@@ -104,9 +104,8 @@ class _Pieces:
     def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
         """Columns left over follow the rounds, headland sides come before or after both as what comes first says."""
         first = find_first_tasks(self.table.site, self.table.lines, order)
-        passes = {True: 0, False: 3}  # by whether they are among what comes first
         tasks = [self.table.lines[line].task for line in self.lines]
-        stages = [passes[task in first] if task.kind == HEADLAND_PASS else 2 for task in tasks]
+        stages = [2 if task.kind != HEADLAND_PASS else 0 if task in first else 3 for task in tasks]
         return np.array(stages + [1] * len(self.chains))
 
     def expand(self, tour: Sequence[int]) -> FormationTour:

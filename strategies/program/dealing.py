@@ -68,6 +68,8 @@ def free_other_lines(lines: Sequence[DealtLine], tractors: int) -> npt.NDArray[n
 def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
     """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`.
 
+    Without weights and runs 0 twice.
+
     Weights count to a millionth of the heaviest, so that rounding errors decide nothing where two cuts are as good.
     """
     heaviest = max(weights, default=1.0)

@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.field import Field
 from fields.units import MINUTE_S
 from planner import PlanRequest, plan
-from planner.errors import RequestError
+from planner.errors import HeadlandError, RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
 from planner.evaluation.ground.coverage import compute_guided_path, measure_outside_m
 from planner.evaluation.preparation import prepare_context
@@ -228,7 +228,7 @@ def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: b
     assert float(measure_outside_m(run, 0, result.context)[within].max()) < 0.5
 
 
-def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_answer() -> None:
+def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_answer(tmp_path: Path) -> None:
     gated = Field("gated", CORNER_M, entrance=(0.0, 45.0))
     request = PlanRequest(width_m=12.0, tractors=(2,), strategies=("split-field",))
     result = plan_order(WorkOrder(request, field=gated, times=FarmTimes(unfold_s=400.0)))
@@ -238,3 +238,6 @@ def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_a
     delayed = [delay_steps(steps, drawn.begin_s) for steps in drawn.steps]
     worked_s = max(step.from_s + step.seconds for steps in delayed for step in steps if step.kind in ("track", "round"))
     assert worked_s == pytest.approx(best.stated_end_s, abs=1.0)
+    result.save(tmp_path / "plan.json")
+    with pytest.raises(HeadlandError, match=r"goes from 0:06 h to 0:\d\d h, and 0:05 is not within that"):
+        plan_order(WorkOrder(request, field=gated, done=(f"{tmp_path}/plan.json@0:05",)))

@@ -319,7 +319,7 @@ def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_no
         assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
     formation = replace(request, strategies=("row-by-row",))
     (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
-    assert "need 2 tracks, and the field has 0; use split-field" in str(refused.reason)
+    assert "need 2 tracks, and there is work on 0; use split-field" in str(refused.reason)
     rest = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(0.0, 0.0, 0.3, 60.0)  # 18 m2 along an edge
     (refused,) = plan(
         replace(request, tractors=(1,)), done=DoneWork(rest, 0.1), executor=SerialExecutor()

@@ -117,7 +117,7 @@ def test_sides_of_the_headland_are_work_for_tractors_without_a_track() -> None:
     ranking = plan_order(WorkOrder(request, field=Field("strip", shapely.box(0.0, 0.0, 200.0, 30.0)))).ranking
     one, two = (ranking.by_count[count] for count in (1, 2))
     assert (two.time_s or 0.0) < 0.7 * (one.time_s or 0.0) and (two.worked_pct or 0.0) > (one.worked_pct or 0.0) - 1.0
-    assert {"2 tractors in formation need 2 tracks, and the field has 1; use split-field or interleaved."} == {
+    assert {"2 tractors in formation need 2 tracks, and there is work on 1; use split-field or interleaved."} == {
         plan.reason for plan in ranking.plans if not plan.feasible and "formation" in (plan.reason or "")
     }
 

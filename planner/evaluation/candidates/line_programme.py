@@ -182,7 +182,7 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
 
     def form_up(order: str) -> SketchedPlan:
         site = get_formation_site(context)
-        _check_swaths_are_left(context, tractors)
+        _check_tracks_suffice(context, tractors)
 
         def compose() -> ComposedPlan:
             formation = compose_formation(site, tractors, order, rule)
@@ -210,14 +210,14 @@ def _require_lines(context: PlanningContext) -> SiteMoves:
     return moves
 
 
-def _check_swaths_are_left(context: PlanningContext, tractors: int) -> None:
+def _check_tracks_suffice(context: PlanningContext, tractors: int) -> None:
     """Refuse a formation where fewer tracks are to be worked than it has tractors."""
     lines = _require_lines(context).lines
     tracks = {line.task.number for line in lines if line.task.kind == SWATH}
     if (count := len(tracks)) < tractors:
         raise StrategyError(
-            f"{tractors} tractors in formation need {tractors} tracks, and the field has {count}; use split-field or "
-            "interleaved."
+            f"{tractors} tractors in formation need {tractors} tracks, and there is work on {count}; use split-field "
+            "or interleaved."
         )
 
 
