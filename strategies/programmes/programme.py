@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from strategies.moves.drives import BRAKE_M, SETTLE_M
 from strategies.programmes.driven_search import search_driven_tours
-from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.move_estimates import DETOUR_S, NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
@@ -20,6 +20,9 @@ from strategies.programmes.tour_legs import build_mission, build_run_parts, stan
 from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
+from vehicle.missions.plan import Mission
+from vehicle.missions.run import SimulationRun
+from vehicle.records import WAITING
 
 Floats = npt.NDArray[np.float64]
 
@@ -54,6 +57,35 @@ class Programme:
         """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
         return [compute_tour_s(self.table, tour) for tour in self.tours]
 
+    def charge_waiting(self, run: SimulationRun) -> Floats:
+        """Seconds (n + 1, n + 1) that its tractors waited at each move in a run; DETOUR_S where two met in spite of it.
+
+        A tractor waits before the last part of a line for the move that follows.
+        """
+        charged_s = np.zeros_like(self.table.cost_s)
+        tours = [tour for tour in self.tours if tour]
+        moves = [_list_leg_moves(self.table, *each) for each in zip(run.plan.missions, tours, strict=True)]
+        for tractor, of_legs in enumerate(moves):
+            legs = run.get_leg_numbers(tractor)[run.get_statuses(tractor) == WAITING]
+            np.add.at(charged_s, tuple(of_legs[legs].T), run.step_s)
+        if run.conflict is not None:
+            met = run.conflict
+            for tractor, leg in ((met.first, met.first_leg), (met.second, met.second_leg)):
+                charged_s[tuple(moves[tractor][leg])] += DETOUR_S
+        return charged_s
+
+
+def _list_leg_moves(table: MoveTable, mission: Mission, tour: Sequence[int]) -> npt.NDArray[np.int64]:
+    """The move (legs, 2) that each leg of a tour is part of, or that follows the line it works."""
+    nodes = [table.gate, *tour, table.gate]
+    tasks = [leg.task if leg.task.is_work else None for leg in mission.legs]
+    line, worked, lines = int(table.lines[tour[0] // 2].is_place), None, list[int]()
+    for task in tasks:
+        if task is not None and task != worked:
+            line, worked = line + 1, task
+        lines.append(min(line, len(tour)))
+    return np.array([nodes[line : line + 2] for line in lines], np.int64).reshape(-1, 2)
+
 
 def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
     """Seconds that a tour is driven from rest to rest: its lines and its moves, without what these are charged."""
@@ -84,13 +116,14 @@ def make_programme(
     stands_in_way: StandingCheck | None = None,
     served_s: Floats | None = None,
     start: Sequence[Sequence[int]] | None = None,
+    charged_s: Floats | float = 0.0,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
     With `stands_in_way` no two tractors of a field without an entrance begin or end where they never get on. `served_s`
     (n,) says how long a tractor takes to be served for each line, so that all finish together. The search begins with
-    the tours `start`.
+    the tours `start`; moves cost `charged_s` (n + 1, n + 1) more than they take.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
@@ -107,7 +140,7 @@ def make_programme(
 
     best = search_driven_tours(
         table,
-        lambda costs: pose_problem(table.moves, costs, stage, may, extra_s, barred),
+        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, barred),
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,

@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, weigh_order_s
+from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.path_planning.errors import StrategyError
 
-WAITED_SHARE = 1.01  # of the time of a plan whose tractors have nobody to give way to
+WAITED_SHARE = 1.0 + MODEL_ERROR_SHARE  # of the time of a plan whose tractors have nobody to give way to
+MOST_DRIVES = 4  # of a plan that is composed anew with what its tractors waited charged
 Driven = TypeVar("Driven")
 
 
@@ -22,6 +24,7 @@ def drive_best(
     measure_alone_s: Callable[[ComposedPlan], list[float]],
     drive: Callable[[ComposedPlan], tuple[Driven, float]],
     find_loss_s: Callable[[Sequence[float]], float | None] = _find_no_loss_s,
+    compose_anew: Callable[[ComposedPlan, Driven], ComposedPlan | None] = lambda *_: None,
 ) -> Driven | float:
     """What came of driving the best plan by `weigh_order_s`; of those that cannot be driven the first if none can.
 
@@ -30,8 +33,8 @@ def drive_best(
     tractor with nobody in its way.
 
     Another order of headland and swaths is driven only where it would be better than what was driven before, if
-    nobody waited; where somebody did, tractors that work apart, or as they did before, are tried too. Raises
-    StrategyError if no plan can be composed.
+    nobody waited. Where somebody did, `compose_anew` composes the plan with that charged; if it does not help, or
+    cannot, what is left is shared otherwise. Raises StrategyError if no plan can be composed.
     """
     best, best_s = list[Driven](), math.inf
     losers, refusals, waiting = list[float](), list[StrategyError](), list(sketches)
@@ -46,21 +49,45 @@ def drive_best(
         if isinstance(composed, float):
             losers.append(composed)
             continue
-        alone_s = max(measure_alone_s(composed)) * composed.left_factor
-        if best and weigh_order_s(composed.order, alone_s) >= best_s:
-            continue
-        driven, driven_s = drive(composed)
-        seconds = driven_s * composed.left_factor
-        if sketch.sketch_apart is not None and seconds > WAITED_SHARE * alone_s:
-            waiting += sketch.sketch_apart(composed.programme.left_m2)
-        weighed_s = weigh_order_s(composed.order, seconds)
-        if not best or weighed_s < best_s:
-            best, best_s = [driven], weighed_s
+        drives, waits = _drive_waiting_less(composed, measure_alone_s, drive, compose_anew, best_s)
+        for driven, weighed_s in drives:
+            if not best or weighed_s < best_s:
+                best, best_s = [driven], weighed_s
+        if waits and sketch.sketch_others is not None:
+            waiting += sketch.sketch_others(composed.programme.left_m2)
     if losers and math.isinf(best_s):
         return min(losers)
     if not best:
         raise refusals[0]
     return best[0]
+
+
+def _drive_waiting_less(
+    composed: ComposedPlan,
+    measure_alone_s: Callable[[ComposedPlan], list[float]],
+    drive: Callable[[ComposedPlan], tuple[Driven, float]],
+    compose_anew: Callable[[ComposedPlan, Driven], ComposedPlan | None],
+    most_s: float,
+) -> tuple[list[tuple[Driven, float]], bool]:
+    """Drives of a plan, composed anew as long as its tractors wait, each with its weighed seconds; whether they wait in
+    the last.
+
+    What could not be done in less than `most_s`, or what was driven before, is not driven.
+    """
+    drives = list[tuple[Driven, float]]()
+    for number in range(MOST_DRIVES):
+        anew = compose_anew(composed, drives[-1][0]) if number else composed
+        if anew is None:
+            break
+        composed, alone_s = anew, max(measure_alone_s(anew)) * anew.left_factor
+        if weigh_order_s(composed.order, alone_s) >= most_s:
+            return drives, False
+        driven, driven_s = drive(composed)
+        drives.append((driven, weigh_order_s(composed.order, driven_s * composed.left_factor)))
+        most_s = min(most_s, drives[-1][1])
+        if driven_s * composed.left_factor <= WAITED_SHARE * alone_s:
+            return drives, False
+    return drives, True
 
 
 def _compose_unless_lost(

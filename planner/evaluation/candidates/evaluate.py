@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -181,7 +182,12 @@ def _run_unless_pruned(
     def find_loss_s(tractor_s: Sequence[float]) -> float | None:
         return estimate_loss_s(context, tractor_s, incumbent)
 
-    return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s)
+    def compose_anew(composed: ComposedPlan, driven: CandidateRun) -> ComposedPlan | None:
+        with suppress(StrategyError):
+            return composed.compose_anew and composed.compose_anew(driven.run)
+        return None
+
+    return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s, compose_anew)
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:

@@ -38,8 +38,10 @@ from strategies.service_stops.programme_stops import build_stop_moves, estimate_
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
+from vehicle.missions.run import SimulationRun
 
 Flags = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
@@ -52,12 +54,15 @@ class ComposedPlan:
     Attributes:
         build: builds the plan.
         tractor_s: seconds of every tractor, by lines and moves, if it gives way to nobody.
+        compose_anew: composes it with what its tractors waited in a run, and how often they met, charged to the moves
+            at which they did; raises StrategyError where that does not work. None for a formation.
     """
 
     order: str
     programme: Programme
     build: Callable[[], Plan]
     tractor_s: list[float]
+    compose_anew: Callable[[SimulationRun], ComposedPlan] | None = None
 
     @cached_property
     def plan(self) -> Plan:
@@ -86,14 +91,14 @@ class SketchedPlan:
         tours: the nodes of every tractor in order; empty for a formation.
         served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_apart: sketches the same where tractors work more apart from each other, or as they did before, and leave
-            hardly more ground than so much (m2); None where they cannot.
+        sketch_others: sketches the same with what is left shared otherwise, as it was before or by who stands near, and
+            hardly more ground left than so much (m2); None for such a sketch.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
-    sketch_apart: Callable[[float], list[SketchedPlan]] | None = None
+    sketch_others: Callable[[float], list[SketchedPlan]] | None = None
     tours: Sequence[Sequence[int]] = ()
     served_s: Sequence[float] = ()
 
@@ -137,12 +142,12 @@ def sort_sketches(sketches: Sequence[SketchedPlan]) -> list[SketchedPlan]:
 
 
 def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, Any]) -> SketchedPlan:
-    """A sketch whose plan has notes, and that of tractors apart likewise."""
-    apart = sketch.sketch_apart
+    """A sketch whose plan has notes, and those of other shares likewise."""
+    others = sketch.sketch_others
     return replace(
         sketch,
         compose=partial(_compose_sketch, context, sketch.compose, notes),
-        sketch_apart=None if apart is None else lambda left_m2: [_add_notes(context, s, notes) for s in apart(left_m2)],
+        sketch_others=others and (lambda left_m2: [_add_notes(context, one, notes) for one in others(left_m2)]),
     )
 
 
@@ -165,7 +170,12 @@ def _compose_sketch(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."
         )
-    return replace(one, build=partial(_finish_plan, context, one, notes))
+    anew = one.compose_anew
+    return replace(
+        one,
+        build=partial(_finish_plan, context, one, notes),
+        compose_anew=None if anew is None else lambda run: _compose_sketch(context, partial(anew, run), notes),
+    )
 
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
@@ -256,8 +266,6 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     shares = [_Share(deal.allowed)]
     if context.going_on is not None:
         shares += _list_shares_from_here(moves, tractors)
-    elif tractors > 1 and not strategy.beside:
-        shares += map(_Share, list_deals_apart(moves.lines, deal.allowed))
 
     def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
         allowed, table = wishes.limit(moves.lines, shares[number].allowed), MoveTable(moves)
@@ -266,7 +274,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         sketched = sketch_programme(table, tractors, stages, allowed, served_s)
 
-        def compose() -> ComposedPlan:
+        def compose(charged_s: Floats | float = 0.0, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
                 table,
                 tractors,
@@ -274,34 +282,37 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 allowed,
                 stands_in_way=stands_in_way,
                 served_s=served_s,
-                start=sketched.tours,
+                start=tours,
+                charged_s=charged_s,
             )
             if programme.left_m2 > most_left_m2 + MENTIONED_M2:
-                raise StrategyError("Tractors that work apart leave lines which they work together.")
+                raise StrategyError("Shared otherwise the tractors leave lines that they work so.")
             stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
                 plan = stops.build_plan() if stops else build_plan(programme)
                 return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
-            return ComposedPlan(order, programme, build, programme.compute_tractor_s())
+            def compose_anew(run: SimulationRun) -> ComposedPlan:
+                waited_s = programme.charge_waiting(run)
+                if not waited_s.any():
+                    raise StrategyError("No tractor of the plan waits for another.")
+                return compose(charged_s + waited_s, programme.tours)
 
-        def sketch_apart(left_m2: float) -> list[SketchedPlan]:
+            return ComposedPlan(order, programme, build, programme.compute_tractor_s(), compose_anew)
+
+        def sketch_others(left_m2: float) -> list[SketchedPlan]:
             found = list[SketchedPlan]()
-            for following in others:
+            for following in range(1, len(shares)):
                 with suppress(StrategyError):
-                    found.append(sketch(order, following, min(left_m2, most_left_m2)))
+                    found.append(sketch(order, following, left_m2))
             return found
 
         stops_s = [
             0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
         ]
-        if context.going_on is None:  # each is dealt out of the one before, and takes longer if nobody waits
-            others = range(number + 1, min(number + 2, len(shares)))
-        else:
-            others = range(1, 1 if number else len(shares))
-        apart = sketch_apart if others else None
-        return SketchedPlan(order, sketched.tractor_s, compose, apart, tours=sketched.tours, served_s=stops_s)
+        others = None if number else sketch_others
+        return SketchedPlan(order, sketched.tractor_s, compose, others, tours=sketched.tours, served_s=stops_s)
 
     return sketch
 
