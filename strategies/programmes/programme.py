@@ -20,7 +20,7 @@ from strategies.programmes.tour_legs import build_mission, build_run_parts, stan
 from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
-from vehicle.missions.plan import Mission
+from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.records import WAITING
 
@@ -57,17 +57,20 @@ class Programme:
         """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
         return [compute_tour_s(self.table, tour) for tour in self.tours]
 
-    def charge_waiting(self, run: SimulationRun) -> Floats:
-        """Seconds (n + 1, n + 1) that its tractors waited at each move in a run; DETOUR_S where two met in spite of it.
+    def charge_waiting(self, plan: Plan, run: SimulationRun) -> Floats:
+        """Seconds (n + 1, n + 1) that its tractors waited at each move in a run of its plan; DETOUR_S where two met.
 
-        A tractor waits before the last part of a line for the move that follows.
+        A tractor waits before the last part of a line for the move that follows. Gates of the plan itself do not count.
         """
         charged_s = np.zeros_like(self.table.cost_s)
         tours = [tour for tour in self.tours if tour]
-        moves = [_list_leg_moves(self.table, *each) for each in zip(run.plan.missions, tours, strict=True)]
+        moves = [_list_leg_moves(self.table, *each) for each in zip(plan.missions, tours, strict=True)]
         for tractor, of_legs in enumerate(moves):
-            legs = run.get_leg_numbers(tractor)[run.get_statuses(tractor) == WAITING]
-            np.add.at(charged_s, tuple(of_legs[legs].T), run.step_s)
+            is_free = np.array([not leg.gates for leg in plan.missions[tractor].legs])
+            legs = run.get_leg_numbers(tractor)
+            np.add.at(
+                charged_s, tuple(of_legs[legs[is_free[legs] & (run.get_statuses(tractor) == WAITING)]].T), run.step_s
+            )
         if run.conflict is not None:
             met = run.conflict
             for tractor, leg in ((met.first, met.first_leg), (met.second, met.second_leg)):

@@ -35,8 +35,9 @@ from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
 from tests.benchmarks.planned_jobs import build_field, build_tractor
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, LegGate
 from vehicle.missions.run import DONE
+from vehicle.records import WAITING
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -163,6 +164,28 @@ def test_two_tractors_need_little_more_than_half_the_time_of_one(context: Planni
     assert alone.time_s is not None
     assert 0.5 * alone.time_s * 0.95 < both.time_s < 0.5 * alone.time_s * 1.1
     assert abs((both.worked_pct or 0.0) - (alone.worked_pct or 0.0)) < 0.5
+
+
+def test_waiting_is_charged_to_the_move_before_which_a_tractor_waits(context: PlanningContext) -> None:
+    composed = sketch_plans(context, STRATEGIES["split-field"], 2)[0].compose()
+    programme, plan = composed.programme, composed.plan
+    leg = next(number for number, leg in enumerate(plan.missions[0].legs) if leg.may_wait and leg.implement)
+    waiting = plan.copy_with_gate(0, leg, LegGate(1, len(plan.missions[1].legs) - 1, 1.0))
+    run = programme.table.site.drive(waiting)
+    waited_s = run.step_s * np.count_nonzero(run.get_statuses(0) == WAITING)
+    charged_s = programme.charge_waiting(plan, run)
+    first, second = programme.tours[0][:2]
+    assert waited_s > 100.0 and np.argwhere(charged_s).tolist() == [[first, second]]
+    assert charged_s[first, second] == pytest.approx(waited_s)
+    assert not programme.charge_waiting(waiting, run).any(), "the plan itself asks for it"
+
+
+@pytest.mark.slow
+def test_tractors_that_wait_long_are_given_other_moves() -> None:
+    found = prepare_context(WorkOrder(PlanRequest("netherlands", width_m=4.5, tractors=(6,))))
+    first_s = drive(found, 6).run.duration_s
+    result = simulate_candidate(found, Candidate("split-field", 6)).result
+    assert (result.time_s or math.inf) < 0.9 * first_s
 
 
 @pytest.mark.slow

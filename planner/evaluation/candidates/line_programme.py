@@ -54,15 +54,15 @@ class ComposedPlan:
     Attributes:
         build: builds the plan.
         tractor_s: seconds of every tractor, by lines and moves, if it gives way to nobody.
-        compose_anew: composes it with what its tractors waited in a run, and how often they met, charged to the moves
-            at which they did; raises StrategyError where that does not work. None for a formation.
+        compose_anew: composes it with what its tractors waited in a run of its plan charged to the moves at which they
+            did; raises StrategyError where they did not, or that does not work. None for a formation.
     """
 
     order: str
     programme: Programme
     build: Callable[[], Plan]
     tractor_s: list[float]
-    compose_anew: Callable[[SimulationRun], ComposedPlan] | None = None
+    compose_anew: Callable[[Plan, SimulationRun], ComposedPlan] | None = None
 
     @cached_property
     def plan(self) -> Plan:
@@ -174,7 +174,7 @@ def _compose_sketch(
     return replace(
         one,
         build=partial(_finish_plan, context, one, notes),
-        compose_anew=None if anew is None else lambda run: _compose_sketch(context, partial(anew, run), notes),
+        compose_anew=anew and (lambda *driven: _compose_sketch(context, partial(anew, *driven), notes)),
     )
 
 
@@ -293,8 +293,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 plan = stops.build_plan() if stops else build_plan(programme)
                 return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
-            def compose_anew(run: SimulationRun) -> ComposedPlan:
-                waited_s = programme.charge_waiting(run)
+            def compose_anew(plan: Plan, run: SimulationRun) -> ComposedPlan:
+                waited_s = programme.charge_waiting(plan, run)
                 if not waited_s.any():
                     raise StrategyError("No tractor of the plan waits for another.")
                 return compose(charged_s + waited_s, programme.tours)
