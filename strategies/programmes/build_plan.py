@@ -1,15 +1,54 @@
-"""A programme as a plan."""
+"""A programme as a plan, and what a drive of that says of its moves."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from strategies.programmes.move_estimates import DETOUR_S
 from strategies.programmes.programme import Programme
 from strategies.programmes.tour_legs import build_mission
-from vehicle.missions.plan import Plan
+from vehicle.missions.plan import Mission, Plan
+from vehicle.missions.run import SimulationRun
+
+Floats = npt.NDArray[np.float64]
 
 
 def build_plan(programme: Programme, **notes: Any) -> Plan:
     """The plan of a programme, one mission per tractor that has lines."""
     missions = tuple(build_mission(programme.table, tour) for tour in programme.tours if tour)
     return Plan(missions, {"tractors": len(missions), **notes})
+
+
+def charge_waiting(programme: Programme, plan: Plan, run: SimulationRun) -> Floats:
+    """Seconds (n + 1, n + 1) that tractors waited at each move in a run of the plan of a programme, DETOUR_S where two
+    met.
+
+    A tractor waits before the last part of a line for the move that follows. Gates of the plan itself do not count.
+    """
+    charged_s = np.zeros_like(programme.table.cost_s)
+    tours = [tour for tour in programme.tours if tour]
+    moves = [_list_leg_moves(programme, *each) for each in zip(plan.missions, tours, strict=True)]
+    for tractor, (mission, of_legs) in enumerate(zip(plan.missions, moves, strict=True)):
+        waited_s = np.where([bool(leg.gates) for leg in mission.legs], 0.0, run.sum_waits_s(tractor))
+        np.add.at(charged_s, tuple(of_legs.T), waited_s)
+    if run.conflict is not None:
+        met = run.conflict
+        for tractor, leg in ((met.first, met.first_leg), (met.second, met.second_leg)):
+            charged_s[tuple(moves[tractor][leg])] += DETOUR_S
+    return charged_s
+
+
+def _list_leg_moves(programme: Programme, mission: Mission, tour: Sequence[int]) -> npt.NDArray[np.int64]:
+    """The move (legs, 2) that each leg of a tour is part of, or that follows the line it works."""
+    table = programme.table
+    nodes, line, worked = [table.gate, *tour, table.gate], int(table.lines[tour[0] // 2].is_place), None
+    pairs = []
+    for leg in mission.legs:
+        if leg.task.is_work and leg.task != worked:
+            line, worked = line + 1, leg.task
+        pairs.append(nodes[min(line, len(tour)) :][:2])
+    return np.array(pairs, np.int64)

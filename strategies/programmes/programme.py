@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from strategies.moves.drives import BRAKE_M, SETTLE_M
 from strategies.programmes.driven_search import search_driven_tours
-from strategies.programmes.move_estimates import DETOUR_S, NO_MOVE_S
+from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
@@ -20,9 +20,6 @@ from strategies.programmes.tour_legs import build_mission, build_run_parts, stan
 from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
-from vehicle.missions.plan import Mission, Plan
-from vehicle.missions.run import SimulationRun
-from vehicle.records import WAITING
 
 Floats = npt.NDArray[np.float64]
 
@@ -56,38 +53,6 @@ class Programme:
     def compute_tractor_s(self) -> list[float]:
         """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
         return [compute_tour_s(self.table, tour) for tour in self.tours]
-
-    def charge_waiting(self, plan: Plan, run: SimulationRun) -> Floats:
-        """Seconds (n + 1, n + 1) that its tractors waited at each move in a run of its plan; DETOUR_S where two met.
-
-        A tractor waits before the last part of a line for the move that follows. Gates of the plan itself do not count.
-        """
-        charged_s = np.zeros_like(self.table.cost_s)
-        tours = [tour for tour in self.tours if tour]
-        moves = [_list_leg_moves(self.table, *each) for each in zip(plan.missions, tours, strict=True)]
-        for tractor, of_legs in enumerate(moves):
-            is_free = np.array([not leg.gates for leg in plan.missions[tractor].legs])
-            legs = run.get_leg_numbers(tractor)
-            np.add.at(
-                charged_s, tuple(of_legs[legs[is_free[legs] & (run.get_statuses(tractor) == WAITING)]].T), run.step_s
-            )
-        if run.conflict is not None:
-            met = run.conflict
-            for tractor, leg in ((met.first, met.first_leg), (met.second, met.second_leg)):
-                charged_s[tuple(moves[tractor][leg])] += DETOUR_S
-        return charged_s
-
-
-def _list_leg_moves(table: MoveTable, mission: Mission, tour: Sequence[int]) -> npt.NDArray[np.int64]:
-    """The move (legs, 2) that each leg of a tour is part of, or that follows the line it works."""
-    nodes = [table.gate, *tour, table.gate]
-    tasks = [leg.task if leg.task.is_work else None for leg in mission.legs]
-    line, worked, lines = int(table.lines[tour[0] // 2].is_place), None, list[int]()
-    for task in tasks:
-        if task is not None and task != worked:
-            line, worked = line + 1, task
-        lines.append(min(line, len(tour)))
-    return np.array([nodes[line : line + 2] for line in lines], np.int64).reshape(-1, 2)
 
 
 def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:

@@ -25,7 +25,7 @@ from planner.request.plan_request import PlanRequest
 from reports.common.shortfalls import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.lines.work_line import HOLE_PASS
-from strategies.programmes.build_plan import build_plan
+from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
@@ -173,11 +173,11 @@ def test_waiting_is_charged_to_the_move_before_which_a_tractor_waits(context: Pl
     waiting = plan.copy_with_gate(0, leg, LegGate(1, len(plan.missions[1].legs) - 1, 1.0))
     run = programme.table.site.drive(waiting)
     waited_s = run.step_s * np.count_nonzero(run.get_statuses(0) == WAITING)
-    charged_s = programme.charge_waiting(plan, run)
+    charged_s = charge_waiting(programme, plan, run)
     first, second = programme.tours[0][:2]
     assert waited_s > 100.0 and np.argwhere(charged_s).tolist() == [[first, second]]
     assert charged_s[first, second] == pytest.approx(waited_s)
-    assert not programme.charge_waiting(waiting, run).any(), "the plan itself asks for it"
+    assert not charge_waiting(programme, waiting, run).any(), "the plan itself asks for it"
 
 
 @pytest.mark.slow

@@ -178,6 +178,11 @@ class SimulationRun:
                 folds[rows[round(leg.stand_s / self.step_s) if self.step_s else 0 :]] = True
         return folds
 
+    def sum_waits_s(self, tractor: int) -> Floats:
+        """Seconds that a tractor waited before each of its legs (legs,)."""
+        rows = self.get_leg_numbers(tractor)[self.get_statuses(tractor) == WAITING]
+        return self.step_s * np.bincount(rows, minlength=len(self.plan.missions[tractor].legs)).astype(np.float64)
+
     def compute_time_shares(self) -> dict[str, Records]:
         """Seconds per tractor of working, turning with what folding takes, waiting and reversing."""
         statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}

@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, weigh_order_s
-from reports.common.plan_results import MODEL_ERROR_SHARE
+from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, does_wait, weigh_order_s
 from strategies.path_planning.errors import StrategyError
 
-WAITED_SHARE = 1.0 + MODEL_ERROR_SHARE  # of the time of a plan whose tractors have nobody to give way to
 MOST_DRIVES = 4  # of a plan that is composed anew with what its tractors waited charged
 Driven = TypeVar("Driven")
 
@@ -85,7 +83,7 @@ def _drive_waiting_less(
         driven, driven_s = drive(composed)
         drives.append((driven, weigh_order_s(composed.order, driven_s * composed.left_factor)))
         most_s = min(most_s, drives[-1][1])
-        if driven_s * composed.left_factor <= WAITED_SHARE * alone_s:
+        if not does_wait(driven_s * composed.left_factor, alone_s):
             return drives, False
     return drives, True
 

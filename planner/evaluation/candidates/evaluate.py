@@ -184,7 +184,7 @@ def _run_unless_pruned(
 
     def compose_anew(composed: ComposedPlan, driven: CandidateRun) -> ComposedPlan | None:
         with suppress(StrategyError):
-            return composed.compose_anew and composed.compose_anew(composed.plan, driven.run)
+            return composed.compose_anew and composed.compose_anew(composed.plan, driven)
         return None
 
     return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s, compose_anew)

@@ -28,7 +28,7 @@ from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal, group_swath_lines
-from strategies.programmes.build_plan import build_plan
+from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
@@ -38,7 +38,6 @@ from strategies.service_stops.programme_stops import build_stop_moves, estimate_
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
-from vehicle.missions.run import SimulationRun
 
 Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -62,7 +61,7 @@ class ComposedPlan:
     programme: Programme
     build: Callable[[], Plan]
     tractor_s: list[float]
-    compose_anew: Callable[[Plan, SimulationRun], ComposedPlan] | None = None
+    compose_anew: Callable[[Plan, CandidateRun], ComposedPlan] | None = None
 
     @cached_property
     def plan(self) -> Plan:
@@ -114,6 +113,11 @@ def weigh_order_s(order: str, seconds: float) -> float:
     may be an error of the model.
     """
     return (1.0 + MODEL_ERROR_SHARE) * seconds if order == HEADLAND_FIRST else seconds
+
+
+def does_wait(seconds: float, alone_s: float) -> bool:
+    """Whether a plan takes longer than its tractors alone, by more than may be an error of the model."""
+    return seconds > (1.0 + MODEL_ERROR_SHARE) * alone_s
 
 
 def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) -> list[SketchedPlan]:
@@ -293,8 +297,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 plan = stops.build_plan() if stops else build_plan(programme)
                 return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
-            def compose_anew(plan: Plan, run: SimulationRun) -> ComposedPlan:
-                waited_s = programme.charge_waiting(plan, run)
+            def compose_anew(plan: Plan, driven: CandidateRun) -> ComposedPlan:
+                waited_s = charge_waiting(programme, plan, driven.run)
                 if not waited_s.any():
                     raise StrategyError("No tractor of the plan waits for another.")
                 return compose(charged_s + waited_s, programme.tours)
