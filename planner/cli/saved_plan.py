@@ -16,7 +16,6 @@ from planner.request.option_texts import format_clock
 
 if TYPE_CHECKING:
     from planner.pipeline.outputs.saved_plans import SavedPlanRun
-    from reports.common.plan_drives import DriverLeg
     from reports.plan.guidance_export import GuidanceFiles
 
 
@@ -126,7 +125,7 @@ def show(
     AnswerForm(json).print_answer(
         saved_run,
         json=lambda run: format_leg_lists_json(run.steps, _summarise_plan(run), tractor),
-        screen=lambda run: build_leg_tables(_format_title(run), _list_steps(run), _format_start(run), tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
     )
 
 
@@ -142,15 +141,6 @@ def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
         "time_s": saved_run.run.duration_s,
         "stated": None if stated is None else asdict(stated),
     }
-
-
-def _list_steps(saved_run: SavedPlanRun) -> list[list[DriverLeg]]:
-    """The legs with times after the start of the plan, which on a farm is before that of field work."""
-    from planner.pipeline.outputs.saved_plans import read_stated_figures
-    from reports.plan.leg_list import delay_steps
-
-    stated = read_stated_figures(saved_run.saved)
-    return [delay_steps(steps, 0.0 if stated is None else stated.begin_s) for steps in saved_run.steps]
 
 
 def _format_title(saved_run: SavedPlanRun) -> str:

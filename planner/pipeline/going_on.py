@@ -35,8 +35,8 @@ from planner.pipeline.outputs.saved_plans import (
     read_machines,
     read_planned_layout,
     read_request,
-    read_stated_figures,
     read_supply,
+    read_workday,
     rerun_plan,
 )
 from planner.request.option_texts import format_clock, format_later_clock
@@ -377,11 +377,11 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     _check_same_job(match["file"], saved, request, context)
     since_start_s = _read_clock(match) - (request.start_s or 0)
     since_start_s += DAY_S if since_start_s < 0.0 else 0.0
-    stated, run = read_stated_figures(saved), rerun_plan(saved, request)
-    begin_s = 0.0 if stated is None else stated.begin_s  # before it is road and unfolding
-    elapsed_s = since_start_s - begin_s
+    day, run = read_workday(saved, request), rerun_plan(saved, request)
+    elapsed_s = float(day.compute_work_s(np.array(since_start_s))) - day.before_field_s
     if not 0.0 <= elapsed_s < run.duration_s:
-        span = _format_span(request, begin_s, begin_s + run.duration_s)
+        begin_s = day.compute_clock_s(day.before_field_s, begins=True)
+        span = _format_span(request, begin_s, day.compute_clock_s(day.before_field_s + run.duration_s))
         raise RequestError(
             f"The plan {quote_path(match['file'])} {span}, and {match[0].rpartition('@')[2]} is not within that; give "
             "a time within it.",

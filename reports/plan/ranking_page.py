@@ -32,7 +32,7 @@ from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
-from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, delay_steps, format_leg_heading
+from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
@@ -135,7 +135,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "state_colours": {**palette.STATE_COLOURS, **rare_colours},
         "cards": [] if first is None else _build_leg_cards(first, ranking.start),
         "headings": LEG_HEADINGS,
-        "begin_s": get_start_time_of_day_s(ranking.field_start or ranking.start) or (first and first.begin_s) or None,
+        "begin_s": get_start_time_of_day_s(ranking.start),
         "front": build_time_chart(ranking),
         "risk": build_risk_chart(ranking),
         "columns": [
@@ -192,8 +192,7 @@ def _build_leg_cards(drive: PlanDrive, start: str | None) -> list[dict[str, Any]
             "heading": format_leg_heading(tractor, steps),
             "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
         }
-        for tractor, own in enumerate(drive.steps, start=1)
-        for steps in [delay_steps(own, drive.begin_s)]
+        for tractor, steps in enumerate(drive.steps, start=1)
     ]
 
 

@@ -20,12 +20,16 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.work_order import DoneWork
+from planner.evaluation.work_order import DoneWork, WorkOrder
+from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
 from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_plan, sum_used
-from planner.pipeline.planning import PlanningResult, plan
+from planner.pipeline.outputs.saved_plans import simulate_saved_plan
+from planner.pipeline.planning import PlanningResult, plan, plan_order
 from planner.request.plan_request import PlanRequest
+from reports.common.wording import format_duration
+from reports.plan.leg_list import describe_leg
 from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Leg
@@ -126,6 +130,36 @@ def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tupl
             x0, y0, heading0 = begun.get_poses(before)[-1]
             assert math.hypot(x - x0, y - y0) < 0.2
             assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 0.1
+
+
+@pytest.mark.slow
+def test_lists_and_the_time_at_which_a_plan_is_left_know_the_breaks_of_the_day(folder: Path, tmp_path: Path) -> None:
+    field = write_field(tmp_path / "field.geojson", OUTLINE)
+    values = {"field": field, "local": True, "width_m": WIDTH_M, "strategies": ("split-field",), "start_s": 6 * 3600}
+    times = FarmTimes(unfold_s=100.0, fold_s=0.0, breaks=("06:05-06:35",))
+    whole = plan_order(WorkOrder(PlanRequest(tractors=(2,), **values), times=times), executor=SerialExecutor())
+    saved = Path(whole.save(tmp_path / "plan.json"))
+    steps, best, run = simulate_saved_plan(saved).steps, whole.ranking.best, whole.run
+    assert best is not None and run is not None
+    for own in steps:
+        assert own[0].clock_s == 100.0
+        assert all(not 300.0 < step.clock_s < 2100.0 for step in own)
+        assert math.fsum(step.pause_s for step in own) == pytest.approx(1800.0, abs=0.1)
+        (paused,) = [step for step in own if step.pause_s]
+        assert f"with a break of {format_duration(paused.pause_s)}" in describe_leg(paused)
+    ends = [step.clock_s + step.seconds + step.pause_s for own in steps for step in own if step.kind != "leave"]
+    assert max(ends) == pytest.approx(best.stated_end_s, abs=1.0)
+
+    due = [go_on(tmp_path, f"{saved}@{clock}").ranking.area_ha for clock in ("6:05", "6:20", "6:35", "6:36")]
+    assert due[0] == due[1] == due[2] > due[3]
+    done_m2 = unite_areas(compute_swept_area(cut_run(run, 200.0), whole.context).ground).area
+    assert due[0] == pytest.approx(whole.ranking.area_ha - 1e-4 * done_m2, rel=0.02)
+    content = json.loads(saved.read_text(encoding="utf-8"))
+    del content["notes"]["stated"]["workday"]
+    saved.write_text(json.dumps(content), encoding="utf-8")  # as an earlier Headland saved it
+    assert simulate_saved_plan(saved).steps[0][0].clock_s == 100.0
+    with pytest.raises(HeadlandError, match="is not within that"):
+        go_on(tmp_path, f"{saved}@6:36")
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
@@ -64,6 +65,18 @@ def list_steps(
     return tuple(
         tuple(_iter_steps(run, tractor, width_m, worked_ground, measures)) for tractor in range(run.plan.tractors)
     )
+
+
+def delay_steps(steps: tuple[tuple[DriverLeg, ...], ...], workday: Workday) -> tuple[tuple[DriverLeg, ...], ...]:
+    """Steps of every tractor at the times of a working day, which may begin with the road and has breaks."""
+
+    def delay(step: DriverLeg) -> DriverLeg:
+        begin_s = workday.before_field_s + step.from_s
+        clock_s = workday.compute_clock_s(begin_s, begins=True)
+        pause_s = workday.compute_clock_s(begin_s + step.seconds) - clock_s - step.seconds
+        return replace(step, delay_s=clock_s - step.from_s, pause_s=max(0.0, round(pause_s, 3)))
+
+    return tuple(tuple(map(delay, own)) for own in steps)
 
 
 @dataclass(frozen=True, eq=False)
