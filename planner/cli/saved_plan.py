@@ -155,7 +155,8 @@ def _format_title(saved_run: SavedPlanRun) -> str:
             return f"in {format_duration(seconds)}"
         return f"by {request.format_clock_after(round_up_to_minute(seconds))}"
 
-    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(saved_run.saved.plan.tractors)]
+    plan = saved_run.saved.plan
+    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(plan.tractors - len(plan.resting))]
     stated = read_stated_figures(saved_run.saved)
     if stated is None:
         return f"{request.field_name}: {', '.join([*parts, f'done in {duration}'])}"

@@ -104,7 +104,7 @@ def prepare_context(
     with attach_parameter("refill"):
         supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
     implement = size_implement(order.implement, request)
-    check_transport_width(request.transport_width_m, max(implement.width_m, implement.contact_width_m))
+    check_transport_width(request.transport_width_m, implement)
     workday, cost_terms = _settle_terms(order, request, field, tractor, implement)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)

@@ -19,10 +19,10 @@ class DriverLeg:
     """One leg of a tractor: a row of the list for its driver.
 
     Attributes:
-        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the
-            next track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "drive", "refill-way" (to
-            the service point), "fold" or "unfold" (of the implement), "refill" (of `amount`, below 0 where a tank is
-            emptied), or "charge" or "change" (of a battery, `amount` in kWh).
+        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the next
+            track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "rest" (nothing to do), "drive",
+            "refill-way" (to the service point), "fold" or "unfold" (of the implement), "refill" (of `amount`, below 0
+            where a tank is emptied), or "charge" or "change" (of a battery, `amount` in kWh).
         number: of the track or headland pass, from 1; turns and ways have those of their goal.
         part: piece of a track ("a", "b", ...) or side of a pass ("1", "2", ...), "" where there is only one.
         is_headland_pass: whether `number` counts headland passes.

@@ -46,6 +46,8 @@ def _describe_purpose(leg: DriverLeg) -> str:
     if leg.kind == "wait":
         awaited = _name_few("tractor", leg.for_tractors)
         return f"wait for {awaited}" if leg.for_tractors else "wait"
+    if leg.kind == "rest":
+        return "rest here" if leg.length_m < _LEAST_REVERSING_M else "drive aside and rest"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"

@@ -27,7 +27,7 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     parse_start_time,
 )
-from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
+from reports.plan.answer import format_stated_cost, format_stated_end, name_fleet, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
@@ -224,7 +224,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     facts = [
         ("Done" if has_start else "Time", format_stated_end(ranking, best.stated_end_s)),
         ("95 %", format_stated_end(ranking, best.stated_late_end_s)),
-        ("Fleet", format_tractor_count(best.tractors)),
+        ("Fleet", name_fleet(best)),
         ("Cost", NO_VALUE if cost is None else format_stated_cost(ranking, best)),
         ("Paid of it", NO_VALUE if paid is None else format_money(paid, ranking.currency)),
         ("In time", FIGURES["finish_probability"].format_with_unit(best)),

@@ -46,6 +46,10 @@ class Programme:
         """The ground of the lines that are left."""
         return math.fsum(self.table.lines[number].own_m2 for number in self.left)
 
+    def list_present(self) -> list[int]:
+        """Numbers of the tractors with a mission: with lines to work, or standing on the field, those first."""
+        return [number for number, tour in enumerate(self.tours) if tour or number < len(self.table.starts)]
+
     def list_pairs(self) -> list[tuple[int, int]]:
         """The moves it uses, as pairs of nodes."""
         return list_pairs(self.table, self.tours)

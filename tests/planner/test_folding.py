@@ -146,6 +146,9 @@ def test_a_width_that_is_none_is_refused(width_m: float) -> None:
 def test_a_folded_implement_is_no_wider_than_at_work() -> None:
     with pytest.raises(RequestError, match="A transport width of 14 m is more than the 6 m of the implement"):
         prepare_context(WorkOrder(PlanRequest(width_m=6.0, transport_width_m=14.0), field=Field("f", CORNER_M)))
+    with pytest.raises(ValueError, match="A transport width of 14 m is more than the 6 m of the implement"):
+        FarmImplement(name="drill", width_m=6.0, transport_width_m=14.0)
+    assert not FarmImplement(name="drill", width_m=2.5).simulated_implement.folds, "the usual width is no mistake"
 
 
 def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:

@@ -14,10 +14,11 @@ import shapely
 
 from fields.documents.reader import read_field, read_polygons
 from fields.errors import FieldError
+from fields.geometry.field import Field
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import GoingOn
+from planner.evaluation.context import GoingOn, Stand
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.work_order import DoneWork, WorkOrder
@@ -25,10 +26,12 @@ from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
 from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_plan, sum_used
+from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan, plan_order
 from planner.request.plan_request import PlanRequest
 from reports.common.wording import format_duration
+from reports.plan.answer import write_answer
 from reports.plan.leg_list import describe_leg
 from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.program.supply import Supply
@@ -130,6 +133,28 @@ def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tupl
             x0, y0, heading0 = begun.get_poses(before)[-1]
             assert math.hypot(x - x0, y - y0) < 0.2
             assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("heading", [0.0, 0.5 * math.pi])
+def test_who_has_no_work_is_counted_as_resting_and_drives_out_of_the_way(heading: float) -> None:
+    """One track is left; a tractor stands at its begin, and another in the middle of it."""
+    field = Field("plot", shapely.box(0, 0, 90, 60))
+    stands = Stand((4.0, 30.0, 0.0)), Stand((50.0, 30.0, heading))
+    done = DoneWork(field.boundary - shapely.box(0, 28, 90, 32), 0.1, stands, numbers=(1, 3))
+    values: dict[str, Any] = {"width_m": WIDTH_M, "no_headland": True, "price_per_tractor": 100.0}
+    request = PlanRequest(tractors=(2,), strategies=("split-field",), **values)
+    rest = plan_order(WorkOrder(request, field=field, done=(done,)), executor=SerialExecutor())
+    best, run = rest.ranking.best, rest.run
+    assert best is not None and run is not None and best.resting == (2,)
+    assert "1 tractor (tractor 2 rests), split-field" in write_answer(rest.ranking).decision
+    assert "no work that is left is worth the drive for tractor 2" in best.remarks
+    assert "tractor 2 is tractor 3 of the plan before" in best.remarks
+    _, y, _ = run.plan.missions[1].end
+    assert abs(y - 30.0) > 5.0 and run.min_clearance_m >= request.clearance_m
+    assert best.cost == pytest.approx(run.duration_s / 3600.0 * 40.0), "who rests is not paid"
+    step = list_steps(run, WIDTH_M)[1][0]
+    assert describe_leg(step) == "drive aside and rest"
 
 
 @pytest.mark.slow
@@ -288,7 +313,7 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
 
 @pytest.mark.slow
 def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: PlanningResult) -> None:
-    """Where that is the first, the other has the first list, which is told."""
+    """Numbers are those of before, whoever rests."""
     corners = {2: shapely.box(0.0, 0.0, 20.0, 4.0), 1: shapely.box(70.0, 56.0, 90.0, 60.0)}
     for idle, corner in corners.items():
         nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - corner, 0.1)
@@ -296,9 +321,10 @@ def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: Plannin
         best, run, going_on = rest.ranking.best, rest.run, rest.context.going_on
         assert best is not None and best.works_enough, "what was done before counts"
         assert f"no work that is left is worth the drive for tractor {idle}" in (best.remark or "")
-        assert ("number the others in order from 1" in (best.remark or "")) == (idle == 1)
-        assert run is not None and run.plan.tractors == 1 and going_on is not None
-        begin, other = run.plan.missions[0].legs[0].points[0], going_on.stands[2 - idle].pose
+        assert best.resting == (idle,) and "of the plan before" not in (best.remark or "")
+        assert run is not None and run.plan.tractors == 2 and going_on is not None
+        assert run.min_clearance_m >= rest.context.request.clearance_m
+        begin, other = run.plan.missions[2 - idle].legs[0].points[0], going_on.stands[2 - idle].pose
         assert begin == pytest.approx(other[:2], abs=0.01), "the other drives"
 
 

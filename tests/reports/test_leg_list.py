@@ -15,9 +15,9 @@ from reports.plan.leg_list import (
 )
 from tests.printing import print_text
 
-KEYS = ["number", "words", "kind", "from_s", "clock_s", "seconds", "pause_s", "length_m", "swath", "headland_pass", "part", "bearing_deg",
-        "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished", "over_finished_m", "fuel_l",
-        "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
+KEYS = ["number", "words", "kind", "from_s", "clock_s", "seconds", "pause_s", "length_m", "swath", "headland_pass",
+        "part", "bearing_deg", "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished",
+        "over_finished_m", "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
 
 
 def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:

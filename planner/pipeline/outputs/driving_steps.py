@@ -41,7 +41,7 @@ from vehicle.missions.run import (
 )
 from vehicle.records import WAITING
 
-CORNER, WAIT, TO_REFILL, FOLD, UNFOLD = "corner", "wait", "refill-way", "fold", "unfold"
+CORNER, WAIT, TO_REFILL, FOLD, UNFOLD, REST = "corner", "wait", "refill-way", "fold", "unfold", "rest"
 """Kinds of step that are not kinds of task."""
 LOOP_SHARE = 0.5  # of the length: a step whose ends are nearer to each other has no direction
 OMEGA_SWING_RAD = math.radians(20.0)  # a turn that first swings out by more than this is an omega
@@ -127,12 +127,15 @@ def _measure_finished_crossing(
 def _iter_steps(
     run: SimulationRun, tractor: int, width_m: float, worked_ground: _WorkedGround, measures: StepMeasures
 ) -> Iterator[DriverLeg]:
-    legs = run.plan.missions[tractor].legs
-    groups = number_leg_steps(legs)
+    mission = run.plan.missions[tractor]
+    legs, groups = mission.legs, number_leg_steps(mission.legs)
     begun: set[int] = set()
     for segment in iter_segments(run, tractor):
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
         step = replace(_build_wait_step(run, tractor, segment), **values)
+        if mission.rests:
+            yield replace(step, kind=REST)
+            continue
         if segment.is_standing:
             yield _name_stand(step, run, tractor, segment)
             continue

@@ -269,8 +269,8 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
     if values is None:
         return Workday(duties_before=() if stated is None else (Duty(ROAD, stated.begin_s),))
     try:
-        breaks_s = tuple((float(first), float(last)) for first, last in values["breaks_s"])
-        begin_s, end_s = (None if at is None else float(at) for at in values["shift_s"])
+        breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
+        begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
         before = (Duty(ROAD, float(values["before_s"])),)
         return Workday(request.start_s, before, breaks_s=breaks_s, shift_s=(begin_s, end_s))
     except (TypeError, ValueError, KeyError, HeadlandError):
