@@ -43,16 +43,12 @@ def export(
 
     For a USB stick: headland export plan.json --to isoxml4 --out /media/stick (makes TASKDATA/TASKDATA.XML).
     """
-    from fields.text_files import read_text
     from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
+    from planner.pipeline.outputs.saved_plans import load_saved_plan
     from reports.plan.guidance_export import build_export_table, collect_remarks, export_json, write_guidance
-    from vehicle.errors import MissionError
-    from vehicle.missions.plan_file import parse_saved_plan
 
     form = find_format(to)
-    guidance = build_guidance(
-        parse_saved_plan(read_text(plan, "a plan of headland plan --save", MissionError)), tractor
-    )
+    guidance = build_guidance(load_saved_plan(plan), tractor)
     guidance_files = write_guidance(guidance, form, curves)
     target, results = _place_files(guidance_files, output, plan)
     paths = [path for path, _ in results]

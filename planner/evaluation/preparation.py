@@ -51,7 +51,7 @@ from planner.evaluation.work_order import (
 )
 from planner.farm.settings import Yard
 from planner.farm.workday import Workday, build_workday
-from planner.request.option_checks import check_transport_width
+from planner.request.implement_choice import check_transport_width
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
@@ -104,7 +104,7 @@ def prepare_context(
     with attach_parameter("refill"):
         supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
     implement = size_implement(order.implement, request)
-    check_transport_width(request.transport_width_m, implement)
+    check_transport_width(request.transport_width_m, max(implement.width_m, implement.contact_width_m))
     workday, cost_terms = _settle_terms(order, request, field, tractor, implement)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)

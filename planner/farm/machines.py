@@ -8,8 +8,7 @@ from pydantic import Field, StrictInt, model_validator
 
 from planner.errors import HeadlandError
 from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
-from planner.request.implement_choice import choose_rule
-from planner.request.option_checks import check_transport_width
+from planner.request.implement_choice import check_transport_width, choose_rule
 from planner.request.option_texts import MAX_TRACTORS
 from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
 from strategies.program.supply import Supply
@@ -116,7 +115,7 @@ class FarmImplement(FileSection):
             if self.draft is not None or self.depth_cm is not None:
                 choose_rule(self.operation or TILL, self.width_m, self.draft, self.depth_cm)
             if "transport_width_m" in self.model_fields_set:
-                check_transport_width(self.transport_width_m, self.simulated_implement)
+                check_transport_width(self.transport_width_m, max(self.width_m, self.frame_width_m or 0.0))
         except HeadlandError as error:
             raise ValueError(str(error).rstrip(".")) from None
         return self

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import MAX_TRACTORS, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
-
-if TYPE_CHECKING:
-    from vehicle.model.tractor import Implement
 
 FULL_CIRCLE_DEG = 360.0
 MAX_SAMPLES = 1_000_000
@@ -201,15 +198,4 @@ def check_gnss(gnss: bool, table: str | None) -> None:
     if table is not None and not gnss:
         raise RequestError(
             f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
-        )
-
-
-def check_transport_width(transport_m: float | None, implement: Implement) -> None:
-    """Refuse a width when folded (m) of more than an implement has at work."""
-    width_m = max(implement.width_m, implement.contact_width_m)
-    if transport_m is not None and transport_m > width_m:
-        raise RequestError(
-            f"A transport width of {transport_m:g} m is more than the {width_m:g} m of the implement; give its width "
-            f"when folded, or {width_m:g} for one that does not fold.",
-            parameter="transport_width_m",
         )

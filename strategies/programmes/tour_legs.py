@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from strategies.lines.done_lines import PLACE_M
 from strategies.lines.work_line import cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
-from strategies.program.legs import add_wait_points, make_mission
+from strategies.program.legs import MIN_LEG_M, add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import list_parts_m
 from strategies.site.site import Site
@@ -34,7 +33,7 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
 
 def build_stand(table: MoveTable, node: int) -> Mission:
     """The mission of a tractor that stays where it stands, at the begin of its first line."""
-    points, speed_mps = cut_line(table.lines[node // 2].paths[0], 0.0, PLACE_M), table.site.rules.turn_speed_mps
+    points, speed_mps = cut_line(table.lines[node // 2].paths[0], 0.0, MIN_LEG_M), table.site.rules.turn_speed_mps
     return make_mission([Leg(points, speed_mps, task=LegTask(DRIVE), folded=node in table.moves.folded)])
 
 

@@ -21,7 +21,6 @@ from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.shortfalls import Remark, Stake
-from reports.common.wording import join_list
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
@@ -29,9 +28,9 @@ from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal, group_swath_lines
-from strategies.programmes.build_plan import build_plan, clear_ways
+from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.programme import Programme, clear_ways, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
@@ -396,10 +395,8 @@ def _list_machine_remarks(composed: ComposedPlan, context: PlanningContext) -> t
     """Who of a plan has no work, and which tractors are others of the plan before."""
     missions, tractors = composed.plan.missions, len(composed.programme.tours)
     without = [number for number, mission in enumerate(missions, start=1) if not mission.works]
-    idle = join_list([*without, *range(len(missions) + 1, tractors + 1)])
-    texts = (
-        [f"no work that is left is worth the drive for tractor {idle}"] if without or len(missions) < tractors else []
-    )
+    idle = " and ".join(map(str, (*without, *range(len(missions) + 1, tractors + 1))))
+    texts = [f"no work that is left is worth the drive for tractor {idle}"] if idle else []
     before = () if context.going_on is None else context.going_on.numbers[:tractors]
     texts += [
         f"tractor {place} is tractor {number} of the plan before"

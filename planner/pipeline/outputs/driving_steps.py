@@ -55,11 +55,11 @@ MIN_CROSSED_M = 5.0  # on finished ground: less is the end of a turn, and what i
 HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
 
 Rows = npt.NDArray[np.int64]
+Steps = tuple[tuple[DriverLeg, ...], ...]
+"""Those of every tractor, in order."""
 
 
-def list_steps(
-    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES
-) -> tuple[tuple[DriverLeg, ...], ...]:
+def list_steps(run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES) -> Steps:
     """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
     worked_ground = _list_worked_ground(run, width_m)
     return tuple(
@@ -67,13 +67,14 @@ def list_steps(
     )
 
 
-def delay_steps(steps: tuple[tuple[DriverLeg, ...], ...], workday: Workday) -> tuple[tuple[DriverLeg, ...], ...]:
+def delay_steps(steps: Steps, workday: Workday | None) -> Steps:
     """Steps of every tractor at the times of a working day, which may begin with the road and has breaks."""
+    day = workday or Workday()
 
     def delay(step: DriverLeg) -> DriverLeg:
-        begin_s = workday.before_field_s + step.from_s
-        clock_s = workday.compute_clock_s(begin_s, begins=True)
-        pause_s = workday.compute_clock_s(begin_s + step.seconds) - clock_s - step.seconds
+        begin_s = day.before_field_s + step.from_s
+        clock_s = day.compute_clock_s(begin_s, begins=True)
+        pause_s = day.compute_clock_s(begin_s + step.seconds) - clock_s - step.seconds
         return replace(step, delay_s=clock_s - step.from_s, pause_s=max(0.0, round(pause_s, 3)))
 
     return tuple(tuple(map(delay, own)) for own in steps)

@@ -30,7 +30,6 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
-from planner.farm.workday import Workday
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
@@ -130,7 +129,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
-        steps=delay_steps(steps, context.workday or Workday()),
+        steps=delay_steps(steps, context.workday),
         worked_pct=result.worked_pct,
         stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,

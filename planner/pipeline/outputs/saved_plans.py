@@ -21,11 +21,10 @@ from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, buil
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import load_gnss_errors, size_implement
 from planner.farm.workday import ROAD, Duty, Workday
-from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
+from planner.pipeline.outputs.driving_steps import Steps, delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
-from reports.common.plan_drives import DriverLeg
 from reports.common.plan_results import PlanRanking
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
@@ -70,7 +69,12 @@ class SavedPlanRun:
     saved: SavedPlan
     request: PlanRequest
     run: SimulationRun
-    steps: tuple[tuple[DriverLeg, ...], ...]
+    steps: Steps
+
+
+def load_saved_plan(path: str | Path) -> SavedPlan:
+    """The plan that `headland plan --save` wrote to a file; raises MissionError."""
+    return parse_saved_plan(read_text(path, "a plan of headland plan --save", MissionError))
 
 
 def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
@@ -80,7 +84,7 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
     legs carry their ground. Raises MissionError, RequestError or VehicleError if the file holds no plan, or one that
     this tractor does not finish.
     """
-    saved = parse_saved_plan(read_text(path, "a plan of headland plan --save", MissionError))
+    saved = load_saved_plan(path)
     request = read_request(saved)
     run = rerun_plan(saved, request)
     if run.outcome != DONE:
