@@ -204,7 +204,7 @@ def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Arra
 class DrivenTimes:
     """Seconds that a fleet drives: until each tractor is done (tractors,), and of all together at work and in turns.
 
-    `resting` of the tractors stand on the field with nothing to do, and are not paid.
+    `resting` tractors more have nothing to do, and are not paid.
     """
 
     tractor_s: Array
@@ -217,13 +217,15 @@ def measure_driven_times(run: SimulationRun) -> DrivenTimes:
     """The times of a run."""
     shares = run.compute_time_shares()
     turn_s = float(shares["turning"].sum() + shares["reversing"].sum())
-    return DrivenTimes(np.asarray(run.finish_s), float(shares["working"].sum()), turn_s, len(run.plan.resting))
+    resting = run.plan.resting
+    paid_s = np.delete(np.asarray(run.finish_s), [number - 1 for number in resting])
+    return DrivenTimes(paid_s, float(shares["working"].sum()), turn_s, len(resting))
 
 
 def compute_driven_cost(times: DrivenTimes, terms: CostTerms, energy: float | None = None) -> float:
     """What is paid for a drive, without variation; `energy` are its litres or kWh where they are known."""
     work_s, turn_s, zero = (np.array([value]) for value in (times.work_s, times.turn_s, 0.0))
-    finish_s = np.sort(times.tractor_s)[times.resting :, None]
+    finish_s = times.tractor_s[:, None]
     outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero)
     if energy is not None:
         outcomes = replace(outcomes, energy=np.array([energy]))

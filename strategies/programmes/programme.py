@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice, pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, BarredPlaces, StandingCheck
 from strategies.programmes.ways_home import Way, build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
@@ -26,8 +26,6 @@ Floats = npt.NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
-PARKING_STEPS = 8  # each way from where a tractor stands, half a reach of machines long
-MOST_TRIED = 20  # of the places to park that are free: where the nearest are not reached few others are
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
@@ -253,14 +251,11 @@ def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
     It stays where it stands if no such place is reached.
     """
     missions, back_m = list(plan.missions), table.site.body.guide_m - table.site.axle_m
-    for number in (resting - 1 for resting in plan.resting):
+    for number in [number for number, mission in enumerate(missions) if mission.rests]:
         ways = [build_way(mission, back_m) for place, mission in enumerate(missions) if place != number]
         places = _iter_free_places(missions[number].end, ways, back_m, check)
-        for pose in islice(places, MOST_TRIED):
-            legs = _list_parking_legs(table, missions[number], pose)
-            if legs is not None:
-                missions[number] = Mission(legs)
-                break
+        ways_there = (_list_parking_legs(table, missions[number], pose) for pose in places)
+        missions[number] = next((Mission(legs) for legs in ways_there if legs is not None), missions[number])
     return replace(plan, missions=tuple(missions))
 
 
@@ -269,6 +264,8 @@ def _list_parking_legs(table: MoveTable, mission: Mission, pose: Pose) -> tuple[
     finder, (stand, *_) = table.moves.finder, mission.legs
     if math.dist(mission.end[:2], pose[:2]) == 0.0:
         return mission.legs
+    if not (finder.has_way_on(mission.end, backwards=False) and finder.has_way_on(pose, backwards=True)):
+        return None
     moves = finder.list_folded_moves(mission.end, pose) if stand.folded else finder.list_moves(mission.end, pose)
     found = next(iter(moves), None) or (None if stand.folded else finder.search(mission.end, pose))
     if found is None:
@@ -278,8 +275,9 @@ def _list_parking_legs(table: MoveTable, mission: Mission, pose: Pose) -> tuple[
 
 def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: StandingCheck) -> Iterator[Pose]:
     """Poses beside one, itself first and then the nearest, at which a tractor is in the way of no others."""
-    x, y, heading = stand
-    steps_m = 0.5 * check.reach_m * np.arange(-PARKING_STEPS, PARKING_STEPS + 1)
+    (x, y, heading), step_m = stand, 0.5 * check.reach_m
+    most = math.ceil(HEADLAND_WAIT_M / step_m)  # no farther than to another place to wait
+    steps_m = step_m * np.arange(-most, most + 1)
     ahead_m, aside_m = (values.ravel() for values in np.meshgrid(steps_m, steps_m))
     nearest = np.argsort(np.hypot(ahead_m, aside_m), kind="stable")
     ahead_m, aside_m = ahead_m[nearest], aside_m[nearest]

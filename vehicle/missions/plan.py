@@ -195,8 +195,9 @@ class Plan:
 
     @property
     def resting(self) -> tuple[int, ...]:
-        """Numbers, from 1, of the tractors that rest."""
-        return tuple(number for number, mission in enumerate(self.missions, start=1) if mission.rests)
+        """Numbers, from 1, of the tractors that work nothing while others work."""
+        works = [mission.works for mission in self.missions]
+        return tuple(number for number, one in enumerate(works, start=1) if any(works) and not one)
 
     def copy_with_gate(self, tractor: int, leg: int, gate: LegGate) -> Plan:
         """The same plan with one more gate."""

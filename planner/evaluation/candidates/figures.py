@@ -162,14 +162,13 @@ def compute_cost(context: PlanningContext, times: DrivenTimes, energy: tuple[flo
 
     `energy` are the litres or kilowatt-hours of every tractor, None where they are not known.
     """
-    tractors, request = len(times.tractor_s), context.request
-    working = tractors - times.resting
+    working, request = len(times.tractor_s), context.request
     if context.cost_terms is not None:
         travel_cost = working * compute_travel_cost(context.cost_terms)
         used = None if energy is None else math.fsum(energy)
         return compute_driven_cost(times, context.cost_terms, used) - travel_cost, travel_cost
     price_per_hour = get_price_per_hour(request.price_per_hour)
-    brought = tractors - (0 if context.going_on is None else len(context.going_on.stands))
+    brought = working + times.resting - (0 if context.going_on is None else len(context.going_on.stands))
     hours = float(times.tractor_s.max()) / HOUR_S
     return hours * working * price_per_hour, brought * request.price_per_tractor
 
