@@ -239,13 +239,10 @@ def _check_url(url: str) -> None:
 
 def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, seed: int, times: float) -> RobotDriver:
     """The driver of a tractor of a plan; raises HeadlandError for impossible options."""
-    from fields.text_files import read_text
     from planner.fleet.simulated_robot import RobotDriver
-    from planner.pipeline.outputs.saved_plans import read_machines, read_request
-    from vehicle.errors import MissionError
-    from vehicle.missions.plan_file import parse_saved_plan
+    from planner.pipeline.outputs.saved_plans import load_saved_plan, read_machines, read_request
 
-    saved = parse_saved_plan(read_text(plan, "a plan of headland plan --save", MissionError))
+    saved = load_saved_plan(plan)
     if not 1 <= tractor <= saved.plan.tractors:
         raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
     if not 0.0 <= noise_m <= 10.0:

@@ -16,7 +16,6 @@ from planner.request.option_texts import format_clock
 
 if TYPE_CHECKING:
     from planner.pipeline.outputs.saved_plans import SavedPlanRun
-    from reports.common.plan_drives import DriverLeg
     from reports.plan.guidance_export import GuidanceFiles
 
 
@@ -44,16 +43,12 @@ def export(
 
     For a USB stick: headland export plan.json --to isoxml4 --out /media/stick (makes TASKDATA/TASKDATA.XML).
     """
-    from fields.text_files import read_text
     from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
+    from planner.pipeline.outputs.saved_plans import load_saved_plan
     from reports.plan.guidance_export import build_export_table, collect_remarks, export_json, write_guidance
-    from vehicle.errors import MissionError
-    from vehicle.missions.plan_file import parse_saved_plan
 
     form = find_format(to)
-    guidance = build_guidance(
-        parse_saved_plan(read_text(plan, "a plan of headland plan --save", MissionError)), tractor
-    )
+    guidance = build_guidance(load_saved_plan(plan), tractor)
     guidance_files = write_guidance(guidance, form, curves)
     target, results = _place_files(guidance_files, output, plan)
     paths = [path for path, _ in results]
@@ -126,7 +121,7 @@ def show(
     AnswerForm(json).print_answer(
         saved_run,
         json=lambda run: format_leg_lists_json(run.steps, _summarise_plan(run), tractor),
-        screen=lambda run: build_leg_tables(_format_title(run), _list_steps(run), _format_start(run), tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
     )
 
 
@@ -144,15 +139,6 @@ def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
     }
 
 
-def _list_steps(saved_run: SavedPlanRun) -> list[list[DriverLeg]]:
-    """The legs with times after the start of the plan, which on a farm is before that of field work."""
-    from planner.pipeline.outputs.saved_plans import read_stated_figures
-    from reports.plan.leg_list import delay_steps
-
-    stated = read_stated_figures(saved_run.saved)
-    return [delay_steps(steps, 0.0 if stated is None else stated.begin_s) for steps in saved_run.steps]
-
-
 def _format_title(saved_run: SavedPlanRun) -> str:
     """The plan in one line: when it is done and what it costs as its ranking stated it, else how long it takes."""
     from planner.pipeline.outputs.saved_plans import read_stated_figures
@@ -165,7 +151,8 @@ def _format_title(saved_run: SavedPlanRun) -> str:
             return f"in {format_duration(seconds)}"
         return f"by {request.format_clock_after(round_up_to_minute(seconds))}"
 
-    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(saved_run.saved.plan.tractors)]
+    plan = saved_run.saved.plan
+    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(plan.tractors - len(plan.resting))]
     stated = read_stated_figures(saved_run.saved)
     if stated is None:
         return f"{request.field_name}: {', '.join([*parts, f'done in {duration}'])}"

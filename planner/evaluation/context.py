@@ -45,14 +45,12 @@ class Stand:
         pose: of its guided point, in metres of the field.
         used: what it has used of its load.
         ahead: poses in the middle of the lines that it was to work next, in order: the search for a plan begins so.
-        number: that of its machine in the plan before, from 1; 0 where nobody would name it.
         is_folded: whether its implement is folded.
     """
 
     pose: Pose
     used: float = 0.0
     ahead: tuple[Pose, ...] = ()
-    number: int = 0
     is_folded: bool = False
 
     def move_by(self, east_m: float, north_m: float) -> Stand:
@@ -66,12 +64,13 @@ class GoingOn:
     """Work that goes on: how well it is known where work was done (m), and where the tractors of the plan stand.
 
     Tractors beyond those that stand on the field come in through the entrance. Where they `may_rest`, one for whom no
-    work is worth the drive has none.
+    work is worth the drive has none. `numbers` are those of the tractors in the plan that they go on with.
     """
 
     error_m: float
     stands: tuple[Stand, ...] = ()
     may_rest: bool = False
+    numbers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

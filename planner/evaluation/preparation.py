@@ -51,7 +51,7 @@ from planner.evaluation.work_order import (
 )
 from planner.farm.settings import Yard
 from planner.farm.workday import Workday, build_workday
-from planner.request.option_checks import check_transport_width
+from planner.request.implement_choice import check_transport_width
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria

@@ -36,12 +36,16 @@ RADIUS_FACTOR = 1.08
 
 @dataclass(frozen=True, eq=False)
 class DoneWork:
-    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it."""
+    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it.
+
+    `numbers` are those that the machines which go on, first these, had in its plan.
+    """
 
     ground: shapely.Geometry
     error_m: float
     stands: tuple[Stand, ...] = ()
     notes: tuple[str, ...] = ()
+    numbers: tuple[int, ...] = ()
 
 
 DoneSource = str | DoneWork

@@ -8,7 +8,7 @@ from pydantic import Field, StrictInt, model_validator
 
 from planner.errors import HeadlandError
 from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
-from planner.request.implement_choice import choose_rule
+from planner.request.implement_choice import check_transport_width, choose_rule
 from planner.request.option_texts import MAX_TRACTORS
 from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
 from strategies.program.supply import Supply
@@ -78,7 +78,7 @@ class FarmImplement(FileSection):
     )
     frame_width_m: float | None = define_number(None, 0.1, MAX_LENGTH_M, "m overall", "0.9 of the working width")
     transport_width_m: float = define_number(
-        ROAD_WIDTH_M, 0.1, MAX_LENGTH_M, "m when folded; its own or more: it does not fold", "what most roads allow"
+        ROAD_WIDTH_M, 0.1, MAX_LENGTH_M, "m when folded; its working width: it does not fold", "what most roads allow"
     )
     fold_s: float = define_number(FOLD_S, 0.0, MAX_DURATION_S, "s to fold on the field, and to unfold", "assumed")
     speed_kmh: float | None = define_number(
@@ -110,12 +110,14 @@ class FarmImplement(FileSection):
     tractors: tuple[str, ...] = define_value((), "names in quotes", "all of them")
 
     @model_validator(mode="after")
-    def _check_draft(self) -> FarmImplement:
-        if self.draft is not None or self.depth_cm is not None:
-            try:
+    def _check_values(self) -> FarmImplement:
+        try:
+            if self.draft is not None or self.depth_cm is not None:
                 choose_rule(self.operation or TILL, self.width_m, self.draft, self.depth_cm)
-            except HeadlandError as error:
-                raise ValueError(str(error).rstrip(".")) from None
+            if "transport_width_m" in self.model_fields_set:
+                check_transport_width(self.transport_width_m, max(self.width_m, self.frame_width_m or 0.0))
+        except HeadlandError as error:
+            raise ValueError(str(error).rstrip(".")) from None
         return self
 
     @property

@@ -35,8 +35,8 @@ from planner.pipeline.outputs.saved_plans import (
     read_machines,
     read_planned_layout,
     read_request,
-    read_stated_figures,
     read_supply,
+    read_workday,
     rerun_plan,
 )
 from planner.request.option_texts import format_clock, format_later_clock
@@ -84,7 +84,8 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     done = clip_area(ground, field.region_without_obstacles)
     if not order.begins_on_field:  # a plan may stop before it works anything
         _check_something_done(done, field)
-    stands = () if order.from_road else next((one.stands for one in reversed(works) if one.stands), ())
+    driven = None if order.from_road else next((one for one in reversed(works) if one.numbers or one.stands), None)
+    stands, numbers = ((), ()) if driven is None else (driven.stands, driven.numbers)
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
         raise AllDoneError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
@@ -92,7 +93,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
         f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} ha left."
     )
     left = replace(left, remarks=(*left.remarks, remark))
-    going_on = GoingOn(closing_m, stands, may_rest=bool(stands))
+    going_on = GoingOn(closing_m, stands, may_rest=bool(stands), numbers=numbers)
     return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
 
 
@@ -170,7 +171,7 @@ def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
             works.append(source)
         elif source in plans[:-1]:
             ground_only = replace(order, without=(), from_road=True)
-            works.append(replace(_read_source(source, context, ground_only), stands=(), notes=()))
+            works.append(replace(_read_source(source, context, ground_only), stands=(), notes=(), numbers=()))
         else:
             works.append(_read_source(source, context, order))
     if len(plans) > 1:
@@ -377,11 +378,11 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     _check_same_job(match["file"], saved, request, context)
     since_start_s = _read_clock(match) - (request.start_s or 0)
     since_start_s += DAY_S if since_start_s < 0.0 else 0.0
-    stated, run = read_stated_figures(saved), rerun_plan(saved, request)
-    begin_s = 0.0 if stated is None else stated.begin_s  # before it is road and unfolding
-    elapsed_s = since_start_s - begin_s
+    day, run = read_workday(saved, request), rerun_plan(saved, request)
+    elapsed_s = float(day.compute_work_s(np.array(since_start_s))) - day.before_field_s
     if not 0.0 <= elapsed_s < run.duration_s:
-        span = _format_span(request, begin_s, begin_s + run.duration_s)
+        begin_s = day.compute_clock_s(day.before_field_s, begins=True)
+        span = _format_span(request, begin_s, day.compute_clock_s(day.before_field_s + run.duration_s))
         raise RequestError(
             f"The plan {quote_path(match['file'])} {span}, and {match[0].rpartition('@')[2]} is not within that; give "
             "a time within it.",
@@ -402,13 +403,9 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     left = _list_machines_left(saved, order.without)
     stands = {number: _find_stand(begun, number, context) for number in left}
     ranked = sorted(left, key=lambda number: stands[number] is None)
-    notes = [
-        f"Tractor {place} of this plan is tractor {number + 1} of the plan before."
-        for place, number in enumerate(ranked, start=1)
-        if place != number + 1
-    ]
     placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
-    return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, tuple(notes))
+    numbers = tuple(number + 1 for number in ranked)
+    return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, numbers=numbers)
 
 
 def _format_span(request: PlanRequest, begin_s: float, end_s: float) -> str:
@@ -471,8 +468,8 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
     legs, numbers, poses = run.plan.missions[number].legs, run.get_leg_numbers(number), run.get_poses(number)
     at = int(numbers[-1])
     waits = legs[0].task.kind == ENTER and math.dist(poses[0, :2], poses[-1, :2]) < MOST_SHIFT_M
-    leg = legs[min(at, len(legs) - 1)]
-    if waits or leg.task.kind == LEAVE or float(run.finish_s[number]) <= float(run.time_s[-1]):
+    leg, is_done = legs[min(at, len(legs) - 1)], float(run.finish_s[number]) <= float(run.time_s[-1])
+    if waits or leg.task.kind == LEAVE or (is_done and not run.plan.missions[number].rests):
         return None
     x, y = locate_antenna(poses[-1:], context)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
@@ -483,7 +480,7 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
     driven = [*legs[:at], *list_driven_part(leg, driven_m)]
     used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m)
     is_folded = (legs[at - 1] if is_before else leg).folded
-    return Stand(pose, used, list_places_ahead(legs[at:]), number + 1, is_folded)
+    return Stand(pose, used, list_places_ahead(legs[at:]), is_folded)
 
 
 def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:

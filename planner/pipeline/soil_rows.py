@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from planner.errors import RequestError, mark_parameter
 from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.log_checks import describe_unsaved
 from vehicle.errors import VehicleError
-from vehicle.identification.diagnosis.results import CONSTANT_LAW, NAMED, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, LIKELY, NAMED, Diagnosis, Finding
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
 from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, Soil, load_soils
 
@@ -100,7 +101,10 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
         if math.isfinite(low) and math.isfinite(high):
             values |= {finding.id + LOW: round(low, DIGITS), finding.id + HIGH: round(high, DIGITS)}
     if not values:
-        raise RequestError(f"{line.path} is left as it is: {_explain_nothing(levels)}")
+        likely = [
+            get_effect(one.id).label for one in diagnosis.findings if one.id in SOIL_EFFECTS and one.status == LIKELY
+        ]
+        raise RequestError(f"{line.path} is left as it is: {_explain_nothing(levels, likely)}")
     runs = count_noun(len(diagnosis.names), "run")
     source = f"diagnosis of {runs} ({diagnosis.minutes:.0f} min) of {diagnosis.tractor.name}"
     cells = {"name": line.name, "moisture_pct": line.moisture_pct, "ground": diagnosis.ground, "source": source}
@@ -117,9 +121,11 @@ def _is_of_soil(finding: Finding) -> bool:
     return not is_slip or -DRIVE_LINE_SLIP < finding.value["ratio"] < MAX_PLAUSIBLE_SLIP
 
 
-def _explain_nothing(levels: set[str]) -> str:
+def _explain_nothing(levels: set[str], likely: Sequence[str]) -> str:
     if levels:
         return "these logs were made on two grounds; diagnose the runs on each alone."
+    if likely:
+        return f"by these logs {' and '.join(likely)} is likely, and not certain; add more of them, at several speeds."
     known = ", ".join(get_effect(name).label for name in SOIL_EFFECTS)
     return f"these logs name nothing of a soil ({known}); drive at several speeds, working and not."
 

@@ -31,3 +31,13 @@ def choose_rule(operation: str, width_m: float, draft: str | None, depth_cm: flo
         return rule
     with attach_parameter("depth_cm"):
         return rule.set_depth(depth_cm)
+
+
+def check_transport_width(transport_m: float | None, width_m: float) -> None:
+    """Refuse an implement that is wider when folded than it is at work (m)."""
+    if transport_m is not None and transport_m > width_m:
+        raise RequestError(
+            f"A transport width of {transport_m:g} m is more than the {width_m:g} m of the implement; give its width "
+            f"when folded, or {width_m:g} for one that does not fold.",
+            parameter="transport_width_m",
+        )

@@ -199,13 +199,3 @@ def check_gnss(gnss: bool, table: str | None) -> None:
         raise RequestError(
             f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
         )
-
-
-def check_transport_width(transport_m: float | None, width_m: float) -> None:
-    """Refuse an implement that is wider when folded than it is at work (m)."""
-    if transport_m is not None and transport_m > width_m:
-        raise RequestError(
-            f"A transport width of {transport_m:g} m is more than the {width_m:g} m of the implement; give its width "
-            f"when folded, or {width_m:g} for one that does not fold.",
-            parameter="transport_width_m",
-        )

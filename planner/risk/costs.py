@@ -202,18 +202,24 @@ def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Arra
 
 @dataclass(frozen=True, eq=False)
 class DrivenTimes:
-    """Seconds that a fleet drives: until each tractor is done (tractors,), and of all together at work and in turns."""
+    """Seconds that a fleet drives: until each tractor is done (tractors,), and of all together at work and in turns.
+
+    `resting` tractors more have nothing to do, and are not paid.
+    """
 
     tractor_s: Array
     work_s: float
     turn_s: float
+    resting: int = 0
 
 
 def measure_driven_times(run: SimulationRun) -> DrivenTimes:
     """The times of a run."""
     shares = run.compute_time_shares()
     turn_s = float(shares["turning"].sum() + shares["reversing"].sum())
-    return DrivenTimes(np.asarray(run.finish_s), float(shares["working"].sum()), turn_s)
+    resting = run.plan.resting
+    paid_s = np.delete(np.asarray(run.finish_s), [number - 1 for number in resting])
+    return DrivenTimes(paid_s, float(shares["working"].sum()), turn_s, len(resting))
 
 
 def compute_driven_cost(times: DrivenTimes, terms: CostTerms, energy: float | None = None) -> float:

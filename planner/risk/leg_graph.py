@@ -62,8 +62,9 @@ class LegGraph:
     `driven_s` is driving time without waiting and standing, `stand_s` planned standing before a leg. `group` numbers
     passes and turns within each tractor; legs of a group share their random factor. `kind` is WORK_PASS, TURN_OVER_ONE
     (swath) or TURN_OVER_MORE. `worked_m` are metres with the implement down. `leaving` marks legs back to the entrance,
-    None without any. `order` lists nodes after the nodes their start waits for; a node whose end also waits appears
-    twice, for its start and its end. `links` are sorted by `after`. `fuel` is None where it is not known.
+    None without any. `resting` are numbers, from 0, of tractors with nothing to do. `order` lists nodes after the nodes
+    their start waits for; a node whose end also waits appears twice, for its start and its end. `links` are sorted by
+    `after`. `fuel` is None where it is not known.
     """
 
     tractors: int
@@ -78,6 +79,7 @@ class LegGraph:
     stand_s: Array
     leaving: npt.NDArray[np.bool_] | None = None
     fuel: LegConsumption | None = None
+    resting: tuple[int, ...] = ()
 
     @property
     def node_count(self) -> int:
@@ -157,6 +159,7 @@ def build_leg_graph(run: SimulationRun, fuel: LegConsumption | None = None) -> L
         ),
         leaving=leaving if leaving.any() else None,
         fuel=fuel,
+        resting=tuple(number - 1 for number in run.plan.resting),
     )
 
 

@@ -32,11 +32,11 @@ class SampledOutcomes:
     """Outcomes per sample; seconds count from the planned start, arrays are (samples,).
 
     `finish_s` is when the last tractor is done, or out of the field if it leaves by an entrance (`exit_start_s`: when
-    the last one sets out for that, None without an entrance); `tractor_finish_s` (tractors, samples). `work_s` and
-    `turn_s` are tractor seconds of driving on passes and off them, `worked_share` the share of worked metres done at
-    the limit, `start_delay_s` the delay of the start. `leg_factors` (legs, samples) are None unless kept. `energy` are
-    the litres or kWh of the fleet: those of every leg grow with its time, and waiting tractors idle; None where not
-    known.
+    the last one sets out for that, None without an entrance); `tractor_finish_s` (tractors, samples), without those
+    that rest. `work_s` and `turn_s` are tractor seconds of driving on passes and off them, `worked_share` the share of
+    worked metres done at the limit, `start_delay_s` the delay of the start. `leg_factors` (legs, samples) are None
+    unless kept. `energy` are the litres or kWh of the fleet: those of every leg grow with its time, and waiting
+    tractors idle; None where not known.
     """
 
     finish_s: Array
@@ -197,7 +197,7 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
     worked_share = worked_m / total_m if total_m > 0.0 else np.ones(samples)
     return SampledOutcomes(
         walk.now_s.max(axis=0),
-        walk.now_s,
+        np.delete(walk.now_s, list(graph.resting), axis=0),
         spent_s[True],
         spent_s[False],
         worked_share,

@@ -19,15 +19,15 @@ class DriverLeg:
     """One leg of a tractor: a row of the list for its driver.
 
     Attributes:
-        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the
-            next track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "drive", "refill-way" (to
-            the service point), "fold" or "unfold" (of the implement), "refill" (of `amount`, below 0 where a tank is
-            emptied), or "charge" or "change" (of a battery, `amount` in kWh).
+        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the next
+            track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "rest" (nothing to do), "drive",
+            "refill-way" (to the service point), "fold" or "unfold" (of the implement), "refill" (of `amount`, below 0
+            where a tank is emptied), or "charge" or "change" (of a battery, `amount` in kWh).
         number: of the track or headland pass, from 1; turns and ways have those of their goal.
         part: piece of a track ("a", "b", ...) or side of a pass ("1", "2", ...), "" where there is only one.
         is_headland_pass: whether `number` counts headland passes.
         continues: whether it continues after a wait.
-        from_s, seconds, length_m: begin, duration and length.
+        from_s, seconds, length_m: begin, duration and length; breaks and nights are no part of either time.
         bearing_deg: direction worked in, clockwise from north.
         over_swaths, shape: of a turn, how many tracks it leads over, and "u", "omega", "switch-back" or "".
         for_tractors: numbers, from 1, of the tractors that are waited for.
@@ -38,6 +38,7 @@ class DriverLeg:
         fuel_l, energy_kwh: used on it; None where not known.
         slope_along_pct, slope_across_pct: the steepest on it, positive uphill and where the ground
             falls to the right; None without heights.
+        delay_s: what precedes it besides field work, seconds: the road, breaks; pause_s: breaks and nights in it.
     """
 
     kind: str
@@ -62,6 +63,13 @@ class DriverLeg:
     energy_kwh: float | None = None
     slope_along_pct: float | None = None
     slope_across_pct: float | None = None
+    delay_s: float = 0.0
+    pause_s: float = 0.0
+
+    @property
+    def clock_s(self) -> float:
+        """Its begin, seconds after the start of the plan, by the clock."""
+        return self.from_s + self.delay_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +127,6 @@ class PlanDrive(ShownResult):
         steps: the legs of each tractor, in order; `service`: what stops at the service point are for.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
-        begin_s: when field work begins, seconds after the start: lists of legs count from the start.
         stated_end_s: when its plan is done as every report states it; `has_delays`: with late starts, stops and
             breakdowns, which the drive has not. None for the end of the drive.
         fault_places: places (x, y) where plans cannot be driven.
@@ -158,4 +165,3 @@ class PlanDrive(ShownResult):
     relief: Relief | None = None
     headland_order: str | None = None
     service: str = "refill"
-    begin_s: float = 0.0

@@ -36,6 +36,7 @@ class PlanResult(ShownResult):
     """One plan. Values that were not simulated are None; `reason` says why, or why the plan is infeasible.
 
     Attributes:
+        tractors: machines; `resting`: numbers, from 1, of those with nothing to do.
         remarks: what its strategy could not do, though the plan can be driven.
         rank: of feasible plans from 1, by the time to finish the field, then tractors.
         time_s, cost: of the plan as driven.
@@ -153,6 +154,7 @@ class PlanResult(ShownResult):
     charges: int | None = None
     charging_s: float | None = None
     uncertainty_pct: float | None = None
+    resting: tuple[int, ...] = ()
 
     @property
     def remark(self) -> str | None:

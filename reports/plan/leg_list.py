@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -29,7 +28,8 @@ def describe_leg(leg: DriverLeg) -> str:
     tracks = [name for name in leg.over_finished if name != "headland"]
     places = [_name_few("track", tracks)] if tracks else []
     places += ["headland"] if len(tracks) < len(leg.over_finished) else []
-    return ", ".join([*parts, *([f"over finished {' and '.join(places)}"] if places else [])])
+    parts += [f"over finished {' and '.join(places)}"] if places else []
+    return ", ".join([*parts, *([f"with a break of {format_duration(leg.pause_s)}"] if leg.pause_s else [])])
 
 
 def _name_few(noun: str, names: Sequence[object]) -> str:
@@ -46,6 +46,8 @@ def _describe_purpose(leg: DriverLeg) -> str:
     if leg.kind == "wait":
         awaited = _name_few("tractor", leg.for_tractors)
         return f"wait for {awaited}" if leg.for_tractors else "wait"
+    if leg.kind == "rest":
+        return "rest here" if leg.length_m < _LEAST_REVERSING_M else "drive aside and rest"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
@@ -104,21 +106,16 @@ def build_leg_tables(
     return Group(*parts)
 
 
-def delay_steps(steps: Sequence[DriverLeg], begin_s: float) -> list[DriverLeg]:
-    """The legs of a tractor where field work begins so many seconds after the start."""
-    return [replace(step, from_s=step.from_s + begin_s) for step in steps]
-
-
 def format_leg_heading(tractor: int, steps: Sequence[DriverLeg]) -> str:
-    """``Tractor 2: 21 legs, 4.1 km, 0:52:10``."""
+    """``Tractor 2: 21 legs, 4.1 km, 0:52:10 on the field``, without breaks."""
     length_m, end_s = sum(step.length_m for step in steps), steps[-1].from_s + steps[-1].seconds if steps else 0.0
     legs = f"{len(steps)} leg{'' if len(steps) == 1 else 's'}"
-    return f"Tractor {tractor}: {legs}, {format_number(length_m / 1000.0, 1)} km, {format_duration(end_s)}"
+    return f"Tractor {tractor}: {legs}, {format_number(length_m / 1000.0, 1)} km, {format_duration(end_s)} on the field"
 
 
 def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tuple[str, ...]:
     """The cells of a leg under `LEG_HEADINGS`."""
-    when, duration = format_clock_at(start, step.from_s), format_minutes(step.seconds)
+    when, duration = format_clock_at(start, step.clock_s), format_minutes(step.seconds)
     return str(place), describe_leg(step), when, format_leg_metres(step), duration
 
 
@@ -154,7 +151,8 @@ def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor
 def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
     return {
         "number": place, "words": describe_leg(step), "kind": step.kind,
-        "from_s": step.from_s, "seconds": step.seconds, "length_m": step.length_m,
+        "from_s": step.from_s, "clock_s": step.clock_s, "seconds": step.seconds, "pause_s": step.pause_s,
+        "length_m": step.length_m,
         "swath": None if step.is_headland_pass else step.number,
         "headland_pass": step.number if step.is_headland_pass else None,
         "part": step.part or None, "bearing_deg": step.bearing_deg,

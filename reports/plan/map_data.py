@@ -39,7 +39,7 @@ from reports.plan.drive_geometry import (
     list_states,
     list_status_runs,
 )
-from reports.plan.leg_list import delay_steps, describe_leg, format_leg_heading, format_leg_metres
+from reports.plan.leg_list import describe_leg, format_leg_heading, format_leg_metres
 from reports.plan.map_labels import (
     LegMark,
     MapLabel,
@@ -269,12 +269,16 @@ def _build_lane(
 
 
 def _list_legs(drive: PlanDrive, number: int, lists_legs: bool) -> dict[str, Any]:
-    """Start and duration (s), length (m, "" of a wait) and description of every leg of a tractor, and the heading."""
+    """Start and duration (s), length (m, "" of a wait), description and start by the clock (s) of every leg of a
+    tractor, and the heading."""
     if not drive.steps or not lists_legs:
         return {"legs": [], "heading": ""}
     steps = drive.steps[number]
-    legs = [[round(one.from_s, 1), round(one.seconds, 1), format_leg_metres(one), describe_leg(one)] for one in steps]
-    return {"legs": legs, "heading": format_leg_heading(number + 1, delay_steps(steps, drive.begin_s))}
+    legs = [
+        [round(one.from_s, 1), round(one.seconds, 1), format_leg_metres(one), describe_leg(one), round(one.clock_s, 1)]
+        for one in steps
+    ]
+    return {"legs": legs, "heading": format_leg_heading(number + 1, steps)}
 
 
 def _tabulate_seconds(drive: PlanDrive, states: Sequence[str]) -> list[list[float]]:

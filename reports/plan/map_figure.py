@@ -34,7 +34,7 @@ from reports.plan.drive_geometry import (
     find_stops,
     split_by_status,
 )
-from reports.plan.leg_list import delay_steps, format_leg_heading, format_leg_rows
+from reports.plan.leg_list import format_leg_heading, format_leg_rows
 from reports.plan.map_labels import (
     MapLabel,
     count_tracks,
@@ -381,8 +381,7 @@ def _describe_end(drive: PlanDrive) -> str:
 def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:
     """The leg lists as columns of text of at most `most_rows` rows; short lists share a column, long ones are split."""
     columns: list[list[str]] = []
-    for number, own in enumerate(drive.steps, start=1):
-        steps = delay_steps(own, drive.begin_s)
+    for number, steps in enumerate(drive.steps, start=1):
         rows = format_leg_rows(steps)
         share = math.ceil(len(rows) / max(math.ceil(len(rows) / max(most_rows - 1, 1)), 1))
         for first in range(0, len(rows), max(share, 1)):

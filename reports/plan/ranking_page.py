@@ -27,12 +27,12 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     parse_start_time,
 )
-from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
+from reports.plan.answer import format_stated_cost, format_stated_end, name_fleet, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
-from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, delay_steps, format_leg_heading
+from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
@@ -135,7 +135,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "state_colours": {**palette.STATE_COLOURS, **rare_colours},
         "cards": [] if first is None else _build_leg_cards(first, ranking.start),
         "headings": LEG_HEADINGS,
-        "begin_s": get_start_time_of_day_s(ranking.field_start or ranking.start) or (first and first.begin_s) or None,
+        "begin_s": get_start_time_of_day_s(ranking.start),
         "front": build_time_chart(ranking),
         "risk": build_risk_chart(ranking),
         "columns": [
@@ -192,8 +192,7 @@ def _build_leg_cards(drive: PlanDrive, start: str | None) -> list[dict[str, Any]
             "heading": format_leg_heading(tractor, steps),
             "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
         }
-        for tractor, own in enumerate(drive.steps, start=1)
-        for steps in [delay_steps(own, drive.begin_s)]
+        for tractor, steps in enumerate(drive.steps, start=1)
     ]
 
 
@@ -225,7 +224,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     facts = [
         ("Done" if has_start else "Time", format_stated_end(ranking, best.stated_end_s)),
         ("95 %", format_stated_end(ranking, best.stated_late_end_s)),
-        ("Fleet", format_tractor_count(best.tractors)),
+        ("Fleet", name_fleet(best)),
         ("Cost", NO_VALUE if cost is None else format_stated_cost(ranking, best)),
         ("Paid of it", NO_VALUE if paid is None else format_money(paid, ranking.currency)),
         ("In time", FIGURES["finish_probability"].format_with_unit(best)),

@@ -33,7 +33,7 @@ def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools, places: Floats |
     if is_placed and rings and len(rings[0]) >= len(allowed):
         homes = find_swath_middles(lines, allowed) if places is None else places
         deals.append(_deal_rings(lines, allowed, rings, homes))
-    deals.append(_part_swaths(lines, deals[-1]))
+    deals.append(_part_swaths(lines, deals[-1], places))
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
 
 
@@ -64,27 +64,32 @@ def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list
     return dealt
 
 
-def _part_swaths(lines: Sequence[WorkLine], allowed: Bools) -> Bools:
+def _part_swaths(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None) -> Bools:
     """The deal with swaths in runs of neighbours, one for each tractor, so that the longest share of all is short.
 
-    They stay as dealt where no tractors in order may have such runs.
+    Tractors come along the runs as the `places` (tractors, 2) where they stand, else in order. Swaths stay as dealt
+    where no tractors in that order may have such runs.
     """
     dealt = allowed.copy()
     runs = group_swath_lines(lines)
+    order = list(range(len(allowed)))
+    if places is not None and runs:
+        middles = np.array([_find_middle([lines[number] for number in run]) for run in runs])
+        order.sort(key=lambda tractor: int(np.argmin(np.hypot(*(middles - places[tractor]).T))))
     lengths_m = [sum(lines[number].length_m for number in run) for run in runs]
     headland = [number for number, own in enumerate(dealt.T) if lines[number].task.kind != SWATH and own.sum() == 1]
     loads_m = [sum(lines[number].length_m for number in headland if own[number]) for own in dealt]
 
     def fill(most_m: int) -> list[int] | None:
         """The tractor of each run if none may have more than so many metres; None if that is too little."""
-        tractor, found, taken_m = 0, list[int](), list(loads_m)
+        coming, found, taken_m = list(order), list[int](), list(loads_m)
         for run, length_m in zip(runs, lengths_m, strict=True):
-            while not dealt[tractor, run].all() or taken_m[tractor] + length_m > most_m:
-                tractor += 1
-                if tractor == len(dealt):
-                    return None
-            taken_m[tractor] += length_m
-            found.append(tractor)
+            while coming and (not dealt[coming[0], run].all() or taken_m[coming[0]] + length_m > most_m):
+                del coming[0]
+            if not coming:
+                return None
+            taken_m[coming[0]] += length_m
+            found.append(coming[0])
         return found
 
     limits_m = range(math.ceil(max(loads_m)), math.ceil(sum(loads_m) + sum(lengths_m)) + 1)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_estimates import DETOUR_S
 from strategies.programmes.programme import Programme
-from strategies.programmes.tour_legs import build_mission
+from strategies.programmes.tour_legs import build_mission, build_stand
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import SimulationRun
 
@@ -18,8 +18,12 @@ Floats = npt.NDArray[np.float64]
 
 
 def build_plan(programme: Programme, **notes: Any) -> Plan:
-    """The plan of a programme, one mission per tractor that has lines."""
-    missions = tuple(build_mission(programme.table, tour) for tour in programme.tours if tour)
+    """The plan of a programme, one mission per tractor that has lines or stands on the field."""
+    table, tours = programme.table, programme.tours
+    missions = tuple(
+        build_mission(table, tours[number]) if tours[number] else build_stand(table, table.starts[number])
+        for number in programme.list_present()
+    )
     return Plan(missions, {"tractors": len(missions), **notes})
 
 
@@ -30,7 +34,7 @@ def charge_waiting(programme: Programme, plan: Plan, run: SimulationRun) -> Floa
     A tractor waits before the last part of a line for the move that follows. Gates of the plan itself do not count.
     """
     charged_s = np.zeros_like(programme.table.cost_s)
-    tours = [tour for tour in programme.tours if tour]
+    tours = [programme.tours[number] for number in programme.list_present()]
     moves = [_list_leg_moves(programme, *each) for each in zip(plan.missions, tours, strict=True)]
     for tractor, (mission, of_legs) in enumerate(zip(plan.missions, moves, strict=True)):
         waited_s = np.where([bool(leg.gates) for leg in mission.legs], 0.0, run.sum_waits_s(tractor))
@@ -45,7 +49,11 @@ def charge_waiting(programme: Programme, plan: Plan, run: SimulationRun) -> Floa
 def _list_leg_moves(programme: Programme, mission: Mission, tour: Sequence[int]) -> npt.NDArray[np.int64]:
     """The move (legs, 2) that each leg of a tour is part of, or that follows the line it works."""
     table = programme.table
-    nodes, line, worked = [table.gate, *tour, table.gate], int(table.lines[tour[0] // 2].is_place), None
+    nodes, line, worked = (
+        [table.gate, *tour, table.gate],
+        int(any(table.lines[u // 2].is_place for u in tour[:1])),
+        None,
+    )
     pairs = []
     for leg in mission.legs:
         if leg.task.is_work and leg.task != worked:

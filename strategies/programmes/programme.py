@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.moves.drives import BRAKE_M, SETTLE_M
+from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import BarredPlaces, StandingCheck
-from strategies.programmes.ways_home import build_way, find_stuck_side
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, BarredPlaces, StandingCheck
+from strategies.programmes.ways_home import Way, build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
+from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 
 Floats = npt.NDArray[np.float64]
+Pose = tuple[float, float, float]
 
 START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
@@ -45,6 +47,10 @@ class Programme:
     def left_m2(self) -> float:
         """The ground of the lines that are left."""
         return math.fsum(self.table.lines[number].own_m2 for number in self.left)
+
+    def list_present(self) -> list[int]:
+        """Numbers of the tractors with a mission: with lines to work, or standing on the field, those first."""
+        return [number for number, tour in enumerate(self.tours) if tour or number < len(self.table.starts)]
 
     def list_pairs(self) -> list[tuple[int, int]]:
         """The moves it uses, as pairs of nodes."""
@@ -238,3 +244,47 @@ def _is_begun(table: MoveTable, tour: Sequence[int], part: Sequence[int]) -> boo
     if tour[0] in table.starts:
         return part[0] == tour[0]
     return table.is_proven(table.gate, part[0])
+
+
+def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
+    """The plan with every tractor that rests in the way of others driving to the nearest place where it is in none.
+
+    It stays where it stands if no such place is reached.
+    """
+    missions, back_m = list(plan.missions), table.site.body.guide_m - table.site.axle_m
+    for number in [number for number, mission in enumerate(missions) if mission.rests]:
+        ways = [build_way(mission, back_m) for place, mission in enumerate(missions) if place != number]
+        places = _iter_free_places(missions[number].end, ways, back_m, check)
+        ways_there = (_list_parking_legs(table, missions[number], pose) for pose in places)
+        missions[number] = next((Mission(legs) for legs in ways_there if legs is not None), missions[number])
+    return replace(plan, missions=tuple(missions))
+
+
+def _list_parking_legs(table: MoveTable, mission: Mission, pose: Pose) -> tuple[Leg, ...] | None:
+    """The legs of a tractor that rests, to a pose; None where no way leads there."""
+    finder, (stand, *_) = table.moves.finder, mission.legs
+    if math.dist(mission.end[:2], pose[:2]) == 0.0:
+        return mission.legs
+    if not (finder.has_way_on(mission.end, backwards=False) and finder.has_way_on(pose, backwards=True)):
+        return None
+    moves = finder.list_folded_moves(mission.end, pose) if stand.folded else finder.list_moves(mission.end, pose)
+    found = next(iter(moves), None) or (None if stand.folded else finder.search(mission.end, pose))
+    if found is None:
+        return None
+    return (stand, *build_move_legs(table.site, replace(found, begins_folded=stand.folded), LegTask(ROUTE)))
+
+
+def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: StandingCheck) -> Iterator[Pose]:
+    """Poses beside one, itself first and then the nearest, at which a tractor is in the way of no others."""
+    (x, y, heading), step_m = stand, 0.5 * check.reach_m
+    most = math.ceil(HEADLAND_WAIT_M / step_m)  # no farther than to another place to wait
+    steps_m = step_m * np.arange(-most, most + 1)
+    ahead_m, aside_m = (values.ravel() for values in np.meshgrid(steps_m, steps_m))
+    nearest = np.argsort(np.hypot(ahead_m, aside_m), kind="stable")
+    ahead_m, aside_m = ahead_m[nearest], aside_m[nearest]
+    cosine, sine = math.cos(heading), math.sin(heading)
+    xs, ys = x + ahead_m * cosine - aside_m * sine, y + ahead_m * sine + aside_m * cosine
+    middles = np.column_stack([xs - back_m * cosine, ys - back_m * sine, np.full(len(xs), heading)])
+    blocked = check.find_blocked(middles, [way.path for way in ways])
+    for place in np.flatnonzero(~blocked).tolist():
+        yield float(xs[place]), float(ys[place]), heading

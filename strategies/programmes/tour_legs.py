@@ -9,11 +9,11 @@ from itertools import pairwise
 from strategies.lines.work_line import cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
-from strategies.program.legs import add_wait_points, make_mission
+from strategies.program.legs import MIN_LEG_M, add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import list_parts_m
 from strategies.site.site import Site
-from vehicle.missions.plan import ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
+from vehicle.missions.plan import DRIVE, ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 
 ROUTE_WAIT_M = 10.0  # between places to wait on a way in, out or across
 LONG_MOVE_M = 40.0  # longer moves have places to wait
@@ -29,6 +29,12 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
     if key not in table.missions:
         table.missions[key] = _build_mission(table, tour)
     return table.missions[key]
+
+
+def build_stand(table: MoveTable, node: int) -> Mission:
+    """The mission of a tractor that stays where it stands, at the begin of its first line."""
+    points, speed_mps = cut_line(table.lines[node // 2].paths[0], 0.0, MIN_LEG_M), table.site.rules.turn_speed_mps
+    return make_mission([Leg(points, speed_mps, task=LegTask(DRIVE), folded=node in table.moves.folded)])
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:

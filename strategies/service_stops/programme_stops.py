@@ -17,7 +17,14 @@ from strategies.program.legs import add_wait_points, make_mission
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
+from strategies.programmes.tour_legs import (
+    build_move,
+    build_stand,
+    build_way_in,
+    build_way_out,
+    split_work_leg,
+    stand_to_unfold,
+)
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
@@ -50,11 +57,13 @@ class StoppedProgramme:
         ]
 
     def build_plan(self, **notes: Any) -> Plan:
-        """Its plan, with all stops in the notes, one mission per tractor that has lines."""
+        """Its plan, with all stops in the notes, one mission per tractor that has lines or stands on the field."""
+        table = self.programme.table
         missions = [
-            _build_stopped_mission(gaps, stops, is_alone=len(self.stops) == 1)
-            for gaps, stops in zip(self.gaps, self.stops, strict=True)
-            if gaps.tour
+            _build_stopped_mission(self.gaps[number], self.stops[number], is_alone=len(self.stops) == 1)
+            if self.gaps[number].tour
+            else MissionWithStops(build_stand(table, table.starts[number]).legs, ())
+            for number in self.programme.list_present()
         ]
         legs = [list(mission.legs) for mission in missions]
         if self.supply.one_at_a_time and len(legs) > 1:

@@ -23,7 +23,7 @@ from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.pipeline.planning import PlanningResult, plan_order
-from reports.plan.leg_list import delay_steps, describe_leg
+from reports.plan.leg_list import describe_leg
 from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -146,6 +146,9 @@ def test_a_width_that_is_none_is_refused(width_m: float) -> None:
 def test_a_folded_implement_is_no_wider_than_at_work() -> None:
     with pytest.raises(RequestError, match="A transport width of 14 m is more than the 6 m of the implement"):
         prepare_context(WorkOrder(PlanRequest(width_m=6.0, transport_width_m=14.0), field=Field("f", CORNER_M)))
+    with pytest.raises(ValueError, match="A transport width of 14 m is more than the 6 m of the implement"):
+        FarmImplement(name="drill", width_m=6.0, transport_width_m=14.0)
+    assert not FarmImplement(name="drill", width_m=2.5).simulated_implement.folds, "the usual width is no mistake"
 
 
 def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
@@ -234,9 +237,9 @@ def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_a
     result = plan_order(WorkOrder(request, field=gated, times=FarmTimes(unfold_s=400.0)))
     best, (drawn, *_) = result.ranking.best, result.pictures.values()
     assert best is not None and "tractors 1 and 2 stand " in (best.remark or "")
-    assert drawn.begin_s == best.ready_s == 400.0 - FOLD_S
-    delayed = [delay_steps(steps, drawn.begin_s) for steps in drawn.steps]
-    worked_s = max(step.from_s + step.seconds for steps in delayed for step in steps if step.kind in ("track", "round"))
+    assert {steps[0].clock_s for steps in drawn.steps} == {best.ready_s} == {400.0 - FOLD_S}
+    worked = [step for steps in drawn.steps for step in steps if step.kind in ("track", "round")]
+    worked_s = max(step.clock_s + step.seconds for step in worked)
     assert worked_s == pytest.approx(best.stated_end_s, abs=1.0)
     result.save(tmp_path / "plan.json")
     with pytest.raises(HeadlandError, match=r"goes from 0:06 h to 0:\d\d h, and 0:05 is not within that"):

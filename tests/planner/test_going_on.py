@@ -14,18 +14,25 @@ import shapely
 
 from fields.documents.reader import read_field, read_polygons
 from fields.errors import FieldError
+from fields.geometry.field import Field
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import GoingOn
+from planner.evaluation.context import GoingOn, Stand
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.work_order import DoneWork
+from planner.evaluation.work_order import DoneWork, WorkOrder
+from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
 from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_plan, sum_used
-from planner.pipeline.planning import PlanningResult, plan
+from planner.pipeline.outputs.driving_steps import list_steps
+from planner.pipeline.outputs.saved_plans import simulate_saved_plan
+from planner.pipeline.planning import PlanningResult, plan, plan_order
 from planner.request.plan_request import PlanRequest
+from reports.common.wording import format_duration
+from reports.plan.answer import write_answer
+from reports.plan.leg_list import describe_leg
 from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Leg
@@ -126,6 +133,58 @@ def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tupl
             x0, y0, heading0 = begun.get_poses(before)[-1]
             assert math.hypot(x - x0, y - y0) < 0.2
             assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("heading", [0.0, 0.5 * math.pi])
+def test_who_has_no_work_is_counted_as_resting_and_drives_out_of_the_way(heading: float) -> None:
+    """One track is left; a tractor stands at its begin, and another in the middle of it."""
+    field = Field("plot", shapely.box(0, 0, 90, 60))
+    stands = Stand((4.0, 30.0, 0.0)), Stand((50.0, 30.0, heading))
+    done = DoneWork(field.boundary - shapely.box(0, 28, 90, 32), 0.1, stands, numbers=(1, 3))
+    values: dict[str, Any] = {"width_m": WIDTH_M, "no_headland": True, "price_per_tractor": 100.0}
+    request = PlanRequest(tractors=(2,), strategies=("split-field",), **values)
+    rest = plan_order(WorkOrder(request, field=field, done=(done,)), executor=SerialExecutor())
+    best, run = rest.ranking.best, rest.run
+    assert best is not None and run is not None and best.resting == (2,)
+    assert "1 tractor (tractor 2 rests), split-field" in write_answer(rest.ranking).decision
+    assert "no work that is left is worth the drive for tractor 2" in best.remarks
+    assert "tractor 2 is tractor 3 of the plan before" in best.remarks
+    _, y, _ = run.plan.missions[1].end
+    assert abs(y - 30.0) > 5.0 and run.min_clearance_m >= request.clearance_m
+    assert best.cost == pytest.approx(run.duration_s / 3600.0 * 40.0), "who rests is not paid"
+    step = list_steps(run, WIDTH_M)[1][0]
+    assert describe_leg(step) == "drive aside and rest"
+
+
+@pytest.mark.slow
+def test_lists_and_the_time_at_which_a_plan_is_left_know_the_breaks_of_the_day(folder: Path, tmp_path: Path) -> None:
+    field = write_field(tmp_path / "field.geojson", OUTLINE)
+    values = {"field": field, "local": True, "width_m": WIDTH_M, "strategies": ("split-field",), "start_s": 6 * 3600}
+    times = FarmTimes(unfold_s=100.0, fold_s=0.0, breaks=("06:05-06:35",))
+    whole = plan_order(WorkOrder(PlanRequest(tractors=(2,), **values), times=times), executor=SerialExecutor())
+    saved = Path(whole.save(tmp_path / "plan.json"))
+    steps, best, run = simulate_saved_plan(saved).steps, whole.ranking.best, whole.run
+    assert best is not None and run is not None
+    for own in steps:
+        assert own[0].clock_s == 100.0
+        assert all(not 300.0 < step.clock_s < 2100.0 for step in own)
+        assert math.fsum(step.pause_s for step in own) == pytest.approx(1800.0, abs=0.1)
+        (paused,) = [step for step in own if step.pause_s]
+        assert f"with a break of {format_duration(paused.pause_s)}" in describe_leg(paused)
+    ends = [step.clock_s + step.seconds + step.pause_s for own in steps for step in own if step.kind != "leave"]
+    assert max(ends) == pytest.approx(best.stated_end_s, abs=1.0)
+
+    due = [go_on(tmp_path, f"{saved}@{clock}").ranking.area_ha for clock in ("6:05", "6:20", "6:35", "6:36")]
+    assert due[0] == due[1] == due[2] > due[3]
+    done_m2 = unite_areas(compute_swept_area(cut_run(run, 200.0), whole.context).ground).area
+    assert due[0] == pytest.approx(whole.ranking.area_ha - 1e-4 * done_m2, rel=0.02)
+    content = json.loads(saved.read_text(encoding="utf-8"))
+    del content["notes"]["stated"]["workday"]
+    saved.write_text(json.dumps(content), encoding="utf-8")  # as an earlier Headland saved it
+    assert simulate_saved_plan(saved).steps[0][0].clock_s == 100.0
+    with pytest.raises(HeadlandError, match="is not within that"):
+        go_on(tmp_path, f"{saved}@6:36")
 
 
 @pytest.mark.slow
@@ -254,7 +313,7 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
 
 @pytest.mark.slow
 def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: PlanningResult) -> None:
-    """Where that is the first, the other has the first list, which is told."""
+    """Numbers are those of before, whoever rests."""
     corners = {2: shapely.box(0.0, 0.0, 20.0, 4.0), 1: shapely.box(70.0, 56.0, 90.0, 60.0)}
     for idle, corner in corners.items():
         nearly_all = DoneWork(shapely.box(-1.0, -1.0, 91.0, 61.0) - corner, 0.1)
@@ -262,9 +321,10 @@ def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: Plannin
         best, run, going_on = rest.ranking.best, rest.run, rest.context.going_on
         assert best is not None and best.works_enough, "what was done before counts"
         assert f"no work that is left is worth the drive for tractor {idle}" in (best.remark or "")
-        assert ("number the others in order from 1" in (best.remark or "")) == (idle == 1)
-        assert run is not None and run.plan.tractors == 1 and going_on is not None
-        begin, other = run.plan.missions[0].legs[0].points[0], going_on.stands[2 - idle].pose
+        assert best.resting == (idle,) and "of the plan before" not in (best.remark or "")
+        assert run is not None and run.plan.tractors == 2 and going_on is not None
+        assert run.min_clearance_m >= rest.context.request.clearance_m
+        begin, other = run.plan.missions[2 - idle].legs[0].points[0], going_on.stands[2 - idle].pose
         assert begin == pytest.approx(other[:2], abs=0.01), "the other drives"
 
 

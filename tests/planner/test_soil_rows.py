@@ -101,6 +101,7 @@ def test_a_name_without_a_table_goes_to_the_usual_one() -> None:
 @pytest.mark.parametrize(("found", "more", "sentence"), [
     ((), {}, "soils.csv is left as it is: these logs name nothing of a soil"),
     ((in_model("wheel_slip", NAMED, 0.4),), {}, "name nothing of a soil"),  # no soil: the commanded speed is wrong
+    ((replace(SLIP, status=LIKELY),), {}, "by these logs wheel slip is likely, and not certain; add more of them"),
     ((replace(SLIP, law=ParameterLaw("by_place", {}, "It grows to the north.")),), {}, "name nothing of a soil"),
     ((SLIP,), {"unsaved_reason": "what was found harms other runs"}, "is left as it is: "),
     ((GRIP,), {"grounds": (GroundLevel("side_slip", {"limit_g": 0.3}, "", ("a",)),)}, "made on two grounds"),

@@ -15,9 +15,9 @@ from reports.plan.leg_list import (
 )
 from tests.printing import print_text
 
-KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "swath", "headland_pass", "part", "bearing_deg",
-        "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished", "over_finished_m", "fuel_l",
-        "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
+KEYS = ["number", "words", "kind", "from_s", "clock_s", "seconds", "pause_s", "length_m", "swath", "headland_pass",
+        "part", "bearing_deg", "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished",
+        "over_finished_m", "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
 
 
 def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:
@@ -56,6 +56,7 @@ def test_words(one: DriverLeg, words: str) -> None:
     [
         ({"reversing_m": 12.4}, "way to track 14, reversing 12 m"),
         ({"reversing_m": 0.2}, "way to track 14"),
+        ({"pause_s": 1800.0}, "way to track 14, with a break of 0:30:00"),
         ({"over_finished": ("3",)}, "way to track 14, over finished track 3"),
         ({"over_finished": ("3", "4a", "headland")}, "way to track 14, over finished tracks 3 and 4a and headland"),
         ({"over_finished": ("3", "4", "5", "6")}, "way to track 14, over finished 4 tracks"),
@@ -87,7 +88,8 @@ def printed(width: int = 80, **options: object) -> str:
 def test_a_table_per_tractor_fits_eighty_columns() -> None:
     lines = printed().splitlines()
     assert max(map(len, lines)) <= 80
-    assert "Tractor 1: 13 legs, 1.6 km, 0:19:30" in lines and "Tractor 2: 2 legs, 0.2 km, 0:03:00" in lines
+    assert "Tractor 1: 13 legs, 1.6 km, 0:19:30 on the field" in lines
+    assert "Tractor 2: 2 legs, 0.2 km, 0:03:00 on the field" in lines
     row = next(line for line in lines if "U over 2" in line)
     assert row.split() == ["8", "U", "over", "2", "tracks", "to", "track", "16", "0:10:30", "123", "1:30"]
     wait = next(line for line in lines if "wait for" in line)
@@ -131,4 +133,4 @@ def test_rows_of_fixed_pitch_stand_in_columns() -> None:
 
 
 def test_a_tractor_without_legs_is_told() -> None:
-    assert format_leg_heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00"
+    assert format_leg_heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00 on the field"

@@ -394,7 +394,7 @@ def test_every_tractor_has_a_list_of_its_legs(ranking: PlanRanking, listed_drive
     assert rows[1] == ["2", "track 9, eastwards", "23:59:20", "240", "2:40"]
     assert rows[2][:3] == ["3", "omega over 1 track to track 10", "0:02:00"]
     assert cards[1][1].count("<thead>") == 1 and "<thead>" in cards[1][1], "headings that paper repeats"
-    assert told(text)[0]["lanes"][1]["legs"][1] == [20.0, 160.0, "240", "track 9, eastwards"]
+    assert told(text)[0]["lanes"][1]["legs"][1] == [20.0, 160.0, "240", "track 9, eastwards", 20.0]
 
 
 def test_numbers_beside_arrows_are_rows_of_the_lists(listed_drive: PlanDrive) -> None:

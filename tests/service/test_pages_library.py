@@ -229,12 +229,37 @@ def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
     saved = app.state.store.get_file("farm", "Hof Süd")
     assert tomllib.loads(app.state.store.blobs.read_bytes(saved.sha256).decode())["times"]["shift_start"] == "05:00"
     watched.well()
-    watched.open("/plan")  # where the estimate may refuse three tractors of a farm that has two
+    watched.open("/plan")
     until(page, lambda: page.input_value("select[name=farms]") == "Hof Süd")
     app.state.store.delete_file("farm", "Hof Süd")
     page.reload()
     page.wait_for_selector("text=Earlier plans")
     assert page.input_value("select[name=farms]") == "", "what is gone is not chosen"
+
+
+def test_a_plan_begins_with_the_tractors_and_the_width_of_its_farm(service: Service) -> None:
+    watched, app = service
+    app.state.store.add_file("farm", "own", read_example_farm_text().encode())
+    page = watched.open("/plan")
+    page.wait_for_selector("text=Earlier plans")
+
+    def read_values() -> tuple[str, str]:
+        return page.input_value("[name=tractors]"), page.input_value("[name=width]")
+
+    own = read_values()
+    assert own == ("1-3", "3")
+    page.select_option("select[name=farms]", "own")
+    assert read_values() == ("", ""), "as the farm has them"
+    page.select_option("select[name=farms]", "")
+    assert read_values() == own
+    page.fill("[name=width]", "4")
+    page.select_option("select[name=farms]", "own")
+    assert read_values() == ("", "4")
+    page.click("text=Run the plan")
+    page.wait_for_selector("text=Waiting for its turn.")
+    request = app.state.store.list_jobs("plan")[0].request
+    assert request["width"] == 4 and "tractors" not in request
+    watched.well()
 
 
 MAST_FIELD = {

@@ -88,6 +88,8 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     places = np.array([[110.0, 60.0], [10.0, 60.0]])
     (left,) = list_deals_apart(lines[:16], np.ones((2, 16), bool), places)
     assert (left.sum(axis=0) == 1).all() and left[0, 1] and left[1, 3] and left[0, 12:].all(), "by where they stand"
+    *_, parted = list_deals_apart(lines, np.ones((2, len(lines)), bool), places)
+    assert parted[:, 16:].argmax(axis=0).tolist() == [1] * 16 + [0] * 16, "swaths too: nobody crosses the other's"
     (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool))
     assert many[:, :16].all(), "four sides are no stretches for five"
     assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) >= 0).all(), "runs of swaths"

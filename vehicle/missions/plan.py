@@ -155,6 +155,17 @@ class Mission:
         return self.legs[-1].task.kind == LEAVE
 
     @property
+    def works(self) -> bool:
+        """Whether it works a line."""
+        return any(leg.task.is_work for leg in self.legs)
+
+    @property
+    def rests(self) -> bool:
+        """Whether the tractor begins with a stand, with nothing to do but to drive out of the way of others."""
+        is_stand = self.legs[0].task.kind == DRIVE and self.legs[0].length_m < MAX_JOINT_GAP_M
+        return is_stand and not (self.leaves or self.works)
+
+    @property
     def start(self) -> tuple[float, float, float]:
         """x, y and heading (mathematical angle) at the start."""
         first = self.legs[0]
@@ -181,6 +192,12 @@ class Plan:
     def tractors(self) -> int:
         """Number of tractors."""
         return len(self.missions)
+
+    @property
+    def resting(self) -> tuple[int, ...]:
+        """Numbers, from 1, of the tractors that work nothing while others work."""
+        works = [mission.works for mission in self.missions]
+        return tuple(number for number, one in enumerate(works, start=1) if any(works) and not one)
 
     def copy_with_gate(self, tractor: int, leg: int, gate: LegGate) -> Plan:
         """The same plan with one more gate."""

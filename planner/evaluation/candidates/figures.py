@@ -117,6 +117,7 @@ def measure_candidate(
         **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),
         **list_service_figures(context, run),
+        resting=(*run.plan.resting, *range(run.plan.tractors + 1, tractors + 1)),
         faults=candidate_run.faults,
     )
     return add_clock_times(figures, context, run.work_finish_s, coverage.extrapolate_to_field(run.work_finish_s))
@@ -161,15 +162,15 @@ def compute_cost(context: PlanningContext, times: DrivenTimes, energy: tuple[flo
 
     `energy` are the litres or kilowatt-hours of every tractor, None where they are not known.
     """
-    tractors, request = len(times.tractor_s), context.request
+    working, request = len(times.tractor_s), context.request
     if context.cost_terms is not None:
-        travel_cost = tractors * compute_travel_cost(context.cost_terms)
+        travel_cost = working * compute_travel_cost(context.cost_terms)
         used = None if energy is None else math.fsum(energy)
         return compute_driven_cost(times, context.cost_terms, used) - travel_cost, travel_cost
     price_per_hour = get_price_per_hour(request.price_per_hour)
-    brought = tractors - (0 if context.going_on is None else len(context.going_on.stands))
+    brought = working + times.resting - (0 if context.going_on is None else len(context.going_on.stands))
     hours = float(times.tractor_s.max()) / HOUR_S
-    return hours * tractors * price_per_hour, brought * request.price_per_tractor
+    return hours * working * price_per_hour, brought * request.price_per_tractor
 
 
 def add_clock_times(

@@ -30,7 +30,7 @@ from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.dealing import LineDeal, group_swath_lines
 from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.programme import Programme, clear_ways, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
@@ -162,14 +162,15 @@ def _compose_sketch(
     context.time_share.check()
     one = compose()
     may_rest = context.going_on is not None and context.going_on.may_rest
-    if may_rest and not any(one.programme.tours):
-        lines = [line for line in one.programme.table.lines if line.task.is_work]
-        count, length_m = len(lines), math.fsum(line.length_m for line in lines)
+    programme, lines = one.programme, one.programme.table.lines
+    if may_rest and all(lines[node // 2].is_place for tour in programme.tours for node in tour):
+        left = [line for line in lines if not line.is_place]
+        count, length_m = len(left), math.fsum(line.length_m for line in left)
         raise StrategyError(
             f"Everything is done; tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
             "worth a drive, or to which no way leads."
         )
-    if not may_rest and not (one.programme.tours and all(one.programme.tours)):
+    if not may_rest and not (programme.tours and all(programme.tours)):
         raise StrategyError(
             f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
             "narrower implement."
@@ -294,7 +295,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
             stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
-                plan = stops.build_plan() if stops else build_plan(programme)
+                plan = clear_ways(stops.build_plan() if stops else build_plan(programme), table, stands_in_way)
                 return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
             def compose_anew(plan: Plan, driven: CandidateRun) -> ComposedPlan:
@@ -359,8 +360,9 @@ def _list_shares_from_here(moves: SiteMoves, tractors: int) -> list[_Share]:
         lines = [node // 2 for node in order]
         before[:, lines], before[tractor, lines] = False, True
         places[lines] = range(len(lines))
-    nodes = [*moves.starts, *[moves.gate] * (tractors - len(moves.starts))]
-    stands = np.array([moves.ends[node][:2] for node in nodes])
+    ends = np.array(moves.ends)[:, :2]
+    entrance = ends[:-1].mean(axis=0) if moves.site.lane is None else ends[-1]  # without one it may begin anywhere
+    stands = np.array([*ends[list(moves.starts)], *[entrance] * (tractors - len(moves.starts))])
     if len(group_swath_lines(moves.lines)) < tractors:
         deals = list_deals_apart(moves.lines, free, stands)
     else:
@@ -373,7 +375,7 @@ def _list_shares_from_here(moves: SiteMoves, tractors: int) -> list[_Share]:
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
     """A plan with its notes; tractors wait for one another between headland and swaths where its operation asks."""
     plan, operation = composed.plan, context.request.operation
-    plan = replace(plan, notes={**notes, **plan.notes})
+    plan = replace(plan, notes={**notes, **plan.notes, "tractors": notes["tractors"]})
     if operation in (STANDING_CROP_OPERATIONS if composed.order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
         table = composed.programme.table
         return add_stage_gates(plan, find_first_tasks(table.site, table.lines, composed.order))
@@ -398,24 +400,25 @@ class ProgrammeDriver:
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
         left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
-        left += _list_rest_remarks(composed.programme)
+        left += _list_machine_remarks(composed, self._context)
         return CandidateRun(
             run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
         )
 
 
-def _list_rest_remarks(programme: Programme) -> tuple[Remark, ...]:
-    """Who has no work, and that numbers of a plan are others where a tractor before one with work has none."""
-    has_work = [bool(tour) for tour in programme.tours]
-    if all(has_work):
-        return ()
-    idle = " and ".join(str(number) for number, works in enumerate(has_work, start=1) if not works)
-    if all(has_work[: sum(has_work)]):
-        return (Remark(Stake.NOTHING, f"no work that is left is worth the drive for tractor {idle}"),)
-    text = (
-        f"no work that is left is worth the drive for tractor {idle}; lists and maps number the others in order from 1"
-    )
-    return (Remark(Stake.NOTHING, text),)
+def _list_machine_remarks(composed: ComposedPlan, context: PlanningContext) -> tuple[Remark, ...]:
+    """Who of a plan has no work, and which tractors are others of the plan before."""
+    missions, tractors = composed.plan.missions, len(composed.programme.tours)
+    without = [number for number, mission in enumerate(missions, start=1) if not mission.works]
+    idle = " and ".join(map(str, (*without, *range(len(missions) + 1, tractors + 1))))
+    texts = [f"no work that is left is worth the drive for tractor {idle}"] if idle else []
+    before = () if context.going_on is None else context.going_on.numbers[:tractors]
+    texts += [
+        f"tractor {place} is tractor {number} of the plan before"
+        for place, number in enumerate(before, start=1)
+        if place != number
+    ]
+    return tuple(Remark(Stake.NOTHING, text) for text in texts)
 
 
 def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[Remark, ...]:

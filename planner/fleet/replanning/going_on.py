@@ -240,9 +240,11 @@ def _drive_best(
             for state, end in zip(remaining.states, ends, strict=True)
         ]
         legs = [list(each) for each in drop_stale_gates(kept, ends)]  # what comes after `ends` are other legs
-        working = [helper for helper, tour in zip(helpers, composed.programme.tours, strict=True) if tour]
-        for helper, mission in zip(working, composed.plan.missions, strict=True):
-            legs[helper.number] += [_renumber_gates(leg, working) for leg in mission.legs]
+        programme = composed.programme
+        present = [helpers[number] for number in programme.list_present()]
+        for number, mission in zip(programme.list_present(), composed.plan.missions, strict=True):
+            if programme.tours[number] or len(mission.legs) > 1:  # else it stands where the legs that it keeps end
+                legs[helpers[number].number] += [_renumber_gates(leg, present) for leg in mission.legs]
         return [tuple(each) for each in legs]
 
     def measure_alone_s(composed: ComposedPlan) -> list[float]:

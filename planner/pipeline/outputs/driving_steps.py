@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_drives import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
@@ -40,7 +41,7 @@ from vehicle.missions.run import (
 )
 from vehicle.records import WAITING
 
-CORNER, WAIT, TO_REFILL, FOLD, UNFOLD = "corner", "wait", "refill-way", "fold", "unfold"
+CORNER, WAIT, TO_REFILL, FOLD, UNFOLD, REST = "corner", "wait", "refill-way", "fold", "unfold", "rest"
 """Kinds of step that are not kinds of task."""
 LOOP_SHARE = 0.5  # of the length: a step whose ends are nearer to each other has no direction
 OMEGA_SWING_RAD = math.radians(20.0)  # a turn that first swings out by more than this is an omega
@@ -54,16 +55,29 @@ MIN_CROSSED_M = 5.0  # on finished ground: less is the end of a turn, and what i
 HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
 
 Rows = npt.NDArray[np.int64]
+Steps = tuple[tuple[DriverLeg, ...], ...]
+"""Those of every tractor, in order."""
 
 
-def list_steps(
-    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES
-) -> tuple[tuple[DriverLeg, ...], ...]:
+def list_steps(run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES) -> Steps:
     """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
     worked_ground = _list_worked_ground(run, width_m)
     return tuple(
         tuple(_iter_steps(run, tractor, width_m, worked_ground, measures)) for tractor in range(run.plan.tractors)
     )
+
+
+def delay_steps(steps: Steps, workday: Workday | None) -> Steps:
+    """Steps of every tractor at the times of a working day, which may begin with the road and has breaks."""
+    day = workday or Workday()
+
+    def delay(step: DriverLeg) -> DriverLeg:
+        begin_s = day.before_field_s + step.from_s
+        clock_s = day.compute_clock_s(begin_s, begins=True)
+        pause_s = day.compute_clock_s(begin_s + step.seconds) - clock_s - step.seconds
+        return replace(step, delay_s=clock_s - step.from_s, pause_s=max(0.0, round(pause_s, 3)))
+
+    return tuple(tuple(map(delay, own)) for own in steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +128,15 @@ def _measure_finished_crossing(
 def _iter_steps(
     run: SimulationRun, tractor: int, width_m: float, worked_ground: _WorkedGround, measures: StepMeasures
 ) -> Iterator[DriverLeg]:
-    legs = run.plan.missions[tractor].legs
-    groups = number_leg_steps(legs)
+    mission = run.plan.missions[tractor]
+    legs, groups = mission.legs, number_leg_steps(mission.legs)
     begun: set[int] = set()
     for segment in iter_segments(run, tractor):
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
         step = replace(_build_wait_step(run, tractor, segment), **values)
+        if mission.rests:
+            yield replace(step, kind=REST)
+            continue
         if segment.is_standing:
             yield _name_stand(step, run, tractor, segment)
             continue

@@ -30,7 +30,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.evaluation.site import get_site_moves
-from planner.pipeline.outputs.driving_steps import list_steps
+from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking, PlanResult
@@ -113,6 +113,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
     """The run of a plan on its field, as plain arrays."""
     title = f"{result.strategy}, {result.tractors} tractor{'s' if result.tractors > 1 else ''}, turns: {result.turn}"
     worked = {leg.task for mission in run.plan.missions for leg in mission.legs if leg.task.is_work}
+    steps = list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics))
     shares = run.compute_time_shares() | ({} if context.supply is None else {SERVICE_STATE: run.standing_s})
     if run.folding_s.any():
         shares |= {"turning": shares["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}
@@ -128,12 +129,11 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
-        steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
+        steps=delay_steps(steps, context.workday),
         worked_pct=result.worked_pct,
         stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
-        begin_s=result.ready_s or 0.0,
         service="unload" if run.plan.notes.get("collects") else run.plan.notes.get("service", REFILL),
     )
 

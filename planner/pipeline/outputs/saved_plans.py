@@ -15,16 +15,16 @@ import numpy as np
 import shapely
 
 from fields.text_files import read_text
-from planner.errors import RequestError, attach_parameter
+from planner.errors import HeadlandError, RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import load_gnss_errors, size_implement
-from planner.pipeline.outputs.driving_steps import list_steps
+from planner.farm.workday import ROAD, Duty, Workday
+from planner.pipeline.outputs.driving_steps import Steps, delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
-from reports.common.plan_drives import DriverLeg
 from reports.common.plan_results import PlanRanking
 from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
@@ -56,6 +56,7 @@ LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 """Values of an implement that are left out where they are usual, for the same reason."""
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
+WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
 _UNIT = 10**HEIGHT_DECIMALS
@@ -68,7 +69,12 @@ class SavedPlanRun:
     saved: SavedPlan
     request: PlanRequest
     run: SimulationRun
-    steps: tuple[tuple[DriverLeg, ...], ...]
+    steps: Steps
+
+
+def load_saved_plan(path: str | Path) -> SavedPlan:
+    """The plan that `headland plan --save` wrote to a file; raises MissionError."""
+    return parse_saved_plan(read_text(path, "a plan of headland plan --save", MissionError))
 
 
 def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
@@ -78,7 +84,7 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
     legs carry their ground. Raises MissionError, RequestError or VehicleError if the file holds no plan, or one that
     this tractor does not finish.
     """
-    saved = parse_saved_plan(read_text(path, "a plan of headland plan --save", MissionError))
+    saved = load_saved_plan(path)
     request = read_request(saved)
     run = rerun_plan(saved, request)
     if run.outcome != DONE:
@@ -88,7 +94,8 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
         )
     tractor = read_machines(saved, request)[0]
     measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
-    return SavedPlanRun(saved, request, run, list_steps(run, request.width_m, measures))
+    steps = delay_steps(list_steps(run, request.width_m, measures), read_workday(saved, request))
+    return SavedPlanRun(saved, request, run, steps)
 
 
 def read_request(saved: SavedPlan) -> PlanRequest:
@@ -210,7 +217,7 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
 def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking | None = None) -> str:
     """A plan as JSON: legs and gates with the request and the machines they are for, and what its ranking states."""
     field = context.layout.field
-    plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, ranking)})
+    plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, context.workday, ranking)})
     physics = export_physics(context.physics, context.request, context.tractor)
     request_values = _export_request(context.request) | export_machines(context) | physics
     text = format_plan(
@@ -256,15 +263,38 @@ def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
     )
 
 
-def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str, Any]:
-    """Time (s) and cost of a plan as every report states them; empty without its ranking."""
+def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
+    """The working day of a saved plan up to its field work, with its breaks, of which earlier Headlands saved none.
+
+    Raises RequestError where it is garbled.
+    """
+    stated = read_stated_figures(saved)
+    values = None if stated is None else saved.plan.notes[STATED_KEY].get(WORKDAY_KEY)
+    if values is None:
+        return Workday(duties_before=() if stated is None else (Duty(ROAD, stated.begin_s),))
+    try:
+        breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
+        begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
+        before = (Duty(ROAD, float(values["before_s"])),)
+        return Workday(request.start_s, before, breaks_s=breaks_s, shift_s=(begin_s, end_s))
+    except (TypeError, ValueError, KeyError, HeadlandError):
+        raise RequestError(f"The {WORKDAY_KEY} in the notes of the plan is garbled; save the plan again.") from None
+
+
+def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRanking | None) -> dict[str, Any]:
+    """Time (s) and cost of a plan as every report states them, and its working day; empty without its ranking."""
     key = plan.notes.get("strategy"), plan.notes.get("tractors", plan.tractors)
     results = [] if ranking is None else ranking.plans
     result = next((each for each in results if each.feasible and (each.strategy, each.tractors) == key), None)
     if result is None or ranking is None:
         return {}
+    day = {}
+    if workday is not None:
+        duties = {"before_s": workday.before_field_s, "breaks_s": workday.breaks_s, "shift_s": workday.shift_s}
+        day = {WORKDAY_KEY: duties}
     return {
         STATED_KEY: {
+            **day,
             "begin_s": result.ready_s or 0.0,
             "end_s": result.stated_end_s,
             "late_end_s": result.stated_late_end_s,

@@ -6,7 +6,7 @@ import { CLOCKS, COUNTS, NUMBERS, slider } from "./slider.js";
 
 const HEADLANDS = { headland_first: "before the tracks", headland_last: "after the tracks", no_headland: "not at all" };
 
-export const MACHINES = [["width", { value: "3", knob: { ...NUMBERS, min: 1, max: 12, step: 0.1, rest: 3 } }], ["tractors", { value: "1-3", hint: "3, 1-6 or 1,3,5.", knob: { ...COUNTS, min: 1, max: 8, step: 1, rest: 6 } }], ["speed_kmh", { hint: "By default 5, or that of the farm.", knob: { ...NUMBERS, min: 1, max: 20, step: 0.5, rest: 5 } }]];
+export const MACHINES = [["width", { value: "3", hint: "By default that of the farm.", knob: { ...NUMBERS, min: 1, max: 12, step: 0.1, rest: 3 } }], ["tractors", { value: "1-3", hint: "3, 1-6 or 1,3,5; by default those of the farm.", knob: { ...COUNTS, min: 1, max: 8, step: 1, rest: 6 } }], ["speed_kmh", { hint: "By default 5, or that of the farm.", knob: { ...NUMBERS, min: 1, max: 20, step: 0.5, rest: 5 } }]];
 export const WORK = [
   ["operation", {}],
   ["headland_order", { choices: ["", ...Object.keys(HEADLANDS)], words: { "": "as the work needs", ...HEADLANDS } }],
@@ -70,6 +70,15 @@ export function planOptions({ labels, options }) {
         else request[name] = kind === "check" ? true : kind === "number" ? numberOf(text) : kind === "list" ? text.split(/[;\s]+/).filter(Boolean) : text;
       }
       return request;
+    },
+
+    /** What the form itself begins with is left to a farm, and is said again without one. */
+    leaveTo(form, farm) {
+      for (const { name, value } of every.filter((one) => one.value)) {
+        const node = controlOf(form, name);
+        if (node.value === (farm ? value : "")) node.value = farm ? "" : value;
+      }
+      for (const one of sliders) one.follow();
     },
 
     /** Set the controls to an earlier request. */

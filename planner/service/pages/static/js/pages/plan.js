@@ -57,7 +57,7 @@ export async function open(main, shell, _parts, query) {
   let field = null;
   field = await filePicker("fields", labels.field, { accept: ACCEPTED.fields, first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
-  const ofFarm = el("div", { class: "grid" });
+  const ofFarm = el("div", { class: "grid" }), form = el("form", { class: "stack steps", novalidate: true });
   const machine = el("p", { class: "lead", role: "status" });
   let tractor = null, farm = null, latest = null;
   // The name of the file at once, then what the file calls the tractor.
@@ -69,14 +69,18 @@ export async function open(main, shell, _parts, query) {
     const name = await nameTractor(chosen);
     if (chosen === latest) say(machine, name);
   };
-  const listMachines = async (name) => { put(ofFarm, name ? await machinesOf(name, draft, labels) : null); return showMachine(); };
+  const listMachines = async (name) => {
+    if (form.elements.width) options.leaveTo(form, name);
+    put(ofFarm, name ? await machinesOf(name, draft, labels) : null);
+    return showMachine();
+  };
   ofFarm.addEventListener("change", showMachine);
   tractor = await filePicker("tractors", labels.tractor, { name: "tractor", accept: ".toml", first: SAMPLE_TRACTOR, chosen: draft.tractors, changed: showMachine });
   farm = await filePicker("farms", labels.farm, { accept: ".toml", none: "no farm file", chosen: draft.farms, changed: listMachines });
   showMachine();
   const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", chosen: draft.rain, hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", labels.gnss_table, { accept: ".csv", none: "no table", chosen: draft.gnss, hint: "Made with headland gnss fit." });
   const elevation = await filePicker("elevations", labels.elevation, { accept: ACCEPTED.elevations, none: "level ground", chosen: draft.elevation, hint: "A GeoTIFF, an ASCII grid, or points: CSV, GeoJSON, KML, GPX, or a zip with a Shapefile." });
-  const trouble = el("div", { class: "trouble" }), form = el("form", { class: "stack steps", novalidate: true });
+  const trouble = el("div", { class: "trouble" });
   const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
   let editor = null;
   const edit = (chosen) => {
@@ -111,7 +115,7 @@ export async function open(main, shell, _parts, query) {
       el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), options.grid(rows)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run), running);
-  if (draft.request) { options.write(form, draft.request); tracks.write(draft.request); }
+  if (draft.request) { options.write(form, draft.request); tracks.write(draft.request); } else if (farm.value()) options.leaveTo(form, farm.value());
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
   const asked = () => tracks.complete(requestOf(form, options.read(form), { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }), described.options);
@@ -182,7 +186,7 @@ function obstacleChoice(obstacles, ignored) {
 // The form's values and files under the service's names.
 function requestOf(form, request, files) {
   const value = (name) => form.querySelector(`select[name="${name}"]`)?.value ?? "";
-  request.tractors ??= "1-6";
+  if (!files.farm) request.tractors ??= "1-6";
   request.strategies = [...form.querySelectorAll("[name=strategy]:checked")].map((one) => one.value).join(",") || "all";
   request.field = files.field;
   const ignored = [...form.querySelectorAll("[name=keep]:not(:checked)")].map((one) => one.value);
