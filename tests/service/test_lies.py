@@ -285,6 +285,33 @@ def test_an_error_that_leaps_as_corrections_are_lost_is_no_doubt_and_one_that_no
         assert (motion.doubt is not None) == is_doubted
 
 
+@pytest.mark.parametrize("turned_deg", [0.0, 25.0])
+def test_two_leaps_that_a_receiver_smooths_are_no_doubt_of_one_that_stands(turned_deg: float) -> None:
+    """1 m and 0.7 m, 0.9 s apart, each smoothed over 1 s: the one takes over as the other fades."""
+    motion, way_rad = CredibleMotion(1.1, 3.0), np.radians([20.0, 20.0 + turned_deg])
+    for number in range(200):
+        now = 0.1 * number
+        shares = -np.expm1(-np.maximum(now - np.array([10.0, 10.9]), 0.0))
+        x_m, y_m = np.array([1.0, 0.7]) * shares @ np.column_stack([np.cos(way_rad), np.sin(way_rad)])
+        motion.add_report(TractorReport(float(x_m), float(y_m), math.pi / 2, 0.0), None, now, now)
+    assert motion.doubt is None
+
+
+def test_a_receiver_that_freezes_in_a_turn_is_doubted_as_soon_as_on_a_straight_way() -> None:
+    doubted_s = []
+    for radius_m in (5.0, 1e6):
+        motion, speed_mps = CredibleMotion(0.0, 3.0), 1.2
+        for number in range(200):
+            angle = speed_mps * 0.1 * number / radius_m
+            shown = speed_mps * min(0.1 * number, 10.0) / radius_m
+            x_m, y_m = radius_m * math.sin(shown), radius_m * (1.0 - math.cos(shown))
+            motion.add_report(TractorReport(x_m, y_m, angle, speed_mps), None, 0.1 * number, 0.1 * number)
+            if motion.doubt is not None:
+                break
+        doubted_s.append(0.1 * number - 10.0)
+    assert doubted_s[0] <= doubted_s[1] + 0.15 < 2.0
+
+
 def test_the_limit_is_that_of_the_stated_noise() -> None:
     """At once it is the noise of two fixes, after long that of two unrelated errors; by hand, for one false doubt in
     10,000 h: sqrt(2 ln(1e4 * 3600 * 10 * 9 * 3)) = 6.782."""

@@ -9,8 +9,9 @@ that of honest tractors, the worst of it always assumed, as a report does not sa
 - the error may leap when corrections are lost or come back: a step that noise does not explain is left out of the
   displacement, but not of a second sum, which may reach what two unrelated errors differ by, and no more; one leap that
   noise could explain is allowed for besides;
-- a receiver that smooths a leap goes over to it ever more slowly, see `is_growing`: what does not grow steadily is held
-  to the limit of that second sum only;
+- a receiver that smooths a leap goes over to it ever more slowly, see `is_growing`, and at its full rate at once, see
+  `has_set_out`: what does not grow steadily, and who sets out faster than tractors do, is held to the limit of that
+  second sum only;
 - speed over ground and heading are off by a share of the distance: slip, side slip, an oblique antenna;
 - a tractor may be beside its leg by as much as the rules let it resume.
 
@@ -53,7 +54,7 @@ STILL_SHARE = 1.5  # of the time in which motion was found: without it for half 
 RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
 SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most
 PAIR_NOISE_M = math.sqrt(2.0) * FIX_M  # of the difference of two fixes along one axis: motion exceeds it
-TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12
+TIME, POSITION, DRIVEN, LEG, RAW_POSITION, DISTANCE, SLACK, TURN, PACE, COLUMN_COUNT = 0, 1, 3, 5, 7, 9, 10, 11, 12, 13
 REPORT_SIZE = 8
 NOWHERE = np.full(3, math.nan)  # the pose of a progress that follows no leg
 PAIRS = np.array([[POSITION, DRIVEN], [POSITION, LEG], [LEG, DRIVEN]])
@@ -76,60 +77,84 @@ def compute_doubt_m(age_s: float, distance_m: float, pace_mps: float) -> float:
 
 @compile_function
 def measure_growth(sums, kept, since, until, a, b):  # type: ignore[no-untyped-def]
-    """Seconds from one entry of the ring to another, and by how much the difference of two witnesses grew then (m),
-    along what it is now since the first of them; -1 for `until` is now."""
+    """Seconds from one entry of the ring to another, and by how much the difference of two witnesses grew then (m):
+    along what it is now since the first of them, and to its left; -1 for `until` is now."""
     then = kept[since]
     x_m, y_m = sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
-    length_m = math.hypot(x_m, y_m)
+    length_m = max(math.hypot(x_m, y_m), 1e-9)
     last = sums if until < 0 else kept[until]
-    grown_m2 = x_m * (last[a] - last[b] - then[a] + then[b])
-    grown_m2 += y_m * (last[a + 1] - last[b + 1] - then[a + 1] + then[b + 1])
-    return last[TIME] - then[TIME], grown_m2 / max(length_m, 1e-9)
+    grown_x_m = last[a] - last[b] - then[a] + then[b]
+    grown_y_m = last[a + 1] - last[b + 1] - then[a + 1] + then[b + 1]
+    along_m, left_m = x_m * grown_x_m + y_m * grown_y_m, x_m * grown_y_m - y_m * grown_x_m
+    return last[TIME] - then[TIME], along_m / length_m, left_m / length_m
 
 
 @compile_function
 def is_growing(sums, kept, count, back, a, b) -> bool:  # type: ignore[no-untyped-def]
     """Whether the difference of two witnesses has grown steadily since `back` entries of `count`, as motion does.
 
-    Of its first, middle and last part (RECENT_PARTS) the first has grown no less than on average and the last about as
-    much. A leap by L that a receiver smooths over SMOOTHED_S leads to L (1 - exp(-t / SMOOTHED_S)), of which the last
-    part of any time since it began has a smaller share: motion has more there by what is told from noise, over the
-    whole time and over every shorter one in which that could be told. In less time than has such parts it is faster
-    than tractors are, as by a clock that stands.
+    After its first part of three and before its last (RECENT_PARTS) it was as far as on average or farther, and no
+    farther aside than the middle of an arc by which the tractor turned: leaps that follow one another go their own
+    ways. In the last it has grown about as much as on average. A leap by L that a receiver smooths over SMOOTHED_S
+    leads to L (1 - exp(-t / SMOOTHED_S)), of which the last part of any time since it began has a smaller share:
+    motion has more there by what is told from noise, over the whole time and over every shorter one in which that could
+    be told. In less time than has such parts it is faster than tractors are, as by a clock that stands.
     """
     whole = back
     if whole < RECENT_PARTS:
-        age_s, length_m = measure_growth(sums, kept, (count - back) % len(kept), -1, a, b)
+        age_s, length_m, _ = measure_growth(sums, kept, (count - back) % len(kept), -1, a, b)
         return bool(length_m > FASTEST_MPS * age_s)
     while back >= RECENT_PARTS:
         part, since = back // RECENT_PARTS, (count - back) % len(kept)
-        age_s, length_m = measure_growth(sums, kept, since, -1, a, b)
-        before_s, before_m = measure_growth(sums, kept, since, (count - part) % len(kept), a, b)
+        age_s, length_m, _ = measure_growth(sums, kept, since, -1, a, b)
+        before_s, before_m, _ = measure_growth(sums, kept, since, (count - part) % len(kept), a, b)
         grown_m, even_m = length_m - before_m, length_m * (1.0 - before_s / age_s)
         faded = math.exp(-age_s / SMOOTHED_S)
         leap_m = length_m * (math.exp(-before_s / SMOOTHED_S) - faded) / (1.0 - faded)
         if (back == whole or even_m - leap_m >= 2.0 * PAIR_NOISE_M) and grown_m < leap_m + PAIR_NOISE_M:
             return False
         if back == whole:
-            first_s, first_m = measure_growth(sums, kept, since, (count - back + part) % len(kept), a, b)
-            if grown_m < GROWING_SHARE * even_m or first_m < length_m * first_s / age_s - 2.0 * PAIR_NOISE_M:
+            if grown_m < GROWING_SHARE * even_m:
                 return False
+            arc_m = length_m * abs(sums[TURN] - kept[since, TURN]) / 8.0
+            for until in (count - back + part, count - part):
+                then_s, then_m, left_m = measure_growth(sums, kept, since, until % len(kept), a, b)
+                is_late = then_m < length_m * then_s / age_s - 2.0 * PAIR_NOISE_M
+                if is_late or abs(left_m) > arc_m + 2.0 * PAIR_NOISE_M:
+                    return False
         back -= max(back // STRIDE, 1)
     return True
 
 
 @compile_function
+def has_set_out(sums, kept, count, back) -> bool:  # type: ignore[no-untyped-def]
+    """Whether positions that moved since `back` entries of `count` had moved before at least half as far as who gains
+    their speed at SPEED_CHANGE_MPS2: a leap has its full rate at once. They had where nothing is known of that time."""
+    then = kept[(count - back) % len(kept)]
+    moved_m = math.hypot(sums[POSITION] - then[POSITION], sums[POSITION + 1] - then[POSITION + 1])
+    speed_mps = moved_m / max(sums[TIME] - then[TIME], 1e-9)
+    gaining_s = speed_mps / SPEED_CHANGE_MPS2
+    while back < min(count, len(kept)):
+        back += 1
+        before = kept[(count - back) % len(kept)]
+        if then[TIME] - before[TIME] >= gaining_s:
+            moved_m = math.hypot(then[POSITION] - before[POSITION], then[POSITION + 1] - before[POSITION + 1])
+            return bool(moved_m >= 0.5 * (0.5 * speed_mps * gaining_s) - 2.0 * PAIR_NOISE_M)
+    return True
+
+
+@compile_function
 def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> None:  # type: ignore[no-untyped-def]
-    """Add a step to `sums` (12,), keep them in the ring `kept` (n, 12), and find for each pair of witnesses the
+    """Add a step to `sums` (13,), keep them in the ring `kept` (n, 13), and find for each pair of witnesses the
     shortest time over which it differs too much: its place in the ring into `found` (3,), -1 for none.
 
-    `step` (12,) is a time, the displacements by positions, speed and progress, the distance, the slack of a gap, and
-    the speed at its end, which in `sums` is the last one. `counts` (2,) is how many entries the ring ever got, and
-    since which of them progress has been known.
+    `step` (13,) is a time, the displacements by positions, speed and progress, the distance, the slack of a gap, the
+    turn (rad), and the speed at its end, which in `sums` is the last one. `counts` (2,) is how many entries the ring
+    ever got, and since which of them progress has been known.
     """
     limit_m = compute_limit_m(step[TIME], step[DISTANCE]) + step[SLACK] + FIX_AGE_S * max(step[PACE], sums[PACE])
     sums[PACE] = step[PACE]
-    for column in (TIME, DISTANCE, SLACK):
+    for column in (TIME, DISTANCE, SLACK, TURN):
         sums[column] += step[column]
     is_leap = True
     for column in (POSITION, LEG):  # progress leaps with positions, or not
@@ -159,7 +184,8 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
             smooth_m = math.hypot(
                 sums[a] - sums[b] - then[a] + then[b], sums[a + 1] - sums[b + 1] - then[a + 1] + then[b + 1]
             )
-            if smooth_m > limit_m + biases_m[pair] and is_growing(sums, kept, counts[0], back, a, b):
+            is_beyond = smooth_m > limit_m + biases_m[pair] and is_growing(sums, kept, counts[0], back, a, b)
+            if is_beyond and (pair > 0 or has_set_out(sums, kept, counts[0], back)):
                 found[pair] = place
         raw_m = math.hypot(
             sums[RAW_POSITION] - sums[DRIVEN] - then[RAW_POSITION] + then[DRIVEN],
@@ -174,7 +200,7 @@ def add_motion_step(step, biases_m, is_on_leg, sums, kept, counts, found) -> Non
 
 @compile_function
 def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type: ignore[no-untyped-def]
-    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (12,).
+    """Measure the displacement of the middle of the rear axle, which moves along the heading, into `step` (13,).
 
     `before` and `after` (8,) are a time, the pose of the guided point, velocity, and the pose of the progress, NaN for
     none.
@@ -184,7 +210,7 @@ def measure_motion_step(before, after, antenna_forward_m, step) -> None:  # type
     turned_rad = (after[3] - before[3] + math.pi) % (2.0 * math.pi) - math.pi
     heading_rad = before[3] + 0.5 * turned_rad
     step[DRIVEN], step[DRIVEN + 1] = step_m * math.cos(heading_rad), step_m * math.sin(heading_rad)
-    step[DISTANCE], step[PACE] = abs(step_m), abs(after[4])
+    step[DISTANCE], step[TURN], step[PACE] = abs(step_m), turned_rad, abs(after[4])
     # between the mean of two speeds and what a tractor that sped up and braked, or the reverse, drove in between
     step[SLACK] = 0.25 * SPEED_CHANGE_MPS2 * step[TIME] ** 2 if step[TIME] > LONGEST_STEP_S + 1e-6 else 0.0
     step[LEG], step[LEG + 1] = step[DRIVEN], step[DRIVEN + 1]
