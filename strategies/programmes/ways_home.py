@@ -1,12 +1,14 @@
 """Whether two tractors can both get from where they begin to where they end, if one waits while the other drives.
 
 Each stands in the way of the other where it waits, before it begins and when it is done. Where no order of going on
-lets both end, no way of waiting helps, and one of them is to begin or end elsewhere.
+lets both end, no way of waiting helps, and one of them is to begin or end elsewhere. A search changes few tours at a
+time: what was asked last is known.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +41,7 @@ class Way:
         return cls(PosePath(build_poses(poses)), PosePath(build_poses(poses[list(holds)])), holds)
 
 
+@lru_cache
 def build_way(mission: Mission, back_m: float) -> Way:
     """The way of a tractor on its mission, with its centre of mass `back_m` behind the guided point."""
     parts = [sample_poses(leg.points, back_m, leg.gear) for leg in mission.legs]
@@ -47,6 +50,7 @@ def build_way(mission: Mission, back_m: float) -> Way:
     return Way.from_poses(np.concatenate(parts), (*holds, begins[-1] - 1))
 
 
+@lru_cache
 def find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
     """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""
     passes = _find_passes(a, b, check), _find_passes(b, a, check).T
