@@ -27,15 +27,16 @@ def build_plan(programme: Programme, **notes: Any) -> Plan:
     return Plan(missions, {"tractors": len(missions), **notes})
 
 
-def charge_waiting(programme: Programme, plan: Plan, run: SimulationRun) -> Floats:
+def charge_waiting(programme: Programme, tours: Sequence[Sequence[int]], plan: Plan, run: SimulationRun) -> Floats:
     """Seconds (n + 1, n + 1) that tractors waited at each move in a run of the plan of a programme, DETOUR_S where two
     met.
 
-    A tractor waits before the last part of a line for the move that follows. Gates of the plan itself do not count.
+    `tours` are its nodes in the order in which they are worked. A tractor waits before the last part of a line for the
+    move that follows. Gates of the plan itself do not count.
     """
     charged_s = np.zeros_like(programme.table.cost_s)
-    tours = [programme.tours[number] for number in programme.list_present()]
-    moves = [_list_leg_moves(programme, *each) for each in zip(plan.missions, tours, strict=True)]
+    present = [tours[number] for number in programme.list_present()]
+    moves = [_list_leg_moves(programme, *each) for each in zip(plan.missions, present, strict=True)]
     for tractor, (mission, of_legs) in enumerate(zip(plan.missions, moves, strict=True)):
         waited_s = np.where([bool(leg.gates) for leg in mission.legs], 0.0, run.sum_waits_s(tractor))
         np.add.at(charged_s, tuple(of_legs.T), waited_s)

@@ -56,6 +56,10 @@ class StoppedProgramme:
             for gaps, stops in zip(self.gaps, self.stops, strict=True)
         ]
 
+    def list_nodes(self) -> list[list[int]]:
+        """The nodes of every tractor in the order in which they are worked, each once."""
+        return [list(dict.fromkeys(part.node for part in gaps.tour)) for gaps in self.gaps]
+
     def build_plan(self, **notes: Any) -> Plan:
         """Its plan, with all stops in the notes, one mission per tractor that has lines or stands on the field."""
         table = self.programme.table

@@ -173,11 +173,11 @@ def test_waiting_is_charged_to_the_move_before_which_a_tractor_waits(context: Pl
     waiting = plan.copy_with_gate(0, leg, LegGate(1, len(plan.missions[1].legs) - 1, 1.0))
     run = programme.table.site.drive(waiting)
     waited_s = run.step_s * np.count_nonzero(run.get_statuses(0) == WAITING)
-    charged_s = charge_waiting(programme, plan, run)
+    charged_s = charge_waiting(programme, programme.tours, plan, run)
     first, second = programme.tours[0][:2]
     assert waited_s > 100.0 and np.argwhere(charged_s).tolist() == [[first, second]]
     assert charged_s[first, second] == pytest.approx(waited_s)
-    assert not charge_waiting(programme, waiting, run).any(), "the plan itself asks for it"
+    assert not charge_waiting(programme, programme.tours, waiting, run).any(), "the plan itself asks for it"
 
 
 @pytest.mark.slow

@@ -27,14 +27,14 @@ class FakeDriver:
 
     def drive(self, composed: Any) -> Any:
         self.driven.append(composed.order)
-        run: Any = SimpleNamespace(duration_s=composed.driven_s)
+        run: Any = SimpleNamespace(duration_s=composed.driven_s, plan=SimpleNamespace(notes={}))
         return CandidateRun(run, None, composed.order)
 
 
 def sketch(order: str, sketched_s: float, driven_s: float, apart: list[SketchedPlan] | None = None) -> SketchedPlan:
     composed: Any = SimpleNamespace(
         order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0,
-        programme=SimpleNamespace(left_m2=0.0),
+        programme=SimpleNamespace(left_m2=0.0), compose_anew=None,
     )  # fmt: skip
     return SketchedPlan(order, [sketched_s], lambda: composed, None if apart is None else lambda _: apart)
 

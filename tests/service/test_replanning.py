@@ -146,7 +146,7 @@ def test_what_one_has_left_is_worked_by_the_others(half: tuple[FleetManager, Rep
     standing = shapely.Point(report.x_m, report.y_m).buffer(9.0)
     # Driven the other way, the guided point is on a track a tool's distance earlier: 2 % of what is left for each.
     assert shapely.difference(shapely.difference(left, taken), standing).area < 0.08 * left.area
-    assert proposal.reassigned_m > 50.0 and proposal.unreachable_m < 0.01 * proposal.reassigned_m
+    assert proposal.reassigned_m > 50.0 and proposal.unreachable_m < 0.03 * proposal.reassigned_m
     assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
 
 

@@ -70,7 +70,7 @@ def _drive_waiting_less(
     """Drives of a plan, composed anew as long as its tractors wait, each with its weighed seconds; whether they wait in
     the last.
 
-    What could not be done in less than `most_s`, or what was driven before, is not driven.
+    What could not be done in less than `most_s` is not driven.
     """
     drives = list[tuple[Driven, float]]()
     for number in range(MOST_DRIVES):

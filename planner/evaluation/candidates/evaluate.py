@@ -177,7 +177,10 @@ def _run_unless_pruned(
 
     def drive(composed: ComposedPlan) -> tuple[CandidateRun, float]:
         driven = _check_run(context, driver.drive(composed))
-        return driven, math.inf if driven.reason else driven.run.duration_s
+        dropped = driven.run.plan.notes.get(
+            "loosened", 0
+        )  # gates that the operation asks for: each as dear as the plan
+        return driven, math.inf if driven.reason else (1 + dropped) * driven.run.duration_s
 
     def find_loss_s(tractor_s: Sequence[float]) -> float | None:
         return estimate_loss_s(context, tractor_s, incumbent)

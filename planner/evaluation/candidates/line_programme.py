@@ -43,6 +43,7 @@ Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
+NO_BETTER = "Worked otherwise the field is done no better."
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
@@ -291,7 +292,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 charged_s=charged_s,
             )
             if programme.left_m2 > most_left_m2 + MENTIONED_M2:
-                raise StrategyError("Shared otherwise the tractors leave lines that they work so.")
+                raise StrategyError(NO_BETTER)
             stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
@@ -299,10 +300,11 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
             def compose_anew(plan: Plan, driven: CandidateRun) -> ComposedPlan:
-                waited_s = charge_waiting(programme, plan, driven.run)
-                if not waited_s.any():
-                    raise StrategyError("No tractor of the plan waits for another.")
-                return compose(charged_s + waited_s, programme.tours)
+                waited_s = charge_waiting(programme, stops.list_nodes() if stops else programme.tours, plan, driven.run)
+                anew = compose(charged_s + waited_s, programme.tours) if waited_s.any() else None
+                if anew is None or anew.programme.tours == programme.tours:
+                    raise StrategyError(NO_BETTER)
+                return anew
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s(), compose_anew)
 

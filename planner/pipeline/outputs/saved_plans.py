@@ -57,6 +57,7 @@ LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
 WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
+MOST_BREAKS = 1000  # of a saved day
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
 _UNIT = 10**HEIGHT_DECIMALS
@@ -276,8 +277,10 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
         breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
         begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
         before = (Duty(ROAD, float(values["before_s"])),)
+        if not (0.0 <= before[0].seconds < math.inf and len(breaks_s) <= MOST_BREAKS):
+            raise ValueError
         return Workday(request.start_s, before, breaks_s=breaks_s, shift_s=(begin_s, end_s))
-    except (TypeError, ValueError, KeyError, HeadlandError):
+    except (TypeError, ValueError, KeyError, OverflowError, HeadlandError):
         raise RequestError(f"The {WORKDAY_KEY} in the notes of the plan is garbled; save the plan again.") from None
 
 
