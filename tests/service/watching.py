@@ -1,11 +1,13 @@
 """A page in a browser, and an app for it to speak with."""
 
 import contextlib
+import math
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import uvicorn
@@ -78,9 +80,12 @@ class WatchedPage:
 
 @contextlib.contextmanager
 def watch_app(browser: Browser, app: FastAPI, scopes: str) -> Iterator[WatchedPage]:
-    """A page with a token of some scopes, with an app behind it."""
+    """A page with a token of some scopes, with an app behind it.
+
+    Many tests share its user, whose estimates may compute more than those of one.
+    """
     token = app.state.store.create_token_text("office", scopes)
-    with serve_app(app) as base:
+    with patch("planner.service.jobs.plan_estimates.MOST_COMPUTING_S", math.inf), serve_app(app) as base:
         watched = WatchedPage(browser, base, token)
         yield watched
         watched.page.context.close()
