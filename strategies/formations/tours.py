@@ -20,15 +20,14 @@ from strategies.path_planning.errors import StrategyError
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.order_search import OrderProblem, count_clashes
 from strategies.programmes.programme import list_pairs, prove_short_runs
 from strategies.programmes.stages import find_first_tasks
-from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.waiting_places import StandingCheck, find_clashes
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
-KEEPS_S = 1.0  # the one of two with more keeps its place
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +50,14 @@ class _Pieces:
 
     Attributes:
         table: lines and moves.
+        clashes: nodes of the table (2, n, n) of which no two tractors may begin or end with both; None: any may.
         lines: numbers of the lines that are not in rounds.
         chains: per tractor its nodes in all rounds.
         chain_s: seconds that the rounds take.
     """
 
     table: MoveTable
+    clashes: npt.NDArray[np.bool_] | None
     lines: tuple[int, ...]
     chains: tuple[tuple[int, ...], ...]
     chain_s: float
@@ -71,8 +72,8 @@ class _Pieces:
         nodes = [2 * line + way for line in self.lines for way in (0, 1)]
         return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
 
-    def pose_problem(self, order: str, barred: BarredPlaces | None, costs: Floats) -> OrderProblem:
-        """The problem of all tractors, with the headland first or last; none begins or ends where it is barred."""
+    def pose_problem(self, order: str, costs: Floats) -> OrderProblem:
+        """The problem of all tractors, with the headland first or last."""
         table, tractors = self.table, len(self.chains)
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
         backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
@@ -83,10 +84,6 @@ class _Pieces:
         allowed = np.ones((tractors, len(kept) + tractors), bool)
         allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
         ends_s = [np.repeat(row[None] * has_lane, tractors, axis=0) for row in (costs[-1, entries], costs[exits, -1])]
-        if barred is not None:  # the formation keeps its places
-            for side, nodes in enumerate((entries, exits)):
-                charged = barred.charge(side, np.zeros((tractors, table.gate)))[:, nodes[: 2 * len(kept)]]
-                ends_s[side][:, : 2 * len(kept)] += charged
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
@@ -95,7 +92,14 @@ class _Pieces:
             end_s=ends_s[1],
             allowed=allowed,
             stage=self._list_stages(order),
+            clashes=self._list_clashes(entries, exits),
         )
+
+    def _list_clashes(self, entries: list[int], exits: list[int]) -> npt.NDArray[np.bool_] | None:
+        """As `clashes`, for the nodes of the search."""
+        if self.clashes is None:
+            return None
+        return np.array([self.clashes[side][np.ix_(nodes, nodes)] for side, nodes in enumerate((entries, exits))])
 
     def list_moves(self, tours: list[list[int]]) -> list[tuple[int, int]]:
         """The moves that tours of the search use, as pairs of nodes of the table."""
@@ -125,41 +129,42 @@ def sketch_tours(table: MoveTable, rounds: Sequence[DirectedRound], order: str) 
     Raises StrategyError where some tractor does not get to the rounds.
     """
     pieces = _cut_pieces(table, rounds)
-    found, _ = search_estimated_tours(table, partial(pieces.pose_problem, order, None), pieces.list_moves)
+    found, _ = search_estimated_tours(table, partial(pieces.pose_problem, order), pieces.list_moves)
     return _expand_tours(pieces, found)
 
 
 def share_lines(
-    table: MoveTable, rounds: Sequence[DirectedRound], order: str, stands_in_way: StandsInWay
+    table: MoveTable, rounds: Sequence[DirectedRound], order: str, stands_in_way: StandingCheck
 ) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left.
 
     None at all where a drive over short lines strikes a move between rounds, which then need another order. Raises
     StrategyError where some tractor does not get to the rounds.
     """
-    pieces = _cut_pieces(table, rounds)
-    barred = BarredPlaces(table, stands_in_way, len(pieces.chains)) if table.site.lane is None else None
+    pieces = _cut_pieces(table, rounds, None if table.site.lane else find_clashes(table, stands_in_way))
+    pose_problem = partial(pieces.pose_problem, order)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
-        expanded = [pieces.expand(tour) for tour in tours]
-        if barred is not None and _bar_clashes(barred, expanded):
+        if count_clashes(pose_problem(table.cost_s), tours):
             return False
-        return False not in [prove_short_runs(table, tour.nodes) for tour in expanded]
+        return False not in [prove_short_runs(table, pieces.expand(tour).nodes) for tour in tours]
 
-    found = search_driven_tours(table, partial(pieces.pose_problem, order, barred), pieces.list_moves, can_be_driven)
+    found = search_driven_tours(table, pose_problem, pieces.list_moves, can_be_driven)
     if not all(table.is_proven(u, v) for chain in pieces.chains for u, v in pairwise(chain)):
         return []
     best = _expand_tours(pieces, found)
     return [_keep_connected(table, tour) for tour in best]
 
 
-def _cut_pieces(table: MoveTable, rounds: Sequence[DirectedRound]) -> _Pieces:
+def _cut_pieces(
+    table: MoveTable, rounds: Sequence[DirectedRound], clashes: npt.NDArray[np.bool_] | None = None
+) -> _Pieces:
     """The ways of all tractors through rounds, and the lines in none of these."""
     tractors = range(len(rounds[0].one.columns))
     chains = tuple(tuple(node for each in rounds for node in each.list_nodes(k)) for k in tractors)
     in_rounds = {node // 2 for chain in chains for node in chain}
     lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
-    return _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
+    return _Pieces(table, clashes, lines, chains, _estimate_rounds_s(table, rounds))
 
 
 def _expand_tours(pieces: _Pieces, found: list[list[int]]) -> list[FormationTour]:
@@ -171,12 +176,6 @@ def _expand_tours(pieces: _Pieces, found: list[list[int]]) -> list[FormationTour
             "or split-field or interleaved."
         )
     return tours
-
-
-def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:
-    """Bar places where tractors begin or end in each other's way; one that does so in formation does not yield."""
-    kept_s = [KEEPS_S * ((not tour.before) + (not tour.after)) for tour in tours]
-    return barred.extend([tour.nodes for tour in tours], kept_s)
 
 
 def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> float:

@@ -116,5 +116,5 @@ def insert_lines(tours, tables) -> None:  # type: ignore[no-untyped-def]
         tours.nodes[left, place] = tours.nodes[left, tours.lengths[left]]
         update_row(tours, tables, row)
         update_row(tours, tables, left)
-        sum_rows(tours)
+        sum_rows(tours, tables)
         _update_insertions(insertions, tours, tables, row, gap)

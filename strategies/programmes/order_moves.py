@@ -19,6 +19,7 @@ from strategies.programmes.order_tours import (
     NO_ROW,
     ONWARD,
     REVERSED,
+    RULE_S,
     SECOND,
     SIDE_A,
     SIDE_B,
@@ -26,6 +27,7 @@ from strategies.programmes.order_tours import (
     THIRD,
     can_make_move,
     clear_pieces,
+    count_new_clashes,
     make_move,
     pop_line,
     push_line,
@@ -183,7 +185,8 @@ def make_best_move(tours, tables, cost) -> bool:  # type: ignore[no-untyped-def]
         new_cost = _weigh_tails(tours, tables, move) if move[2] == TAILS else _weigh_transfer(tours, tables, move)
         if new_cost < best_cost - MIN_GAIN_S:
             _set_move(tours, move)
-            if can_make_move(tours, tables):
+            new_cost += RULE_S * count_new_clashes(tours, tables)
+            if new_cost < best_cost - MIN_GAIN_S and can_make_move(tours, tables):
                 best, best_cost = number, new_cost
     if best > 0:
         _set_move(tours, tours.moves[best])

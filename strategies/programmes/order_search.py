@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ from strategies.programmes.order_tours import (
     NO_ROW,
     ONWARD,
     POSSIBLE_S,
+    RULE_S,
     SECOND,
     SIDE_A,
     SIDE_B,
@@ -58,7 +59,6 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-STAGE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
 KICKS = 150  # of a thorough search, and one for every line: four times as many find 1 % more
 DRAWS = 5  # random numbers of a perturbation
@@ -73,7 +73,7 @@ class OrderProblem:
     (k, 2 n) are the seconds of a tractor from its entrance to the begin of a node and from its end home; zeros where it
     may begin and end anywhere. `allowed` (k, n): which lines a tractor may work. `stage` (n,) puts lines of a lower
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
-    Raises HeadlandError where shapes or values do not fit.
+    `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may. Raises HeadlandError where shapes or values do not fit.
     """
 
     move_s: Floats
@@ -83,11 +83,14 @@ class OrderProblem:
     end_s: Floats
     allowed: Bools
     stage: Ints
-    stage_s: float = STAGE_S
+    stage_s: float = RULE_S
+    clashes: Bools | None = None
 
     def __post_init__(self) -> None:
         n, k = len(self.work_s), len(self.begin_s)
         shapes = {"move_s": (2 * n, 2 * n), "value_s": (n,), "begin_s": (k, 2 * n), "end_s": (k, 2 * n)}
+        if self.clashes is not None:
+            shapes["clashes"] = (2, 2 * n, 2 * n)
         for name, shape in {**shapes, "allowed": (k, n), "stage": (n,)}.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -106,7 +109,7 @@ class OrderProblem:
     def from_moves(
         cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None,
         end_s: Floats | None = None, *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None,
-        stage_s: float = STAGE_S,
+        stage_s: float = RULE_S,
     ) -> OrderProblem:  # fmt: skip
         """A problem where what is not given is free: ways in and home take no time, every line may be worked by any
         tractor at any time."""
@@ -154,7 +157,16 @@ def compute_cost_s(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> flo
         finish_s.append(seconds)
     worked = {node // 2 for tour in tours for node in tour}
     left_s = sum(float(value) for line, value in enumerate(problem.value_s) if line not in worked)
-    return (1.0 - SUM_SHARE) * max(finish_s) + SUM_SHARE * sum(finish_s) + left_s
+    clashes_s = RULE_S * count_clashes(problem, tours)
+    return (1.0 - SUM_SHARE) * max(finish_s) + SUM_SHARE * sum(finish_s) + left_s + clashes_s
+
+
+def count_clashes(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> int:
+    """How many pairs of tours begin, and how many end, as no two may."""
+    if problem.clashes is None:
+        return 0
+    pairs = list(combinations([tour for tour in tours if tour], 2))
+    return sum(int(problem.clashes[side, a[-side], b[-side]]) for a, b in pairs for side in (0, 1))
 
 
 def search_programmes(
@@ -178,7 +190,8 @@ def search_programmes(
     after, before = (np.ascontiguousarray(nodes[:, :count]) for nodes in _find_neighbours(move_s, count))
     work_s, value_s = (np.ascontiguousarray(values, np.float64) for values in (problem.work_s, problem.value_s))
     allowed = np.ascontiguousarray(problem.allowed, np.bool_)
-    tables = OrderTables(move_s, begin_s, end_s, work_s, value_s, allowed, after, before)
+    clashes = np.zeros((2, 0, 0), bool) if problem.clashes is None else np.ascontiguousarray(problem.clashes)
+    tables = OrderTables(move_s, begin_s, end_s, work_s, value_s, allowed, after, before, clashes)
     found = _search_tours(tables, create_tours(k, n), given, start is not None, kicks, seed)
     return [[int(node) for node in tour if node >= 0] for tour in found]
 
@@ -356,7 +369,7 @@ def _keep_or_restore(tours, tables, nodes, lengths, is_better) -> None:  # type:
             copy_row(nodes[row, : lengths[row]], tours.nodes[row])
             update_row(tours, tables, row)
         tours.touched[row] = False
-    sum_rows(tours)
+    sum_rows(tours, tables)
 
 
 @compile_function
@@ -377,7 +390,7 @@ def _load_start(tours, tables, given) -> None:  # type: ignore[no-untyped-def]
             tours.nodes[left, tours.lengths[left]] = 2 * line
             tours.lengths[left] += 1
     update_row(tours, tables, left)
-    sum_rows(tours)
+    sum_rows(tours, tables)
 
 
 @compile_function

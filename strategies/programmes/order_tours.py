@@ -16,6 +16,7 @@ from vehicle.jit import compile_for_views
 
 SUM_SHARE = 0.1  # of a second of work of a tractor that does not finish last: fuel and wages beside the finish time
 NO_MOVE_S = 1e8  # charged where no move leads: more than all lines are worth, little enough to add up exactly to 1e-4 s
+RULE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 POSSIBLE_S = 1e6  # seconds from which on a move counts as none
 MIN_GAIN_S = 1e-3  # above the rounding of sums of NO_MOVE_S
 PIECES = 4  # segments of which a move makes a tour
@@ -34,7 +35,8 @@ class OrderTables(NamedTuple):
     """The problem as the search reads it.
 
     Seconds of moves (2 n, 2 n), of ways in and home (k, 2 n) and of work (n,), what a line is worth (n,), which tractor
-    may work it (k, n), and the nodes that most cheaply follow or precede each node (2 n, neighbours).
+    may work it (k, n), the nodes that most cheaply follow or precede each node (2 n, neighbours), and which nodes no two
+    tours may begin or end with (2, 2 n, 2 n; empty: any may).
     """
 
     move_s: Any
@@ -45,6 +47,7 @@ class OrderTables(NamedTuple):
     allowed: Any
     after: Any
     before: Any
+    clashes: Any
 
 
 class Tours(NamedTuple):
@@ -52,7 +55,8 @@ class Tours(NamedTuple):
 
     `onward_s` and `backward_s` (k + 1, n): seconds from the begin of a tour up to the end of a place, and those of the
     same lines driven the other way round. `seconds` (k + 1,): those of the tours; last the value of the lines left.
-    `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `row_of` and `place_of` (n,): where a
+    `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `clashes` (1,): how many pairs of tours
+    begin, and end, as no two may. `row_of` and `place_of` (n,): where a
     line is. `queue` (n,): a ring of lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is
     in it. `pieces` (2, PIECES, 4): the segments (row, low, high, whether reversed) of which a move makes the two rows
     `rows` (2,), -1: none. `moves` (m, 6): those to be weighed, from the second on; the first holds how
@@ -66,6 +70,7 @@ class Tours(NamedTuple):
     seconds: Any
     longest: Any
     total_s: Any
+    clashes: Any
     row_of: Any
     place_of: Any
     queue: Any
@@ -92,6 +97,7 @@ def create_tours(k: int, n: int) -> Tours:
         seconds=np.zeros(k + 1),
         longest=np.zeros(3, np.int64),
         total_s=np.zeros(1),
+        clashes=np.zeros(1, np.int64),
         row_of=np.full(n, k),
         place_of=np.arange(n),
         queue=np.zeros(n, np.int64),
@@ -136,8 +142,8 @@ def update_row(tours, tables, row) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def sum_rows(tours) -> None:  # type: ignore[no-untyped-def]
-    """Note the three tractors that finish last (-1 where there are fewer), and the seconds of all."""
+def sum_rows(tours, tables) -> None:  # type: ignore[no-untyped-def]
+    """Note the three tractors that finish last (-1 where there are fewer), the seconds of all, and their clashes."""
     first = second = third = NO_ROW
     tours.total_s[0] = 0.0
     for row in range(len(tours.seconds) - 1):
@@ -149,13 +155,72 @@ def sum_rows(tours) -> None:  # type: ignore[no-untyped-def]
         elif third < 0 or tours.seconds[row] > tours.seconds[third]:
             third = row
     tours.longest[0], tours.longest[1], tours.longest[2] = first, second, third
+    tours.clashes[0] = 0
+    if tables.clashes.shape[1] > 0:
+        for row in range(1, len(tours.seconds) - 1):
+            for side in range(2):
+                for other in range(row):
+                    if _do_clash(tables, side, _get_end(tours, row, side), _get_end(tours, other, side)):
+                        tours.clashes[0] += 1
+
+
+@compile_for_views
+def _do_clash(tables, side, u, v) -> bool:  # type: ignore[no-untyped-def]
+    """Whether no two tours may begin (0) or end (1) with these nodes; -1: none."""
+    return u >= 0 and v >= 0 and tables.clashes[side, u, v]  # type: ignore[no-any-return]
+
+
+@compile_for_views
+def _get_end(tours, row, side):  # type: ignore[no-untyped-def]
+    """The node that a tour begins (0) or ends (1) with; -1 for none."""
+    if row < 0 or row == len(tours.seconds) - 1 or tours.lengths[row] == 0:
+        return NO_ROW
+    return tours.nodes[row, side * (tours.lengths[row] - 1)]
+
+
+@compile_for_views
+def _find_new_end(tours, number, side):  # type: ignore[no-untyped-def]
+    """The node that one of the rows of the move that is set will begin (0) or end (1) with; -1 for none."""
+    if tours.rows[number] < 0 or tours.rows[number] == len(tours.seconds) - 1:
+        return NO_ROW
+    for step in range(PIECES):
+        piece = tours.pieces[number, PIECES - 1 - step if side == 1 else step]
+        if piece[1] <= piece[2]:
+            is_reversed = piece[3] != 0
+            node = tours.nodes[piece[0], piece[1] if is_reversed == (side == 1) else piece[2]]
+            return node ^ 1 if is_reversed else node
+    return NO_ROW
+
+
+@compile_for_views
+def _count_clashes(tours, tables, side, u, v):  # type: ignore[no-untyped-def]
+    """How often the rows of the move that is set clash with each other and with others if they begin or end so."""
+    count = 1 if _do_clash(tables, side, u, v) else 0
+    for row in range(len(tours.seconds) - 1):
+        if row != tours.rows[SIDE_A] and row != tours.rows[SIDE_B]:
+            node = _get_end(tours, row, side)
+            count += (1 if _do_clash(tables, side, u, node) else 0) + (1 if _do_clash(tables, side, v, node) else 0)
+    return count
+
+
+@compile_for_views
+def count_new_clashes(tours, tables):  # type: ignore[no-untyped-def]
+    """How many pairs of tours begin or end as no two may once the move that is set is made."""
+    count, a, b = tours.clashes[0], tours.rows[SIDE_A], tours.rows[SIDE_B]
+    if tables.clashes.shape[1] > 0:
+        for side in range(2):
+            count -= _count_clashes(tours, tables, side, _get_end(tours, a, side), _get_end(tours, b, side))
+            new_a, new_b = _find_new_end(tours, SIDE_A, side), _find_new_end(tours, SIDE_B, side)
+            count += _count_clashes(tours, tables, side, new_a, new_b)
+    return count
 
 
 @compile_for_views
 def weigh_tours(tours) -> float:  # type: ignore[no-untyped-def]
     """The cost of the tours as they are."""
     longest_s = tours.seconds[tours.longest[0]]
-    return (1.0 - SUM_SHARE) * longest_s + SUM_SHARE * tours.total_s[0] + tours.seconds[len(tours.seconds) - 1]  # type: ignore[no-any-return]
+    left_s = tours.seconds[len(tours.seconds) - 1] + RULE_S * tours.clashes[0]
+    return (1.0 - SUM_SHARE) * longest_s + SUM_SHARE * tours.total_s[0] + left_s  # type: ignore[no-any-return]
 
 
 @compile_for_views
@@ -243,4 +308,4 @@ def make_move(tours, tables) -> None:  # type: ignore[no-untyped-def]
             for place in range(tours.lengths[row]):
                 tours.nodes[row, place] = tours.scratch[side, place]
             update_row(tours, tables, row)
-    sum_rows(tours)
+    sum_rows(tours, tables)

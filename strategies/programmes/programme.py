@@ -17,7 +17,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M, BarredPlaces, StandingCheck
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, BarredPlaces, StandingCheck, find_clashes
 from strategies.programmes.ways_home import Way, build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
@@ -102,15 +102,12 @@ def make_programme(
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    check = None if table.site.lane else stands_in_way
-    barred = None if check is None else BarredPlaces(table, check, tractors)
+    barred = bar_no_place(table, stands_in_way, tractors)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
-        if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
-            return False
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
-        return barred is None or check is None or not _bar_stuck(table, barred, check, tours)
+        return barred is None or stands_in_way is None or not _bar_stuck(table, barred, stands_in_way, tours)
 
     best = search_driven_tours(
         table,
@@ -124,6 +121,14 @@ def make_programme(
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
+
+
+def bar_no_place(table: MoveTable, check: StandingCheck | None, tractors: int) -> BarredPlaces | None:
+    """The places of which no two tractors may begin or end at both, and none barred yet; None with an entrance to wait
+    outside, or a single tractor."""
+    if check is None or table.site.lane is not None or tractors == 1:
+        return None
+    return BarredPlaces(find_clashes(table, check), tractors)
 
 
 def _bar_stuck(table: MoveTable, barred: BarredPlaces, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
@@ -205,6 +210,7 @@ def pose_problem(
         end_s=ends_s[1],
         allowed=may,
         stage=stage,
+        clashes=None if barred is None else barred.clashes,
     )
 
 

@@ -51,7 +51,7 @@ class SiteMoves:
         folded: those of the starts at which a tractor stands with its implement folded.
         ends, begins: poses of the guided point where nodes end and begin; the entrance comes last.
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
-        clashes: by who says so, side and nodes, whether two that begin or end with these are in each other's way.
+        clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
     """
 
     site: Site
@@ -65,7 +65,7 @@ class SiteMoves:
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
-    clashes: dict[tuple[Hashable, int, int, int], bool] = field(default_factory=dict)
+    clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)

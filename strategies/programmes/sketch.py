@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from strategies.programmes.driven_search import search_estimated_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Floats, compute_tour_s, list_pairs, pose_problem
+from strategies.programmes.programme import Floats, bar_no_place, compute_tour_s, list_pairs, pose_problem
+from strategies.programmes.waiting_places import StandingCheck
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +35,18 @@ def sketch_programme(
     stages: Sequence[int],
     allowed: npt.NDArray[np.bool_] | None = None,
     served_s: Floats | None = None,
+    stands_in_way: StandingCheck | None = None,
 ) -> Sketch:
-    """The best tours by moves that were estimated, lines in stages; `allowed` and `served_s` as in `make_programme`."""
+    """The best tours by moves that were estimated, lines in stages; the rest as in `make_programme`."""
     moves, count = table.moves, len(table.lines)
     stage = np.array(stages, np.int64)
     may = np.ones((tractors, count), bool) if allowed is None else allowed
     extra_s = np.zeros(count) if served_s is None else served_s
+    barred = bar_no_place(table, stands_in_way, tractors)
     orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
     tours, cost_s = search_estimated_tours(
         table,
-        lambda costs: pose_problem(moves, costs, stage, may, extra_s),
+        lambda costs: pose_problem(moves, costs, stage, may, extra_s, barred),
         lambda tours: list_pairs(moves, tours),
         orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
     )

@@ -7,9 +7,8 @@ pass on its first or last part never get on, so one of them is barred from such 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +21,10 @@ from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
 
 Floats = npt.NDArray[np.float64]
-StandsInWay = Callable[[Floats, Floats], bool]
-"""Whether a tractor that stands with its centre of mass at a pose (3,) is in the way of one at poses (n, 3)."""
+Flags = npt.NDArray[np.bool_]
 
-Clash = tuple[int, int, int]
-"""Where tractors begin (0) or end (1), and the two that are in each other's way there."""
+StuckPair = tuple[int, int, int]
+"""Where tractors begin (0) or end (1), and the two that never get on there."""
 
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
@@ -44,10 +42,6 @@ class StandingCheck:
     models: npt.NDArray[np.void] = field(compare=False)
     clearance_m: float
     beside_clearance_m: float
-
-    def __call__(self, standing: Floats, driving: Floats) -> bool:
-        """Whether one that stands at a pose (3,) is in the way of one at poses (n, 3)."""
-        return bool(self.find_blocked(standing[None], [PosePath(build_poses(driving))])[0])
 
     @property
     def reach_m(self) -> float:
@@ -86,69 +80,58 @@ def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:
     return [0.0, *(hold_m * part / parts for part in range(1, parts + 1)), length_m]
 
 
+def find_clashes(table: MoveTable, check: StandingCheck) -> Flags:
+    """Nodes of which no two tractors may begin (0) or end (1) with both, (2, nodes, nodes): each stands where the other
+    has to pass on its first or last part. Those on the field stand where they stand."""
+    known = table.moves.clashes
+    if check not in known:
+        known[check] = np.array([_find_clashes(table, check, side) for side in (0, 1)])
+        known[check][0] &= not table.starts
+    return known[check]
+
+
+def _find_clashes(table: MoveTable, check: StandingCheck, side: int) -> Flags:
+    parts = [_build_part(table, side, node) for node in range(table.gate)]
+    stands = PosePath(build_poses(np.array([part[-side] for part in parts])))
+    is_blocked = np.zeros((table.gate, table.gate), bool)
+    for node, part in enumerate(parts):
+        is_blocked[check.find_blocked_parts(stands, PosePath(build_poses(part)))[:, 0], node] = True
+    both: Flags = is_blocked & is_blocked.T
+    return both
+
+
+def _build_part(table: MoveTable, side: int, node: int) -> Floats:
+    """Poses (n, 3) of the centre of mass on the first (or last) part of a line."""
+    path = table.lines[node // 2].paths[node % 2]
+    parts_m = list_parts_m(table, node, float(measure_along(path)[-1]))
+    points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
+    return sample_poses(points, table.site.body.guide_m - table.site.axle_m)
+
+
 @dataclass(eq=False)
 class BarredPlaces:
-    """Places where a tractor may not begin (0) or end (1): masks (2, tractors, nodes), found from tours that clash."""
+    """Places where a tractor may not begin (0) or end (1): masks (2, tractors, nodes), found from tours that get stuck.
 
-    table: MoveTable
-    stands_in_way: StandsInWay
+    Attributes:
+        clashes: as `find_clashes` gives them.
+        tractors: how many there are.
+    """
+
+    clashes: Flags
     tractors: int
-    masks: npt.NDArray[np.bool_] = field(init=False)
-    _parts: dict[tuple[int, int], Floats] = field(default_factory=dict)
+    masks: Flags = field(init=False)
 
     def __post_init__(self) -> None:
-        self.masks = np.zeros((2, self.tractors, self.table.gate), bool)
+        self.masks = np.zeros((2, self.tractors, self.clashes.shape[-1]), bool)
 
     def charge(self, side: int, ends_s: Floats) -> Floats:
         """Seconds (tractors, nodes) of ways in (0) or home (1), NO_MOVE_S where a tractor is barred."""
         return np.where(self.masks[side], NO_MOVE_S, ends_s)
 
-    def extend(self, tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
-        """Bar places of tours that clash, of the tractor that is done sooner; whether there were any."""
-        return self.bar(list(self._iter_clashes(tours)), tours, seconds)
-
-    def bar(self, clashes: Sequence[Clash], tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
+    def bar(self, stuck: Sequence[StuckPair], tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
         """Bar the tractor that is done sooner from its place and all that clash with the other's; whether any was."""
-        for side, a, b in clashes:
+        for side, a, b in stuck:
             yields, keeps = (a, b) if seconds[a] < seconds[b] else (b, a)
-            taken = tours[keeps][-side]
             self.masks[side, yields, tours[yields][-side]] = True
-            for node in range(self.table.gate):
-                if self._do_clash(side, taken, node):
-                    self.masks[side, yields, node] = True
-        return bool(clashes)
-
-    def _iter_clashes(self, tours: Sequence[Sequence[int]]) -> Iterator[Clash]:
-        working = [number for number, tour in enumerate(tours) if tour]
-        for side in (0, 1):
-            for a, b in combinations(working, 2):
-                if side == 0 and self.table.starts:
-                    continue  # they stand where they stand
-                if self._do_clash(side, tours[a][-side], tours[b][-side]):
-                    yield side, a, b
-
-    def _do_clash(self, side: int, a: int, b: int) -> bool:
-        """Whether two that begin (or end) with these nodes each stand where the other has to pass."""
-        known, key = self.table.moves.clashes, (self.stands_in_way, side, min(a, b), max(a, b))
-        if key not in known:
-            known[key] = self._find_clash(side, a, b)
-        return known[key]
-
-    def _find_clash(self, side: int, a: int, b: int) -> bool:
-        p, q = self._get_part(side, a), self._get_part(side, b)
-        reach_m = 2.0 * self.table.site.body.reach_m
-        lengths_m = sum(math.dist(part[0, :2], part[-1, :2]) for part in (p, q))
-        if math.dist(p[-side, :2], q[-side, :2]) > reach_m + lengths_m:
-            return False
-        return self.stands_in_way(p[-side], q) and self.stands_in_way(q[-side], p)
-
-    def _get_part(self, side: int, node: int) -> Floats:
-        """Poses (n, 3) of the centre of mass on the first (or last) part of a line."""
-        if (side, node) not in self._parts:
-            table, site = self.table, self.table.site
-            path = table.lines[node // 2].paths[node % 2]
-            along = measure_along(path)
-            parts_m = list_parts_m(table, node, float(along[-1]))
-            points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
-            self._parts[side, node] = sample_poses(points, site.body.guide_m - site.axle_m)
-        return self._parts[side, node]
+            self.masks[side, yields] |= self.clashes[side, tours[keeps][-side]]
+        return bool(stuck)

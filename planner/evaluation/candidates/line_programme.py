@@ -278,7 +278,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         stages = shares[number].rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        sketched = sketch_programme(table, tractors, stages, allowed, served_s)
+        sketched = sketch_programme(table, tractors, stages, allowed, served_s, stands_in_way)
 
         def compose(charged_s: Floats | float = 0.0, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
