@@ -109,7 +109,7 @@ class OrderProblem:
     def from_moves(
         cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None,
         end_s: Floats | None = None, *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None,
-        stage_s: float = RULE_S,
+        stage_s: float = RULE_S, clashes: Bools | None = None,
     ) -> OrderProblem:  # fmt: skip
         """A problem where what is not given is free: ways in and home take no time, every line may be worked by any
         tractor at any time."""
@@ -123,6 +123,7 @@ class OrderProblem:
             allowed=np.ones((tractors, n), bool) if allowed is None else np.asarray(allowed, bool),
             stage=np.zeros(n, np.int64) if stage is None else np.asarray(stage, np.int64),
             stage_s=stage_s,
+            clashes=clashes,
         )
 
     @property

@@ -17,12 +17,13 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M, BarredPlaces, StandingCheck, find_clashes
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, StandingCheck, find_clashes
 from strategies.programmes.ways_home import Way, build_way, find_stuck_side
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 
 Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 Pose = tuple[float, float, float]
 
 START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
@@ -102,16 +103,16 @@ def make_programme(
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    barred = bar_no_place(table, stands_in_way, tractors)
+    clashes = list_clashes(table, stands_in_way, tractors)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
-        return barred is None or stands_in_way is None or not _bar_stuck(table, barred, stands_in_way, tours)
+        return clashes is None or stands_in_way is None or not _bar_stuck(table, clashes, stands_in_way, tours)
 
     best = search_driven_tours(
         table,
-        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, barred),
+        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, clashes),
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
@@ -123,23 +124,24 @@ def make_programme(
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def bar_no_place(table: MoveTable, check: StandingCheck | None, tractors: int) -> BarredPlaces | None:
-    """The places of which no two tractors may begin or end at both, and none barred yet; None with an entrance to wait
-    outside, or a single tractor."""
-    if check is None or table.site.lane is not None or tractors == 1:
-        return None
-    return BarredPlaces(find_clashes(table, check), tractors)
+def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -> Flags | None:
+    """The nodes (2, nodes, nodes) of which no two tractors may begin (0) or end (1) with both; None for a single one,
+    and with an entrance to wait outside."""
+    return None if check is None or table.site.lane is not None or tractors == 1 else find_clashes(table, check).copy()
 
 
-def _bar_stuck(table: MoveTable, barred: BarredPlaces, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
-    """Bar places where tractors of tours begin or end and never get on, however they wait; whether there were any."""
+def _bar_stuck(table: MoveTable, clashes: Flags, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
+    """Bar pairs of nodes where two tours begin or end and never get on, however they wait; whether there were any."""
     connected = [_keep_connected(table, tour) for tour in tours]
     back_m = table.site.body.guide_m - table.site.axle_m
     ways = {number: build_way(build_mission(table, tour), back_m) for number, tour in enumerate(connected) if tour}
     sides = [(find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
     first_side = 1 if table.starts else 0  # those on the field stand where they stand
     stuck = [(side, a, b) for side, a, b in sides if side is not None and side >= first_side]
-    return barred.bar(stuck, connected, [compute_tour_s(table, tour) for tour in connected])
+    for side, a, b in stuck:
+        pair = [connected[a][-side], connected[b][-side]]
+        clashes[side, pair, pair[::-1]] = True
+    return bool(stuck)
 
 
 def prove_short_runs(table: MoveTable, tour: Sequence[int]) -> bool:
@@ -183,11 +185,12 @@ def pose_problem(
     stage: npt.NDArray[np.int64],
     may: npt.NDArray[np.bool_],
     extra_s: Floats,
-    barred: BarredPlaces | None = None,
+    clashes: Flags | None = None,
 ) -> OrderProblem:
     """The search for the tours of tractors that may work lines (tractors, n), with costs (n + 1, n + 1) of moves.
 
-    `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it.
+    `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it, `clashes` as in
+    `list_clashes`.
     """
     site, lines = moves.site, moves.lines
     may, stage = _place_starts(moves, may, stage)
@@ -200,8 +203,6 @@ def pose_problem(
     starts = list(moves.starts)
     ends_s[0][:, starts], ends_s[0][: len(starts)] = NO_MOVE_S, NO_MOVE_S
     ends_s[0][range(len(starts)), starts] = 0.0
-    if barred is not None:
-        ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
@@ -210,7 +211,7 @@ def pose_problem(
         end_s=ends_s[1],
         allowed=may,
         stage=stage,
-        clashes=None if barred is None else barred.clashes,
+        clashes=clashes,
     )
 
 

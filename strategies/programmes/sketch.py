@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from strategies.programmes.driven_search import search_estimated_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Floats, bar_no_place, compute_tour_s, list_pairs, pose_problem
+from strategies.programmes.programme import Floats, compute_tour_s, list_clashes, list_pairs, pose_problem
 from strategies.programmes.waiting_places import StandingCheck
 
 
@@ -42,11 +42,11 @@ def sketch_programme(
     stage = np.array(stages, np.int64)
     may = np.ones((tractors, count), bool) if allowed is None else allowed
     extra_s = np.zeros(count) if served_s is None else served_s
-    barred = bar_no_place(table, stands_in_way, tractors)
+    clashes = list_clashes(table, stands_in_way, tractors)
     orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
     tours, cost_s = search_estimated_tours(
         table,
-        lambda costs: pose_problem(moves, costs, stage, may, extra_s, barred),
+        lambda costs: pose_problem(moves, costs, stage, may, extra_s, clashes),
         lambda tours: list_pairs(moves, tours),
         orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
     )

@@ -1,20 +1,19 @@
 """Where tractors of a fleet stand: places to wait on a line, and those where they begin and end without an entrance.
 
 Before it begins and when it is done, a tractor stands in the way of others. Two that each stand where the other must
-pass on its first or last part never get on, so one of them is barred from such a place.
+pass on its first or last part never get on, so no two tours begin or end so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.work_line import cut_line, locate_at
-from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
@@ -22,9 +21,6 @@ from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_p
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-StuckPair = tuple[int, int, int]
-"""Where tractors begin (0) or end (1), and the two that never get on there."""
 
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
@@ -106,32 +102,3 @@ def _build_part(table: MoveTable, side: int, node: int) -> Floats:
     parts_m = list_parts_m(table, node, float(measure_along(path)[-1]))
     points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
     return sample_poses(points, table.site.body.guide_m - table.site.axle_m)
-
-
-@dataclass(eq=False)
-class BarredPlaces:
-    """Places where a tractor may not begin (0) or end (1): masks (2, tractors, nodes), found from tours that get stuck.
-
-    Attributes:
-        clashes: as `find_clashes` gives them.
-        tractors: how many there are.
-    """
-
-    clashes: Flags
-    tractors: int
-    masks: Flags = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.masks = np.zeros((2, self.tractors, self.clashes.shape[-1]), bool)
-
-    def charge(self, side: int, ends_s: Floats) -> Floats:
-        """Seconds (tractors, nodes) of ways in (0) or home (1), NO_MOVE_S where a tractor is barred."""
-        return np.where(self.masks[side], NO_MOVE_S, ends_s)
-
-    def bar(self, stuck: Sequence[StuckPair], tours: Sequence[Sequence[int]], seconds: Sequence[float]) -> bool:
-        """Bar the tractor that is done sooner from its place and all that clash with the other's; whether any was."""
-        for side, a, b in stuck:
-            yields, keeps = (a, b) if seconds[a] < seconds[b] else (b, a)
-            self.masks[side, yields, tours[yields][-side]] = True
-            self.masks[side, yields] |= self.clashes[side, tours[keeps][-side]]
-        return bool(stuck)

@@ -16,9 +16,10 @@ from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
-from strategies.programmes.waiting_places import BarredPlaces, list_parts_m
+from strategies.programmes.waiting_places import find_clashes, list_parts_m
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.sim.path_conflicts import PosePath
 
 RULES = DrivingRules(2.0, 2.0, 1.0, 5.0, 1.0, turn_s=(0.0, 20.0))
 
@@ -201,16 +202,11 @@ def test_two_never_end_at_one_corner_nor_begin_there() -> None:
         draw_line(SWATH, 2, (50.0, 50.0), (50.0, 90.0)),
     ]
 
-    def stands_in_way(standing: np.ndarray, driving: np.ndarray) -> bool:
-        return bool((np.hypot(*(driving[:, :2] - standing[:2]).T) < 2.0).any())
+    class WithinTwoMetres:
+        def find_blocked_parts(self, standing: PosePath, driving: PosePath) -> np.ndarray:
+            (x, y), (u, v) = ((path.poses["x"], path.poses["y"]) for path in (standing, driving))
+            return np.argwhere(np.hypot(x[:, None] - u, y[:, None] - v) < 2.0)
 
-    barred = BarredPlaces(make_table(lines), stands_in_way, 2)
-    assert not barred.extend([[0], [3]], [50.0, 50.0]), "one ends where the other begins"
-    assert barred.extend([[0], [4, 2]], [50.0, 90.0])
-    assert barred.masks[1].tolist() == [[True, False, True, False, False, False], [False] * 6]
-    assert not barred.masks[0].any()
-    charged = barred.charge(1, np.zeros((2, 6)))
-    assert (charged[0, [0, 2]] > 1e5).all()
-    assert math.isclose(charged.sum(), charged[0, 0] + charged[0, 2])
-    assert barred.extend([[1], [3]], [50.0, 40.0]), "they begin there"
-    assert barred.masks[0].tolist() == [[False] * 6, [False, True, False, True, False, False]]
+    clashes = find_clashes(make_table(lines), WithinTwoMetres())  # type: ignore[arg-type]
+    assert np.argwhere(clashes[1]).tolist() == [[0, 0], [0, 2], [1, 1], [2, 0], [2, 2], [3, 3], [4, 4], [5, 5]]
+    assert np.argwhere(clashes[0]).tolist() == [[0, 0], [1, 1], [1, 3], [2, 2], [3, 1], [3, 3], [4, 4], [5, 5]]

@@ -1,5 +1,6 @@
 """Programmes by local search: against brute force, closed forms, and the cost summed node by node."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise, permutations, product
 from typing import Any
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from fields.errors import HeadlandError
 from strategies.programmes.order_building import insert_lines
 from strategies.programmes.order_moves import improve_tours
-from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, count_clashes, search_programmes
 from strategies.programmes.order_tours import (
     NO_MOVE_S,
     SUM_SHARE,
@@ -28,7 +29,9 @@ SEEDS = range(200)
 KICKS, FEW_KICKS = 100, 10  # for few lines, and for many
 
 
-def make_problem(seed: int, n: int, k: int, *, no_move_share: float = 0.0, stages: int = 1) -> OrderProblem:
+def make_problem(
+    seed: int, n: int, k: int, *, no_move_share: float = 0.0, stages: int = 1, clash_share: float = 0.0
+) -> OrderProblem:
     """Random lines in a square, with moves that differ by direction; some moves missing, some lines worth little."""
     draw = np.random.default_rng(seed)
     size_m = 60.0 * np.sqrt(n)
@@ -37,6 +40,7 @@ def make_problem(seed: int, n: int, k: int, *, no_move_share: float = 0.0, stage
     move_s = np.linalg.norm(end_m[:, None] - begin_m[None], axis=2) * draw.uniform(0.8, 1.5, (2 * n, 2 * n))
     move_s[draw.random(move_s.shape) < no_move_share] = np.inf
     entrance_m = draw.uniform(0.0, size_m, (k, 1, 2))
+    clashes = np.random.default_rng(seed).random((2, 2 * n, 2 * n)) < clash_share
     return OrderProblem.from_moves(
         move_s,
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1),
@@ -46,6 +50,7 @@ def make_problem(seed: int, n: int, k: int, *, no_move_share: float = 0.0, stage
         tractors=k,
         allowed=draw.random((k, n)) < 0.8,
         stage=draw.integers(0, stages, n),
+        clashes=clashes | clashes.transpose(0, 2, 1),
     )
 
 
@@ -98,7 +103,7 @@ def improve_once(tables, tours):  # type: ignore[no-untyped-def]
     """The cost that the search reckons with after its first descent."""
     for row in range(len(tours.lengths)):
         update_row(tours, tables, row)
-    sum_rows(tours)
+    sum_rows(tours, tables)
     insert_lines(tours, tables)
     for line in range(len(tours.row_of)):
         push_line(tours, line)
@@ -108,16 +113,36 @@ def improve_once(tables, tours):  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize("k", [1, 2, 5])
 def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
     for seed in range(10):
-        problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2)
+        problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2, clash_share=0.3)
         near = np.argsort(problem.move_s + NO_MOVE_S * np.eye(80), axis=1, kind="stable")[:, :6]
         tables = OrderTables(
-            *problem.tabulate_moves(), problem.work_s, problem.value_s, problem.allowed, near, near[:, ::-1].copy()
+            *problem.tabulate_moves(), problem.work_s, problem.value_s, problem.allowed, near, near[:, ::-1].copy(), problem.clashes
         )
         arrays = create_tours(k, 40)
         cost_s = improve_once(tables, arrays)
         tours = [[int(node) for node in arrays.nodes[row, : arrays.lengths[row]]] for row in range(k)]
         assert sum(map(len, tours)) > 20
         assert cost_s == pytest.approx(compute_cost_s(problem, tours), rel=1e-12)
+
+
+@pytest.mark.parametrize("k", [2, 3, 6])
+def test_no_two_tours_begin_or_end_as_no_two_may(k: int) -> None:
+    clashing = 0
+    for seed in range(20):
+        problem = make_problem(seed, 30, k, clash_share=0.2)
+        free = replace(problem, clashes=None)
+        tours, free_tours = (search_programmes(each, KICKS, seed) for each in (problem, free))
+        assert count_clashes(problem, tours) == 0
+        assert compute_cost_s(problem, tours) == compute_cost_s(free, tours) < 1.05 * compute_cost_s(free, free_tours)
+        clashing += count_clashes(problem, free_tours) > 0
+    assert clashing > 5, "without the rule they do"
+
+
+def test_of_two_that_would_clash_one_stays_at_home_where_there_is_no_other_way() -> None:
+    problem = OrderProblem.from_moves(
+        np.full((8, 8), 10.0), np.full(4, 100.0), np.full(4, 1e4), tractors=2, clashes=np.ones((2, 8, 8), bool)
+    )
+    assert sorted(map(len, search_programmes(problem, KICKS, 1))) == [0, 4]
 
 
 def test_parallel_lines_are_driven_as_a_serpentine() -> None:
@@ -262,6 +287,8 @@ def test_refusals_name_the_value_and_the_rule() -> None:
         OrderProblem.from_moves(move_s, work_s, np.full(2, 1e7))
     with pytest.raises(HeadlandError, match="no tractor"):
         OrderProblem.from_moves(move_s, work_s, work_s, tractors=0)
+    with pytest.raises(HeadlandError, match=r"clashes has the shape \(4, 4\); for 2 lines and 1 tractors give \(2, 4, 4\)"):
+        OrderProblem.from_moves(move_s, work_s, work_s, clashes=np.ones((4, 4), bool))
     problem = OrderProblem.from_moves(
         move_s, work_s, work_s, tractors=2, allowed=np.array([[True, True], [False, True]])
     )
