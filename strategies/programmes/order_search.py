@@ -73,7 +73,9 @@ class OrderProblem:
     (k, 2 n) are the seconds of a tractor from its entrance to the begin of a node and from its end home; zeros where it
     may begin and end anywhere. `allowed` (k, n): which lines a tractor may work. `stage` (n,) puts lines of a lower
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
-    `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may. Raises HeadlandError where shapes or values do not fit.
+    `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may.
+
+    Raises HeadlandError where shapes or values do not fit.
     """
 
     move_s: Floats

@@ -35,8 +35,8 @@ class OrderTables(NamedTuple):
     """The problem as the search reads it.
 
     Seconds of moves (2 n, 2 n), of ways in and home (k, 2 n) and of work (n,), what a line is worth (n,), which tractor
-    may work it (k, n), the nodes that most cheaply follow or precede each node (2 n, neighbours), and which nodes no two
-    tours may begin or end with (2, 2 n, 2 n; empty: any may).
+    may work it (k, n), the nodes that most cheaply follow or precede each node (2 n, neighbours), and of which nodes no
+    two tours may begin or end with both (2, 2 n, 2 n; empty: any may).
     """
 
     move_s: Any
@@ -55,12 +55,12 @@ class Tours(NamedTuple):
 
     `onward_s` and `backward_s` (k + 1, n): seconds from the begin of a tour up to the end of a place, and those of the
     same lines driven the other way round. `seconds` (k + 1,): those of the tours; last the value of the lines left.
-    `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `clashes` (1,): how many pairs of tours
-    begin, and end, as no two may. `row_of` and `place_of` (n,): where a
-    line is. `queue` (n,): a ring of lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is
-    in it. `pieces` (2, PIECES, 4): the segments (row, low, high, whether reversed) of which a move makes the two rows
-    `rows` (2,), -1: none. `moves` (m, 6): those to be weighed, from the second on; the first holds how
-    many there are. `scratch` (2, n): the rows it makes. `touched` (k + 1,): rows that have changed.
+    `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `clashes` (1,): how many pairs of
+    tours begin, and end, as no two may. `row_of` and `place_of` (n,): where a line is. `queue` (n,): a ring of lines
+    near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is in it. `pieces` (2, PIECES, 4): the
+    segments (row, low, high, whether reversed) of which a move makes the two rows `rows` (2,), -1: none. `moves`
+    (m, 6): those to be weighed, from the second on; the first holds how many there are. `scratch` (2, n): the rows it
+    makes. `touched` (k + 1,): rows that have changed.
     """
 
     nodes: Any

@@ -1,6 +1,5 @@
 """Work lines dealt to a fleet, the stages of its work, and where its tractors stand in each other's way."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
