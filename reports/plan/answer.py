@@ -28,7 +28,6 @@ from reports.common.wording import (
     format_price_change,
     format_time_span,
     format_tractor_count,
-    join_list,
     parse_start_time,
 )
 from reports.plan.energy_wording import format_energy
@@ -38,6 +37,7 @@ from reports.plan.plan_wording import (
     explain_no_plan,
     format_unworked,
     format_wide_interval,
+    name_fleet,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
@@ -121,16 +121,6 @@ def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
 def name_plan(plan: PlanResult) -> str:
     """``2 tractors, split-field``."""
     return translate("{tractors}, {strategy}", tractors=name_fleet(plan), strategy=plan.strategy)
-
-
-def name_fleet(plan: PlanResult) -> str:
-    """``2 tractors``, or where one has nothing to do ``1 tractor (tractor 2 rests)``."""
-    text = format_tractor_count(plan.tractors - len(plan.resting))
-    if not plan.resting:
-        return text
-    numbers = join_list(plan.resting)
-    rest = translate_count("tractor {numbers} rests", "tractors {numbers} rest", len(plan.resting), numbers=numbers)
-    return f"{text} ({rest})"
 
 
 def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:

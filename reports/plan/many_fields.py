@@ -24,12 +24,11 @@ from reports.common.wording import (
     format_money,
     format_number,
     format_price,
-    format_tractor_count,
     format_width,
     insert_non_breaking_spaces,
     is_us,
 )
-from reports.plan.answer import write_answer
+from reports.plan.answer import name_plan, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
 from reports.plan.figures import FIGURES
 from reports.plan.plan_wording import list_feasible
@@ -335,7 +334,7 @@ def _build_section(
     for plan in list_feasible(ranking)[:MAX_PLANS]:
         headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
         figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
-        name = f"{format_tractor_count(plan.tractors)}, {plan.strategy}"
+        name = name_plan(plan)
         rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {

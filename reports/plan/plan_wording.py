@@ -261,6 +261,16 @@ def _list_advice(ranking: PlanRanking) -> list[str]:
     return sentences
 
 
+def name_fleet(plan: PlanResult) -> str:
+    """``2 tractors``, or where one has nothing to do ``1 tractor (tractor 2 rests)``."""
+    text = format_tractor_count(plan.tractors - len(plan.resting))
+    if not plan.resting:
+        return text
+    numbers = join_list(plan.resting)
+    rest = translate_count("tractor {numbers} rests", "tractors {numbers} rest", len(plan.resting), numbers=numbers)
+    return f"{text} ({rest})"
+
+
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     unworked, end_s = format_unworked(plan), plan.stated_end_s
     driven_s = plan.stated_s if format_end_clock(ranking, end_s) else end_s
@@ -268,7 +278,7 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     is_done = abs(driven_s - end_s) < SAME_TIME_S
     done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
     leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
-    tractors = format_tractor_count(plan.tractors)
+    tractors = name_fleet(plan)
     name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
     left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
     parts = (name, done + _describe_service_stops(ranking, plan), _describe_cost(ranking, plan), leaves, left_out)

@@ -22,12 +22,11 @@ from reports.common.wording import (
     format_duration,
     format_money,
     format_number,
-    format_tractor_count,
     get_start_time_of_day_s,
     insert_non_breaking_spaces,
     parse_start_time,
 )
-from reports.plan.answer import format_stated_cost, format_stated_end, name_fleet, write_answer
+from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
 from reports.plan.energy_wording import describe_physics, format_energy, format_rate
@@ -48,6 +47,7 @@ from reports.plan.plan_wording import (
     list_feasible,
     list_plan_remarks,
     list_refused,
+    name_fleet,
     name_refused_plans,
 )
 from reports.plan.ranking_table import choose_first_plans
@@ -206,7 +206,7 @@ def _insert_soft_hyphens(heading: str) -> str:
 def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | None, PlanDrive]) -> list[str]:
     """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
     labels = {
-        _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
+        _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {name_fleet(plan)}, {plan.turn}, "
         f"{format_duration(plan.stated_end_s)}"
         for plan in reversed(plans)
     }
