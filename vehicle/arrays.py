@@ -22,4 +22,6 @@ def find_true_spans(flags: npt.ArrayLike) -> Integers:
 
 def measure_along(points: Floats) -> Floats:
     """Distances (n,) along a polyline (n, 2) from its first point."""
-    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    along, steps = np.zeros(len(points)), points[1:] - points[:-1]
+    np.cumsum(np.hypot(steps[:, 0], steps[:, 1]), out=along[1:])
+    return along

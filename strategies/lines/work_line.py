@@ -28,14 +28,18 @@ JOINT_M = 0.05  # points of a line this close to a cut are left out
 
 def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
     """Places (k, 2) on a polyline at distances along it, given those of its points."""
-    return np.column_stack([np.interp(distances_m, along, points[:, axis]) for axis in (0, 1)])
+    places = np.empty((len(distances_m), 2))
+    for axis in (0, 1):
+        places[:, axis] = np.interp(distances_m, along, points[:, axis])
+    return places
 
 
 def cut_line(points: Floats, first_m: float, last_m: float) -> Floats:
     """The part of a polyline (n, 2) between two distances along it."""
     along = measure_along(points)
     inner = points[(along > first_m + JOINT_M) & (along < last_m - JOINT_M)]
-    return np.vstack([locate_at(points, along, [first_m]), inner, locate_at(points, along, [last_m])])
+    ends = locate_at(points, along, (first_m, last_m))
+    return np.concatenate([ends[:1], inner, ends[1:]])
 
 
 def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:

@@ -123,10 +123,12 @@ def advance_along_segment(pose: Pose, segment: PathSegment) -> Pose:
 def sample_arc(pose: Pose, segment: PathSegment, pieces: int) -> Points:
     """Points that cut the segment driven from `pose` into equal pieces, shape (pieces + 1, 2)."""
     run = np.linspace(0.0, segment.gear * segment.length_m, pieces + 1)
+    points = np.empty((pieces + 1, 2))
     half = 0.5 * segment.curvature * run
-    chord = run * np.sinc(half / math.pi)
+    chord = run * np.sinc(half / math.pi) if segment.curvature else run
     angle = pose[2] + half
-    return np.column_stack((pose[0] + chord * np.cos(angle), pose[1] + chord * np.sin(angle)))
+    points[:, 0], points[:, 1] = pose[0] + chord * np.cos(angle), pose[1] + chord * np.sin(angle)
+    return points
 
 
 def merge_segments(start: Pose, segments: Iterable[PathSegment], kind: str) -> DrivePath:

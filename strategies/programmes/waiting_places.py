@@ -60,9 +60,12 @@ def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:
     """Poses (n, 3) of a centre of mass `back_m` behind the guided point on a path (k, 2) that is driven in a gear."""
     along = measure_along(points)
     places = locate_at(points, along, np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / POSE_STEP_M))))
-    headings = np.arctan2(*(gear * np.diff(places, axis=0)).T[::-1])
-    headings = np.append(headings, headings[-1])
-    return np.column_stack([places - back_m * np.column_stack([np.cos(headings), np.sin(headings)]), headings])
+    ahead, poses = gear * (places[1:] - places[:-1]), np.empty((len(places), 3))
+    poses[:-1, 2] = np.arctan2(ahead[:, 1], ahead[:, 0])
+    poses[-1, 2] = poses[-2, 2]
+    poses[:, 0] = places[:, 0] - back_m * np.cos(poses[:, 2])
+    poses[:, 1] = places[:, 1] - back_m * np.sin(poses[:, 2])
+    return poses
 
 
 def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:

@@ -101,7 +101,8 @@ class Leg:
     @cached_property
     def length_m(self) -> float:
         """Length of the polyline."""
-        return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        steps = self.points[1:] - self.points[:-1]
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     @property
     def standing_s(self) -> float:
