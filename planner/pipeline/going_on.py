@@ -1,7 +1,8 @@
 """Work that goes on: what is done by files and saved plans at a time, cut out of what is planned, and who stands where.
 
 A source is a file of worked ground (any format of field files, its polygons), task logs, the runs of `headland logs
-import`, or `plan.json@13:20`, a saved plan driven up to then (`@0:45` of a plan without a start: that long).
+import`, or `plan.json@13:20`, a saved plan driven up to then (`@0:45` of a plan without a start: that long; `@37:20`:
+at 13:20 of its second day).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import DoneSource, DoneWork, WorkOrder, match_plan_time
+from planner.farm.workday import Workday
 from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import (
     has_unknown_tank,
@@ -39,7 +41,7 @@ from planner.pipeline.outputs.saved_plans import (
     read_workday,
     rerun_plan,
 )
-from planner.request.option_texts import format_clock, format_later_clock
+from planner.request.option_texts import describe_span, format_clock, format_hours
 from planner.request.plan_request import PlanRequest
 from planner.task_logs.formats import point_shapefiles
 from planner.task_logs.log_import import detect_log_format, read_task_logs
@@ -376,28 +378,15 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     """What a saved plan has done at a time, and where the machines that are left stand then."""
     (saved, request), field = _read_plan(match["file"]), context.layout.field
     _check_same_job(match["file"], saved, request, context)
-    since_start_s = _read_clock(match) - (request.start_s or 0)
-    since_start_s += DAY_S if since_start_s < 0.0 else 0.0
-    day, run = read_workday(saved, request), rerun_plan(saved, request)
-    elapsed_s = float(day.compute_work_s(np.array(since_start_s))) - day.before_field_s
-    if not 0.0 <= elapsed_s < run.duration_s:
-        begin_s = day.compute_clock_s(day.before_field_s, begins=True)
-        span = _format_span(request, begin_s, day.compute_clock_s(day.before_field_s + run.duration_s))
-        raise RequestError(
-            f"The plan {quote_path(match['file'])} {span}, and {match[0].rpartition('@')[2]} is not within that; give "
-            "a time within it.",
-            parameter="done",
-        )
+    run = rerun_plan(saved, request)
+    since_start_s, elapsed_s, notes = _find_time(match, request, read_workday(saved, request), run.duration_s)
     if not order.from_road:
         _check_deadline(match["file"], request, since_start_s, context.request)
     begun = cut_run(run, elapsed_s)
     shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
     swept = unite_areas(compute_swept_area(begun, context).ground)
-    legs = [
-        leg
-        for number, mission in enumerate(saved.plan.missions)
-        for leg in mission.legs[: int(begun.get_leg_numbers(number)[-1])]
-    ]
+    reached = [int(begun.get_leg_numbers(number)[-1]) for number in range(saved.plan.tractors)]
+    legs = [leg for mission, at in zip(saved.plan.missions, reached, strict=True) for leg in mission.legs[:at]]
     corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
     ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
     left = _list_machines_left(saved, order.without)
@@ -405,15 +394,29 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     ranked = sorted(left, key=lambda number: stands[number] is None)
     placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
     numbers = tuple(number + 1 for number in ranked)
-    return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, numbers=numbers)
+    return DoneWork(shapely.transform(ground, lambda xy: xy + shift), PLAN_ERROR_M, placed, notes, numbers)
 
 
-def _format_span(request: PlanRequest, begin_s: float, end_s: float) -> str:
-    if request.start_s is None:
-        begin, end = (f"{int(seconds) // 3600}:{int(seconds) % 3600 // 60:02d} h" for seconds in (begin_s, end_s))
-        return f"goes from {begin} to {end}" if begin_s else f"takes {end}"
-    begin, end = (format_later_clock(request.start_s, seconds) for seconds in (begin_s, end_s))
-    return f"goes from {begin} to {end}"
+def _find_time(
+    match: re.Match[str], request: PlanRequest, day: Workday, duration_s: float
+) -> tuple[float, float, tuple[str, ...]]:
+    """Seconds after the start and of driving at which a plan is left, and that it has the same clock a day later."""
+    begin_s = day.compute_clock_s(day.before_field_s, begins=True)
+    span = describe_span(request.start_s, begin_s, day.compute_clock_s(day.before_field_s + duration_s))
+    name, time, start_s = quote_path(match["file"]), match[0].rpartition("@")[2], request.start_s or 0
+    since_start_s = _read_clock(match) - start_s
+    since_start_s += DAY_S if since_start_s < 0.0 else 0.0
+    day_later_s = since_start_s + DAY_S
+    elapsed_s, later_s = day.compute_work_s(np.array([since_start_s, day_later_s])) - day.before_field_s
+    if not 0.0 <= elapsed_s < duration_s:
+        raise RequestError(
+            f"The plan {name} {span}, and {time} is not within that; give a time within it.", parameter="done"
+        )
+    if request.start_s is None or 3600 * int(match["hours"]) >= DAY_S or later_s >= duration_s:
+        return since_start_s, float(elapsed_s), ()
+    later = format_hours(start_s + day_later_s)
+    note = f"The plan {name} {span}, and {time} is taken as the first one; {later} is a day later."
+    return since_start_s, float(elapsed_s), (note,)
 
 
 def _check_deadline(name: str, earlier: PlanRequest, elapsed_s: float, request: PlanRequest) -> None:

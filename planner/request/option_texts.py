@@ -26,6 +26,20 @@ def format_later_clock(start_s: float, elapsed_s: float) -> str:
     return format_clock(time_s) + {0: "", 1: " next day"}.get(int(days), f", {int(days)} days later")
 
 
+def format_hours(seconds: float) -> str:
+    """ "32:30": hours and minutes, also of more than a day."""
+    return f"{int(seconds) // 3600}:{int(seconds) % 3600 // 60:02d}"
+
+
+def describe_span(start_s: float | None, begin_s: float, end_s: float) -> str:
+    """ "is in the field from 08:00 to 13:00": when after its start a plan is; "from 0:00 h" without a start."""
+    if start_s is None:
+        begin, end = (f"{format_hours(seconds)} h" for seconds in (begin_s, end_s))
+    else:
+        begin, end = (format_later_clock(start_s, seconds) for seconds in (begin_s, end_s))
+    return f"is in the field from {begin} to {end}"
+
+
 def parse_clock(text: str, parameter: str) -> int:
     """ "13:00" as seconds of the day; raises RequestError that names the parameter."""
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", text.strip())

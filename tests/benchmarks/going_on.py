@@ -209,6 +209,7 @@ def main() -> None:
                 flush=True,
             )
             if given.maps is not None:
+                given.maps.mkdir(parents=True, exist_ok=True)
                 rest.save(str(given.maps / f"{number:02d}-{job.field}.png"))
     more_pct, less = np.array(rows).T
     print(f"{len(rows)} of {given.cuts}: {more_pct.max():.1f} % more at worst, {less.max():.3f} points less at worst")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import GoingOn, Stand
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.unworked_area import find_unworked_areas, measure_requested_share
 from planner.evaluation.work_order import DoneWork, WorkOrder
 from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
@@ -182,6 +184,13 @@ def test_lists_and_the_time_at_which_a_plan_is_left_know_the_breaks_of_the_day(f
     done_m2 = unite_areas(compute_swept_area(cut_run(run, 200.0), whole.context).ground).area
     assert due[0] == pytest.approx(whole.ranking.area_ha - 1e-4 * done_m2, rel=0.02)
     content = json.loads(saved.read_text(encoding="utf-8"))
+    content["notes"]["stated"]["workday"] = {"before_s": 100.0, "breaks_s": [], "shift_s": [6 * 3600, 6 * 3600 + 180]}
+    saved.write_text(json.dumps(content), encoding="utf-8")
+    first, second, past_first = (go_on(tmp_path, f"{saved}@{clock}").ranking for clock in ("6:02", "30:01", "6:07"))
+    assert first.area_ha > past_first.area_ha > second.area_ha, "hours go on past 24 on the next day"
+    told = r"is in the field from 06:01 to 06:0\d,? .*day.*, and 6:02 is taken as the first one; 30:02 is a day later"
+    assert any(re.search(told, one) for one in first.field_remarks)
+    assert not any("a day later" in one for one in second.field_remarks)
     del content["notes"]["stated"]["workday"]
     saved.write_text(json.dumps(content), encoding="utf-8")  # as an earlier Headland saved it
     assert simulate_saved_plan(saved).steps[0][0].clock_s == 100.0
@@ -209,7 +218,11 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
         (replace(request, width_m=5.0), source, "is for a working width of 4 m, and 5 m are asked for; give width_m 4"),
         (replace(request, field=wider), source, r"was made for: they differ by 5\.0 m\. Give the field as it was then"),
         (replace(request, field="denmark", local=False), source, "is for another field than 'denmark'"),
-        (request, f"{folder}/plan.json@9:00", r"takes 0:\d\d h, and 9:00 is not within that; give a time within it"),
+        (
+            request,
+            f"{folder}/plan.json@9:00",
+            r"from 0:00 h to 0:\d\d h, and 9:00 is not within that; give a time within it",
+        ),
         (request, f"{folder}/plan.json", r"say up to when it was driven, such as plan.json@13:20"),
         (request, f"{folder}/plan.json@0:75", "is left at 0:75, which is no time, as minutes and seconds go to 59"),
         (request, f"{folder}/nothing.gpkg", "There is no file"),
@@ -249,7 +262,7 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
     assert whole.run is not None and whole.run.duration_s > 300.0
     with pytest.raises(HeadlandError, match=r"late.json', 13:04, has passed at 13:05; give another deadline_s"):
         go_on(folder, f"{late}@13:05")
-    with pytest.raises(HeadlandError, match=r"goes from 13:00 to 13:\d\d, and 12:59 is not within that"):
+    with pytest.raises(HeadlandError, match=r"is in the field from 13:00 to 13:\d\d, and 12:59 is not within that"):
         go_on(folder, f"{late}@12:59")
     assert go_on(folder, f"{late}@13:05", deadline_s=46800 + 1200).ranking.best is not None
 
@@ -311,6 +324,18 @@ def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: Plan
     assert shapely.intersection(swept, shapely.box(45.0, 0.0, 90.0, 60.0)).area >= 0.96 * 2700.0
     west_m = min(float(leg.points[:, 0].min()) for m in answer.run.plan.missions for leg in m.legs if leg.implement)
     assert west_m > 45.0 - WIDTH_M - START_OVERLAP_M - 3.0  # the guided point is up to a tool's length ahead of the bar
+
+
+@pytest.mark.slow
+def test_a_headland_that_is_done_is_no_ground_to_be_left(folder: Path, whole: PlanningResult) -> None:
+    """A rest without headland, most of which was worked before: shares are those of what is left."""
+    ring = shapely.box(-1.0, -1.0, 91.0, 61.0) - shapely.box(2.0 * WIDTH_M, 2.0 * WIDTH_M, 80.0, 52.0)
+    request = replace(whole.context.request, no_headland=True)
+    answer = plan(request, done=DoneWork(ring, 0.1), executor=SerialExecutor())
+    assert 0.0 < measure_requested_share(answer.context) <= 1.0
+    due_m2 = answer.context.layout.field.due_region.area
+    assert sum(one.area_m2 for one in find_unworked_areas(answer.context)) <= due_m2
+    assert not any("-" in one.split(" %")[0][-5:] for one in write_answer(answer.ranking).list_sentences())
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ TELLING_MODULES = (
     "planner/risk/assessment.py", "planner/risk/advice.py",
     "reports/common/plan_results.py", "reports/day/tables.py",
     "reports/plan/ranking_table.py", "reports/plan/field_report.py", "reports/plan/many_fields.py",
-    "planner/cli/plan.py",
+    "planner/cli/plan.py", "planner/request/option_texts.py",
 )  # fmt: skip
 """Modules that make remarks, reasons and other sentences."""
 ALARMING_MODULES = (
@@ -54,7 +54,7 @@ ALARMING_MODULES = (
     "planner/evaluation/candidates/line_programme.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
-    "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py",
+    "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py", "planner/pipeline/going_on.py",
 )  # fmt: skip
 """Modules of which every sentence is told: alarms, twins, jobs and forms of the service, checks of values."""
 _TELLING_NAME = re.compile(

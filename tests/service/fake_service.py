@@ -51,6 +51,7 @@ class Made:
             "logs": ["run-1"],
         }
         self.options: dict[str, dict[str, Any]] = {}
+        self.state = "running"  # of the fleet
         self.polls = self.knocks = self.left = 0
         self.diagnosed = self.deaf = self.looked = self.shut = False
         self.finding = NOTHING
@@ -332,7 +333,7 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
                 await asyncio.sleep(BEAT_S)
                 continue
             now = BEGUN_S + loop.time() - begun
-            await socket.send_json(_tick(lanes, now, made.area_m))
+            await socket.send_json(_tick(lanes, now, made.state, made.area_m))
             await socket.send_json({"kind": "alarms", "items": _alarms(made)})
             await asyncio.sleep(BEAT_S)
     finally:
@@ -367,7 +368,7 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
     return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
-def _tick(lanes: list[dict[str, Any]], now: float, area_m: float | None = None) -> dict[str, Any]:
+def _tick(lanes: list[dict[str, Any]], now: float, state: str, area_m: float | None = None) -> dict[str, Any]:
     rows = []
     for number, lane in enumerate(lanes, start=1):
         gone = number == 3
@@ -410,7 +411,7 @@ def _tick(lanes: list[dict[str, Any]], now: float, area_m: float | None = None) 
             }
         )
     fleet = {
-        "state": "running",
+        "state": state,
         "eta_s": 1440.0,
         "done_pct": 41.7,
         "done_m2": 3004.0,
@@ -435,6 +436,10 @@ async def _listen(socket: WebSocket, made: Made) -> None:
             made.looked = True
         elif frame["kind"] == "acknowledge":
             made.acknowledged = "office"
+        elif frame["kind"] == "accept":
+            made.state = "stopped"
+            accepted = {"id": frame["proposal"], "state": "accepted", "without": [], "sentence": "", "tractors": []}
+            await socket.send_json({"kind": "proposal"} | accepted)
         elif frame["kind"] == "replan":
             await socket.send_json(
                 {

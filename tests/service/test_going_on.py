@@ -1,7 +1,9 @@
 """A fleet goes on from where it is: what its new plan keeps and does, and all of it with a real service and robots."""
 
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import time
@@ -35,7 +37,7 @@ from planner.pipeline.planning import plan as make_plan
 from planner.request.plan_request import PlanRequest
 from planner.service.errors import ServiceError
 from planner.service.fleets.robot_client import request_json
-from strategies.lines.work_line import build_tool_strip
+from strategies.lines.work_line import build_tool_strip, cut_line
 from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
@@ -95,7 +97,17 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
 
 
 def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
-    _, proposal, _ = stop_and_go_on(plan, 0.4, [1])
+    remaining, proposal, _ = stop_and_go_on(plan, 0.4, [1])
+    driven = [
+        cut_line(leg.points, 0.0, min(leg.length_m, state.leg_m if number == state.leg else math.inf))
+        for state in remaining.states
+        for number, leg in enumerate(state.mission.legs[: state.leg + 1])
+        if leg.implement and (number < state.leg or state.leg_m > 0.0)
+    ]
+    tool_m = plan.tractor.antenna_forward_m + plan.implement.hitch_m
+    worked_ha = 1e-4 * shapely.union_all([build_tool_strip(points, tool_m, WIDTH_M) for points in driven]).area
+    told = re.search(r"([\d.]+) of 0.42 ha are left", proposal.sentence)
+    assert told is not None and float(told[1]) == pytest.approx(0.42 - worked_ha, abs=0.015), "also what they keep"
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
     assert "of 0.42 ha are left to work." in proposal.sentence
     assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
@@ -329,10 +341,12 @@ class PageOperator:
             assert find_overflow(self.page) == []
         note.get_by_role("button", name="Send to the tractors").click()
         note.wait_for(state="detached")
+        self.page.get_by_text("The tractors have the new plan and stand").wait_for()
         self.watched.well()
 
     def resume(self) -> None:
         self.page.click("button:text-is('Resume')")
+        self.page.get_by_text("The tractors have the new plan and stand").wait_for(state="detached")
 
     def see_the_end(self) -> None:
         self.page.wait_for_selector(".badge:text-is('Done')")

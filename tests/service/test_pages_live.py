@@ -21,6 +21,10 @@ def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, 
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
     page.click("button:text-is('Send to the tractors')")
+    said = page.get_by_text("The tractors have the new plan and stand: Resume lets them drive it.")
+    said.wait_for()
+    made.state = "running"
+    said.wait_for(state="detached")
     page.click("text=Go on from here")
     page.select_option("select[aria-label='Who goes on']", "2")
     page.click("text=Go on from here")

@@ -47,7 +47,7 @@ class UnworkedArea:
 
 
 def find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
-    """The unworked ground by reason; what guidance misses is unknown before a plan is driven."""
+    """The ground that is due and stays unworked, by reason; what guidance misses is unknown before a plan is driven."""
     return recall(context, UnworkedArea, lambda: _find_unworked_areas(context))
 
 
@@ -69,6 +69,10 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         remainder = extract_polygons(shapely.difference(remainder, part, grid_size=GRID_M))
     parts_by_reason += _find_unexplained_ground(context, remainder)
     parts_by_reason.append((LEFT_OUT, find_left_out_ground(context)))
+    done = context.layout.field.done
+    if done is not None:
+        due = ((why, shapely.difference(part, done, grid_size=GRID_M)) for why, part in parts_by_reason)
+        parts_by_reason = [(why, extract_polygons(part)) for why, part in due]
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
     areas.append(UnworkedArea("estimate: tips of rounded corners", _estimate_corner_loss_m2(context), ()))
     return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)

@@ -105,7 +105,7 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
     blocked_m = shapely.intersection(context.layout.field.due_region, taken).area / context.layout.width_m
     sentences = [
-        *_describe_stands(remaining, context, whole),
+        *_describe_stands(remaining, whole),
         *_describe_open_work(remaining, left_m, blocked_m),
         *_describe_unknown_load(plan, whole.supply),
     ]
@@ -213,19 +213,28 @@ def _leave_done_work(
     remaining: RemainingWork, context: PlanningContext, ends: Sequence[int], helpers: Sequence[_Helper]
 ) -> PlanningContext:
     """The context without what is worked once all have driven the legs that they keep, and with where they stand."""
-    tool_m, width_m, field = context.driving_rules.tool_m, context.layout.width_m, context.layout.field
+    kept = [list(state.mission.legs[:end]) for state, end in zip(remaining.states, ends, strict=True)]
+    for number in remaining.excluded:
+        kept[number][-1:] = [
+            part for leg in kept[number][-1:] for part in list_driven_part(leg, remaining.states[number].leg_m)
+        ]
+    done, layout = _build_worked_ground(remaining, context, kept), context.layout
+    stands = tuple(helper.stand for helper in helpers if helper.stand is not None)
+    layout = replace(layout, field=replace(layout.field, done=done))
+    return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
+
+
+def _build_worked_ground(
+    remaining: RemainingWork, context: PlanningContext, missions: Sequence[Sequence[Leg]]
+) -> shapely.Geometry:
+    """The ground of the field that is worked by these legs, and what was done before its plan."""
+    tool_m, width_m = context.driving_rules.tool_m, context.layout.width_m
     strips = read_done_ground(remaining.plan.saved)
-    for number, (state, end) in enumerate(zip(remaining.states, ends, strict=True)):
-        legs = list(state.mission.legs[:end])
-        if number in remaining.excluded and legs:
-            legs[-1:] = list_driven_part(legs[-1], state.leg_m)
+    for legs in missions:
         strips += [build_tool_strip(leg.points, tool_m, width_m) for leg in legs if leg.implement]
         strips += build_round_corners(legs, context.driving_rules.radius_m, width_m)
     ground = extract_polygons(unite_areas(np.array(strips, dtype=np.object_))) if strips else shapely.Polygon()
-    done = clip_area(ground, field.region_without_obstacles)
-    stands = tuple(helper.stand for helper in helpers if helper.stand is not None)
-    layout = replace(context.layout, field=replace(field, done=done))
-    return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
+    return clip_area(ground, context.layout.field.region_without_obstacles)
 
 
 def _drive_best(
@@ -281,14 +290,19 @@ def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:
     return replace(leg, gates=tuple(gates))
 
 
-def _describe_stands(remaining: RemainingWork, context: PlanningContext, whole: PlanningContext) -> list[str]:
-    """Where the tractors are, and how much is left."""
+def _describe_stands(remaining: RemainingWork, whole: PlanningContext) -> list[str]:
+    """Where the tractors are, and how much is left now, with what they keep."""
     places = []
     for number, state in enumerate(remaining.states):
         places.append(_describe_place(remaining, number))
         if state.doubt is not None:
             places.append(f"Its place is in doubt: it may be up to {state.doubt.radius_m:.0f} m from where it was.")
-    left_ha, whole_ha = context.layout.field.area_ha, whole.layout.field.area_ha
+    driven = [
+        [*state.mission.legs[: state.leg], *list_driven_part(state.present_leg, state.leg_m)]
+        for state in remaining.states
+    ]
+    field, whole_ha = whole.layout.field, whole.layout.field.area_ha
+    left_ha = replace(field, done=_build_worked_ground(remaining, whole, driven)).area_ha
     return [*places, f"{left_ha:.2f} of {whole_ha:.2f} ha are left to work."]
 
 

@@ -68,8 +68,14 @@ export async function open(main, shell, [id]) {
           el("div", { class: "row" }, el("div", { class: "grow" }, which), fail, repaired), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
+  let before = "";
   const tell = () => {
     const now = live.fleet.state ?? about.fleet?.state ?? "", held = live.numbers().some((number) => live.fixes.get(number).holds?.some((hold) => RESUMED.has(hold)));
+    if (now !== before) {
+      before = now;
+      if (now === "running" && live.proposal?.state === "accepted") live.proposal = null;  // it is being driven
+      proposed();
+    }
     say(state, capital(translate(now || "not linked")));
     state.className = `badge ${LOOKS[now] ?? ""}`;
     start.hidden = now !== "ready";
@@ -94,7 +100,7 @@ const eventWords = ({ time, who, what, data = {} }) =>
 
 function proposalNote(live) {
   const one = live.proposal;
-  if (one.state === "accepted") return null;
+  if (one.state === "accepted") return live.fleet.state === "stopped" ? note("The tractors have the new plan and stand: Resume lets them drive it.") : null;
   const said = translateAll(one.sentence ?? "");
   if (one.state === "failed") return note(said, "error");
   if (one.state === "planning") return note("All that is left is being planned anew, from where the tractors are.");
