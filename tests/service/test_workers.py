@@ -220,17 +220,27 @@ def test_results_go_by_a_bucket(shared: Store, remote: RemoteStore, bucket: str)
         ResultPlace("s3://other/farm").check()
 
 
+class SlowPlace(ResultPlace):
+    """A store that takes its time, also to fail."""
+
+    def put_bytes(self, name: str, content: bytes) -> None:
+        time.sleep(1.5)
+        super().put_bytes(name, content)
+
+
 @pytest.mark.slow
 def test_a_job_waits_for_a_store_that_does_not_answer(shared: Store, remote: RemoteStore, tmp_path: Path) -> None:
     blocked = tmp_path / "blocked"
     blocked.write_bytes(b"no folder")
-    remote.place = ResultPlace(f"{blocked.as_uri()}/results")
+    remote.place = SlowPlace(f"{blocked.as_uri()}/results")
     job = shared.add_job("tiny", "first", {"number": 7})
     claimed = remote.claim_job("w")
     assert claimed is not None
     working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed))
     working.start()
     wait_until(lambda: shared.get_job(job.id).words == ResultPlaceError.waiting)
+    told = [shared.get_job(job.id).words for _ in range(40) if not time.sleep(0.1)]
+    assert set(told) == {ResultPlaceError.waiting}, "it says so as long as it waits"
     blocked.unlink()
     working.join(30.0)
     assert (shared.get_job(job.id).status, shared.get_job(job.id).tries) == ("done", 1)
