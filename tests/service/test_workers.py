@@ -236,7 +236,7 @@ def test_a_job_waits_for_a_store_that_does_not_answer(shared: Store, remote: Rem
     job = shared.add_job("tiny", "first", {"number": 7})
     claimed = remote.claim_job("w")
     assert claimed is not None
-    working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed))
+    working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed), daemon=True)
     working.start()
     wait_until(lambda: shared.get_job(job.id).words == ResultPlaceError.waiting)
     told = [shared.get_job(job.id).words for _ in range(40) if not time.sleep(0.1)]
