@@ -25,7 +25,8 @@ from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
 ESTIMATED = mark_text(
     "Estimated: for each layout and number of tractors a plan was driven at one speed. Times at others follow from it, "
-    "and 9 of 10 plans driven in full lie within ± %. --save drives a combination in full."
+    "and 9 of 10 plans driven in full lie within ± %. Time and cost include finishing the ground that is left. --save "
+    "drives a combination in full."
 )
 
 
