@@ -315,6 +315,17 @@ def test_only_a_worker_of_the_version_of_the_service_gets_jobs(shared: Store, re
     assert remote.claim_job("w") is not None
 
 
+def test_a_database_that_is_restarted_while_a_worker_begins_is_told_in_a_sentence(
+    shared: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lose_connection(_self: RemoteStore) -> None:
+        raise sa.exc.OperationalError("SELECT", {}, Exception("terminating connection due to administrator command"))
+
+    monkeypatch.setattr(RemoteStore, "check_version", lose_connection)
+    with pytest.raises(DatabaseError, match=r"cannot be used: terminating connection"):
+        RemoteStore(shared.settings)
+
+
 def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> None:
     with database("postgresql") as url:
         settings = ServiceSettings(data=tmp_path, database=url)
