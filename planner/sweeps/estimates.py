@@ -148,8 +148,8 @@ class GroundEstimates:
         """The plan of an order for one number of tractors, of another width, number or speed: nothing is sought.
 
         Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
-        nearest number of tractors are, whose last one ends by as much later than all on average. Lines that are now left
-        out are taken from these tours; which come first and who works them is left aside.
+        nearest number of tractors are, whose last one ends by as much later than all on average. Lines that are now
+        left out are taken from these tours; which come first and who works them is left aside.
         """
         context, request = change_terms(self._context, order), order.request
         count, orders = request.tractors[0], request.headland_orders or ("",)

@@ -81,7 +81,8 @@ class KeptGrounds:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
 
         A width or speed that is new takes bearing and headland passes of the last answer for the same field, where it
-        may; who asks for these is then answered from the same ground. With `at_once` nothing is laid out or sought but what no ground of the field is near to.
+        may; who asks for these is then answered from the same ground. With `at_once` nothing is laid out or
+        sought but what no ground of the field is near to.
         """
         ground = self._find_near_ground(order, files) if at_once else None
         is_scaled = ground is not None
