@@ -148,8 +148,8 @@ class GroundEstimates:
         """The plan of an order for one number of tractors, of another width, number or speed: nothing is sought.
 
         Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
-        nearest number of tractors are, whose last one ends by as much later than all on average. New wishes for single
-        lines are left aside.
+        nearest number of tractors are, whose last one ends by as much later than all on average. Lines that are now
+        left out are taken from these tours; which come first and who works them is left aside.
         """
         context, request = change_terms(self._context, order), order.request
         count, orders = request.tractors[0], request.headland_orders or ("",)
@@ -162,11 +162,26 @@ class GroundEstimates:
             return self.estimate(order)
         least, ratio = min(distance for distance, _ in found), self._context.request.width_m / request.width_m
         near = [
-            _scale_tours(self._time_between(context, sketch), count, ratio)
+            _scale_tours(self._leave_out(context, sketch, self._time_between(context, sketch)), count, ratio)
             for distance, sketch in found
             if distance == least
         ]
-        return _build_result(context, min(near, key=_weigh_s))
+        best = min(near, key=_weigh_s)
+        return _build_result(context, best) if best.worked_share > 0.0 else self.estimate(order)
+
+    def _leave_out(self, context: PlanningContext, sketch: SketchedPlan, timed: _TimedTours) -> _TimedTours:
+        """Timed tours of a sketch without the work on lines that a context leaves out; moves stay as they are."""
+        lines = get_site_moves(self._context).lines
+        left = set(context.request.line_wishes.find_left_out(lines))
+        worked = [[node for node in tour if node // 2 not in left] for tour in sketch.tours]
+        saved_m = [
+            math.fsum(lines[node // 2].measure_path_m(node % 2) for node in tour if node // 2 in left)
+            for tour in sketch.tours
+        ]
+        saved_s = np.array(saved_m) / context.driving_rules.work_speed_mps
+        times = timed.times
+        times = DrivenTimes(times.tractor_s - saved_s, times.work_s - float(saved_s.sum()), times.turn_s)
+        return replace(timed, times=times, worked_share=self._covered_share * _find_worked_share(lines, worked))
 
     def _time_between(self, context: PlanningContext, sketch: SketchedPlan) -> _TimedTours:
         """The tours of a sketch, their moves between those of the two nearest speeds by one over the speed."""
@@ -300,8 +315,9 @@ def _find_worked_share(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]
 
 
 def _weigh_s(one: _TimedTours) -> float:
-    """Seconds to finish the field, as orders of the headland are compared by."""
-    return weigh_order_s(one.order, float(one.times.tractor_s.max()) / one.worked_share)
+    """Seconds to finish the field, as orders of the headland are compared by; infinite where nothing is worked."""
+    whole_s = float(one.times.tractor_s.max()) / one.worked_share if one.worked_share > 0.0 else math.inf
+    return weigh_order_s(one.order, whole_s)
 
 
 def _time_tours(context: PlanningContext, sketch: SketchedPlan, moves: SiteMoves, covered_share: float) -> _TimedTours:

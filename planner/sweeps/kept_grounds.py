@@ -16,9 +16,10 @@ from planner.request.plan_request import STRAIGHT, PlanRequest
 from planner.sweeps.estimates import SUMMED, EstimatedLine, GroundEstimates, Points, keep_last
 from reports.common.plan_results import PlanResult, choose_plan
 
-MOST_GROUNDS = 6
+MOST_GROUNDS = 8
 MOST_PREPARED = 8  # tractors
 PREPARED_MPS = tuple(kmh * MPS_PER_KMH for kmh in (2.5, 10.0, 20.0))  # and the usual speed
+BEARING_DECIMALS = 6  # of a layout as answers say it
 MOST_LAYOUTS = 50  # of which only bearing and headland passes are kept
 
 
@@ -80,7 +81,8 @@ class KeptGrounds:
         """The plans of an order; `files` names the content of what it reads. Raises HeadlandError.
 
         A width or speed that is new takes bearing and headland passes of the last answer for the same field, where it
-        may. With `at_once` nothing is laid out or sought but what no ground of the field is near to.
+        may; who asks for these is then answered from the same ground. With `at_once` nothing is laid out or
+        sought but what no ground of the field is near to.
         """
         ground = self._find_near_ground(order, files) if at_once else None
         is_scaled = ground is not None
@@ -113,6 +115,10 @@ class KeptGrounds:
             ground = self._lay_out(_forget_wishes(order), field_key)
             self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
         keep_last(self._grounds, key, ground, MOST_GROUNDS)
+        if ground.is_borrowed:
+            own = replace(order, request=_set_layout(order.request, ground.estimates.layout))
+            own_ground = replace(ground, is_borrowed=False, field_key=_build_key(own, files, SUMMED | {"width_m"}))
+            keep_last(self._grounds, _build_key(own, files, UNLAID), own_ground, MOST_GROUNDS)
         keep_last(self._layouts, field_key, ground.estimates.layout, MOST_LAYOUTS)
         return ground
 
@@ -156,5 +162,10 @@ def _borrow_layout(request: PlanRequest, layout: tuple[float, int] | None) -> Pl
     own = request.bearing_deg, request.guidance_line, request.headland_m, request.headland_passes
     if layout is None or own != (None,) * 4 or request.cell_bearings or request.swaths != STRAIGHT:
         return None
+    return _set_layout(request, layout)
+
+
+def _set_layout(request: PlanRequest, layout: tuple[float, int]) -> PlanRequest:
     bearing_deg, passes = layout
-    return replace(request, bearing_deg=bearing_deg, headland_passes=None if request.no_headland else passes)
+    passes_or_none = None if request.no_headland else passes
+    return replace(request, bearing_deg=round(bearing_deg, BEARING_DECIMALS), headland_passes=passes_or_none)

@@ -26,6 +26,7 @@ from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
+from planner.risk.costs import build_hire_terms
 from planner.sweeps.axes import Axis, list_points
 from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
@@ -223,6 +224,7 @@ class Sweep:
         orders = [self.build_order(name, self._get_parameters(self._points[0])) for name in self.fields]
         read = [read_requested_field(order.request, order.field) for order in orders]
         first, request = orders[0], orders[0].request
+        terms = first.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
         areas_ha = [field.area_ha for field in read]
         limits_s = [self._find_limit_s(request, self._points[number]) for number in numbers]
@@ -244,7 +246,7 @@ class Sweep:
             options=tuple(build_option(one) for one in self.axes),
             plans=tuple(SweptPlan(self._points[number], plan) for number, plan in zip(numbers, plans, strict=True)),
             total=len(self._points),
-            currency=None if first.cost_terms is None else first.cost_terms.prices.currency,
+            currency=terms.prices.currency,
             start=None if request.start_s is None or is_start_swept else format_clock(request.start_s),
             allowed_s=limits_s[0] if len(set(limits_s)) == 1 else None,
             is_priced=first.cost_terms is not None or request.price_per_hour is not None,

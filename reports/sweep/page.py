@@ -101,6 +101,7 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
             "points": [_list_numbers(one, place) for one, place in zip(plans, at, strict=True)],
             "front": front,
             "best": places[result.best.numbers],
+            "currency": result.currency or "",
             "unit": "l" if plans[0].plan.energy_kwh is None else "kWh",
             "command": shlex.join(result.command),
             "link": result.link,
@@ -150,7 +151,7 @@ def _list_shares(result: SweepResult) -> list[dict[str, Any]]:
     ):
         if sum(shares) > 0.0:
             named = sorted(zip(shares, labels, strict=True), reverse=True)
-            named.append((max(0.0, 1.0 - sum(shares)), "Only combinations"))
+            named.append((max(0.0, 1.0 - sum(shares)), "Several only together"))
             rows = [{"text": label, "percent": round(100.0 * share)} for share, label in named]
             found.append({"title": title, "colour": colour, "rows": rows})
     return found

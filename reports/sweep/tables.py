@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
+from reports.common.language import translate
 from reports.common.plan_results import PlanResult
 from reports.common.rendering import EXPORT_DECIMALS, ReportError, format_entries_csv, format_json, pick_values
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
@@ -74,7 +75,7 @@ def build_front_table(result: SweepResult) -> FittedTable:
         TableColumn("Row"),
         *(TableColumn(title_option(result.options[place]), drop_order=0) for place in varied),
         TableColumn("Time"),
-        TableColumn("Cost"),
+        TableColumn(translate("Cost {currency}", currency=result.currency or "").strip()),
         TableColumn("± %"),
         TableColumn("Worked %", drop_order=1),
         TableColumn("Energy kWh" if uses_energy else "Fuel l", drop_order=2),
@@ -113,6 +114,7 @@ def format_sweep_json(result: SweepResult) -> str:
             "done": len(result.plans),
             "estimated": True,
             "currency": result.currency,
+            "prices_assumed": not result.is_priced,
             "options": {option.key: option.values for option in result.options},
             "best": None if best is None else {"row": result.rows.index(best) + 1, **list_values(result, best)},
             "front": [list_values(result, one) for one in result.front],

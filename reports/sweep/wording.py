@@ -25,7 +25,8 @@ from reports.sweep.results import SweepResult, SweptOption, SweptPlan
 
 ESTIMATED = mark_text(
     "Estimated: for each layout and number of tractors a plan was driven at one speed. Times at others follow from it, "
-    "and 9 of 10 plans driven in full lie within ± %. --save drives a combination in full."
+    "and 9 of 10 plans driven in full lie within ± %. Time and cost include finishing the ground that is left. --save "
+    "drives a combination in full."
 )
 
 
@@ -55,12 +56,14 @@ def describe_options(result: SweepResult, one: SweptPlan) -> str:
 
 
 def describe_figures(result: SweepResult, one: SweptPlan) -> str:
-    """``1 h 38 min, 64.90 EUR``."""
-    return f"{format_time_span(one.plan.ranked_s)}, {format_money(one.plan.ranked_cost, result.currency)}"
+    """``1 h 38 min, 65 EUR``; that prices are assumed is said where nobody gave them."""
+    money = format_money(one.plan.ranked_cost, result.currency)
+    money = money if result.is_priced else translate("{money} (assumed prices)", money=money)
+    return f"{format_time_span(one.plan.ranked_s)}, {money}"
 
 
 def describe_plan(result: SweepResult, one: SweptPlan) -> str:
-    """``6 m, 12 km/h, 1 tractor: 1 h 38 min, 64.90``."""
+    """``6 m, 12 km/h, 1 tractor: 1 h 38 min, 65 EUR``."""
     return translate("{plan}: {figures}", plan=describe_options(result, one), figures=describe_figures(result, one))
 
 
@@ -84,7 +87,7 @@ def describe_influences(result: SweepResult) -> str:
         named = [(translate_sentence(option.label), share) for option, share in shares.items()]
         named.sort(key=lambda one: -one[1])
         if named and named[0][1] >= LEAST_SHARE:
-            named.append((translate("only combinations"), 1.0 - sum(shares.values())))
+            named.append((translate("several options only together"), 1.0 - sum(shares.values())))
             words = [f"{name} {100.0 * share:.0f} %" for name, share in named if share >= LEAST_SHARE]
             sentences.append(translate(text, shares=", ".join(words)))
     return " ".join(sentences)
@@ -135,7 +138,7 @@ def compare_with_drive(result: SweepResult, one: SweptPlan, driven: PlanResult) 
     """The plan as driven beside its estimate, with what they differ by."""
 
     def change(estimate: float, value: float) -> str:
-        return f"{100.0 * (estimate / value - 1.0):+.1f}" if value else "+0.0"
+        return format_change(100.0 * (estimate / value - 1.0)) if value else format_change(0.0)
 
     estimate_s, driven_s = one.plan.ranked_s, driven.ranked_s
     cost, driven_cost = one.plan.ranked_cost, driven.ranked_cost
@@ -152,8 +155,13 @@ def compare_with_drive(result: SweepResult, one: SweptPlan, driven: PlanResult) 
         estimated_cost=format_money(cost, result.currency),
         cost_change=change(cost, driven_cost),
         estimated_worked=format_number(worked, 1),
-        worked_change=f"{worked - driven_worked:+.1f}",
+        worked_change=format_change(worked - driven_worked),
     )
+
+
+def format_change(value: float) -> str:
+    """A difference with its sign and one decimal; one that is printed as none has a plus."""
+    return f"{round(value, 1) + 0.0:+.1f}"
 
 
 def build_command(result: SweepResult, one: SweptPlan) -> str:

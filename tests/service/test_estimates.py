@@ -14,7 +14,7 @@ from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
 from planner.sweeps import estimates
-from planner.sweeps.kept_grounds import KeptGrounds, OrderEstimate
+from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_line
 from tests.service.conftest import Shared, bearer
@@ -143,6 +143,31 @@ def test_an_answer_at_once_is_scaled_from_the_nearest_width(
     for plan, before, exact in zip(scaled.plans, first.plans, laid_out.plans, strict=True):
         assert plan.time_s == pytest.approx((before.time_s or 0.0) * 6.0 / 6.4)
         assert plan.time_s == pytest.approx(exact.time_s, rel=0.1)
+
+
+def test_an_answer_at_once_leaves_out_what_is_left_out(grounds: KeptGrounds) -> None:
+    own = KeptGrounds()
+    estimate(own, at_once=True)
+    scaled = estimate(own, at_once=True, leave_out="4,5")
+    laid_out = estimate(grounds, leave_out="4,5")
+    assert scaled.is_scaled and not laid_out.is_scaled
+    for plan, exact in zip(scaled.plans, laid_out.plans, strict=True):
+        assert plan.worked_pct == pytest.approx(exact.worked_pct, abs=0.5) and plan.worked_pct < 90.0
+        assert plan.time_s == pytest.approx(exact.time_s, rel=0.2), "who works what is dealt anew"
+    everything = "R1-2,1-8"
+    assert not estimate(own, at_once=True, leave_out=everything).best
+
+
+def test_who_asks_for_the_borrowed_layout_is_answered_from_its_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = KeptGrounds()
+    estimate(own)
+    borrowed = estimate(own, width=6.2)
+    layout = {"bearing": round(borrowed.bearing_deg, BEARING_DECIMALS), "headland_passes": borrowed.headland_passes}
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
+    pinned = estimate(own, width=6.2, **layout, work_first="3")
+    assert borrowed.is_layout_borrowed and not pinned.is_layout_borrowed
+    assert [one.name for one in pinned.lines] == [one.name for one in borrowed.lines]
+    assert estimate(own, at_once=True, width=6.2, **layout, leave_out="2").is_scaled
 
 
 def test_an_answer_at_once_for_another_number_deals_out_the_same_work(grounds: KeptGrounds) -> None:

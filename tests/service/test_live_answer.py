@@ -60,6 +60,18 @@ def test_the_answer_follows_texts_sliders_and_keys(page: Page, watched: WatchedP
     watched.well()
 
 
+def test_the_ring_of_a_slider_covers_no_text(page: Page) -> None:
+    page.focus("input[name=width]")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.type") == "range"
+    gaps = page.evaluate("""() => { const range = document.activeElement, look = getComputedStyle(range);
+      const ring = parseFloat(look.outlineOffset) + parseFloat(look.outlineWidth), own = range.getBoundingClientRect();
+      const [text, hint] = ["input:not([type=range])", ".hint"].map((one) =>
+        range.closest(".knob").querySelector(one).getBoundingClientRect());
+      return [own.top - ring - text.bottom, hint.top - own.bottom - ring, parseFloat(look.outlineWidth)]; }""")
+    assert min(gaps[:2]) >= 0.0 and gaps[2] >= 2.0, "and it is seen"
+
+
 def test_all_controls_have_sliders_that_say_what_the_text_says(page: Page) -> None:
     texts = {"speed_kmh": "7.5", "start": "06:45", "deadline": "17:15", "price_per_hour": "55"}
     for name, text in texts.items():

@@ -39,7 +39,8 @@ class Answers:
         ]
         ring = [[0.0, 0.0], [WIDE_M, 0.0], [WIDE_M, HIGH_M], [0.0, HIGH_M], [0.0, 0.0]]
         plan = {"tractors": 2, "feasible": True, "done_s": 600.0, "cost": 10.0, "worked_pct": 99.0}
-        layout = {"bearing": 12.5, "headland_passes": 1, "is_layout_borrowed": self.is_borrowed, "is_scaled": False}
+        is_borrowed = self.is_borrowed and "bearing" not in values
+        layout = {"bearing": 12.5, "headland_passes": 1, "is_layout_borrowed": is_borrowed, "is_scaled": False}
         route.fulfill(json={"recommended": 2, "plans": [plan], "lines": lines, "outlines": [ring], **layout})
 
     @property
@@ -153,6 +154,12 @@ def test_a_link_wants_the_same_and_a_borrowed_layout_is_kept(answers: Answers, w
     until(page, lambda: answers.last.get("work_first") == "2")
     assert answers.last["leave_out"] == "1,5,6", "the lines of the map"
     assert (answers.last["bearing"], answers.last["headland_passes"]) == (12.5, 1)
+    choice(page).select_option("3")
+    press(page, "Leave out")
+    until(page, lambda: set(answers.last["leave_out"].split(",")) == set("1356"))
+    assert (answers.last["bearing"], answers.last["headland_passes"]) == (12.5, 1), "also after its own answer"
+    press(page, "Clear all")
+    until(page, lambda: "bearing" not in answers.last)
 
 
 def test_without_a_headland_a_borrowed_layout_keeps_its_bearing_only(answers: Answers, watched: WatchedPage) -> None:

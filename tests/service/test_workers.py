@@ -220,17 +220,27 @@ def test_results_go_by_a_bucket(shared: Store, remote: RemoteStore, bucket: str)
         ResultPlace("s3://other/farm").check()
 
 
+class SlowPlace(ResultPlace):
+    """A store that takes its time, also to fail."""
+
+    def put_bytes(self, name: str, content: bytes) -> None:
+        time.sleep(1.5)
+        super().put_bytes(name, content)
+
+
 @pytest.mark.slow
 def test_a_job_waits_for_a_store_that_does_not_answer(shared: Store, remote: RemoteStore, tmp_path: Path) -> None:
     blocked = tmp_path / "blocked"
     blocked.write_bytes(b"no folder")
-    remote.place = ResultPlace(f"{blocked.as_uri()}/results")
+    remote.place = SlowPlace(f"{blocked.as_uri()}/results")
     job = shared.add_job("tiny", "first", {"number": 7})
     claimed = remote.claim_job("w")
     assert claimed is not None
-    working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed))
+    working = threading.Thread(target=run_and_store_job, args=(remote, "w", claimed), daemon=True)
     working.start()
     wait_until(lambda: shared.get_job(job.id).words == ResultPlaceError.waiting)
+    told = [shared.get_job(job.id).words for _ in range(40) if not time.sleep(0.1)]
+    assert set(told) == {ResultPlaceError.waiting}, "it says so as long as it waits"
     blocked.unlink()
     working.join(30.0)
     assert (shared.get_job(job.id).status, shared.get_job(job.id).tries) == ("done", 1)
@@ -303,6 +313,17 @@ def test_only_a_worker_of_the_version_of_the_service_gets_jobs(shared: Store, re
     assert refusal.value.status == 4
     shared.check_write()
     assert remote.claim_job("w") is not None
+
+
+def test_a_database_that_is_restarted_while_a_worker_begins_is_told_in_a_sentence(
+    shared: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lose_connection(_self: RemoteStore) -> None:
+        raise sa.exc.OperationalError("SELECT", {}, Exception("terminating connection due to administrator command"))
+
+    monkeypatch.setattr(RemoteStore, "check_version", lose_connection)
+    with pytest.raises(DatabaseError, match=r"cannot be used: terminating connection"):
+        RemoteStore(shared.settings)
 
 
 def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> None:

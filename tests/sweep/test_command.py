@@ -41,6 +41,7 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     assert "--width" in page.read_text() and json.loads(saved.read_text())
     assert r"http://127.0.0.1:8765/#/plan?field=small\u0026local=true\u0026soil=loam" in page.read_text()
     data = json.loads(headland("sweep", field, *FEW, "--json").out)
+    assert data["currency"] == "EUR" and data["prices_assumed"], "as headland plan has it"
     assert data["done"] == 8 and set(data["options"]) == {"width_m", "speed_kmh", "tractors"}
     assert data["best"]["command"].startswith(f"headland plan --local {field} ")
     assert len(headland("sweep", field, *FEW, "--csv").out.splitlines()) == 9

@@ -40,7 +40,7 @@ def test_a_point_shows_its_command(tab: Page, tmp_path: Path, width: int) -> Non
     assert tab.text_content("#command") == command.format(2)
     tab.locator(".front").last.click(force=True)
     assert tab.text_content("#command") == command.format(1)
-    assert "1:40:00, cost 71.67" in (tab.text_content("#figures") or "")
+    assert "1:40:00, cost 71.67 EUR, " in (tab.text_content("#figures") or "")
     link = result.link + "&width=6&tractors={}&price_per_hour=40"
     assert tab.get_attribute("#form", "href") == link.format(1)
     tab.click("[data-point] >> nth=0")

@@ -21,7 +21,7 @@ from reports.common.rendering import ReportError
 from reports.sweep.page import render_sweep_page, render_sweep_png
 from reports.sweep.results import find_front, measure_influences
 from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, render_sweep_parquet
-from reports.sweep.wording import build_command
+from reports.sweep.wording import build_command, compare_with_drive
 from tests.printing import print_text
 from tests.sweep.results import build_result
 
@@ -75,6 +75,9 @@ def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> Non
     assert "Of the difference in time: tractors 52 %, working width 45 %" in text and "in cost: working width" in text
     assert "2 combinations have no plan, the first: There is no work for 3." in text
     assert "9 of 10 plans driven in full lie within ± %" in text
+    assert "assumed" not in text and "Cost EUR" in text
+    assumed = " ".join(print_text(build_sweep_screen(replace(build_result(), is_priced=False)), 100).split())
+    assert "33 min, 82 EUR (assumed prices); estimated." in assumed, "as headland plan says it"
     assert re.search(r"40 0:33:20 (\d+\.\d+) 25 99.0", text), "the row of three tractors is told to be uncertain"
 
 
@@ -86,6 +89,14 @@ def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
     for row in (0, len(rows) + 1):
         with pytest.raises(RequestError, match=rf"--pick is {row}; the table has rows 1 to {len(rows)}"):
             pick_plan(result, row)
+
+
+def test_a_drive_that_is_the_estimate_differs_by_nothing() -> None:
+    result = build_result()
+    one = result.plans[0]
+    driven = replace(one.plan, finished_s=one.plan.finished_s + 1e-3, worked_pct=99.01)
+    text = compare_with_drive(result, one, driven)
+    assert "(+0.0 %)" in text and "-0.0" not in text
 
 
 def test_a_command_plans_the_combination() -> None:
@@ -101,6 +112,7 @@ def test_json_and_csv_have_all_plans() -> None:
     assert result.best is not None
     assert (data["combinations"], data["done"], data["estimated"]) == (12, 12, True)
     assert data["without_plan"] == {"count": 2, "reason": "There is no work for 3."}
+    assert data["currency"] == "EUR" and not data["prices_assumed"]
     assert len(data["plans"]) == 12 and data["best"]["command"] == build_command(result, result.best)
     assert [one["uncertainty_pct"] for one in data["plans"] if one["tractors"] == 3 and one["feasible"]] == [25.0, 25.0]
     lines = format_sweep_csv(result).splitlines()

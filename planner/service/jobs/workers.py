@@ -161,20 +161,26 @@ class ClaimedJob:
 
 
 def _retry_while_disk_full(store: JobStore, claim: ClaimedJob, action: Callable[[], T]) -> T:
-    """The result of an action that writes to the disk or a store; while there is no room, it is retried."""
-    pause_s = DISK_RETRY_S
+    """The result of an action that writes to the disk or a store; while there is no room, it is retried.
+
+    The job says that it waits until an attempt reports something or succeeds.
+    """
+    pause_s, before, waiting = DISK_RETRY_S, claim.latest_progress, None
     while True:
-        before = claim.latest_progress
         try:
-            return action()
+            result = action()
+            break
         except StorageError as error:
             logging.getLogger(__name__).warning("The job %s %s: %s", claim.job_number, error.waiting, error)
-            waiting = error.waiting
+            words = error.waiting
+        before = before if claim.latest_progress is waiting else claim.latest_progress
         done, all_, _ = before or (0, 0, "")
-        claim.latest_progress = (done, all_, waiting)
+        waiting = claim.latest_progress = (done, all_, words)
         time.sleep(pause_s)
         pause_s = min(2 * pause_s, LONGEST_DISK_RETRY_S)
-        claim.latest_progress = done, all_, before[2] if before is not None else ""
+    if waiting is not None and claim.latest_progress is waiting:
+        claim.latest_progress = before or (0, 0, "")
+    return result
 
 
 def _claim_next_job(store: JobStore, worker: str) -> JobRow | None:

@@ -24,7 +24,7 @@ from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NI
 from planner.service.sandbox.confinement import confine_process, list_library_folders
 from planner.service.sandbox.readings import build_work_order
 from planner.sweeps.estimates import Points
-from planner.sweeps.kept_grounds import KeptGrounds, OrderEstimate
+from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.wording import round_up_to_minute
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
@@ -46,7 +46,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
         "currency": terms.prices.currency,
         "width": request.width_m,
-        "bearing": round(estimate.bearing_deg, 6),
+        "bearing": round(estimate.bearing_deg, BEARING_DECIMALS),
         "headland_passes": estimate.headland_passes,
         "is_layout_borrowed": estimate.is_layout_borrowed,
         "is_scaled": estimate.is_scaled,

@@ -125,7 +125,8 @@ class RemoteStore(CarryingJobStore):
                     parameter="database",
                 )
             self._check_tables()
-            self.check_version()
+            with name_database_in_errors(self.database.engine):  # it may be restarted just then
+                self.check_version()
         except BaseException:
             self.close()
             raise

@@ -107,7 +107,9 @@ export function trackMap(changed) {
       [lines, outlines] = [answer.lines, answer.outlines];
       wishes = new Map([...wishes].flatMap(([text, what]) => namesOf(text, lines).map((name) => [name, what])));
       offer(before);
-      pinned = answer.is_layout_borrowed ? { bearing: answer.bearing, headland_passes: answer.headland_passes } : {};
+      // What is wanted by number holds for this layout alone: it stays pinned as long as anything is wanted.
+      if (answer.is_layout_borrowed) pinned = { bearing: answer.bearing, headland_passes: answer.headland_passes };
+      else if (!wishes.size) pinned = {};
       const box = JSON.stringify(outlines);
       if (box !== fitted) view.fit(bounds(outlines[0]));
       fitted = box;
