@@ -6,7 +6,7 @@ Work lines are numbered; node 2 i is line i driven forward, 2 i + 1 backward. Th
 
 for one tractor its tour and the lines left. A tour is the way from the entrance, moves, work and the way home; a
 tractor without lines takes no time. Where no move leads NO_MOVE_S is charged, far more than all lines are worth: such a
-line is left. Every descent in stage adds `stage_s`.
+line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S.
 
 Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two
 runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from fields.errors import HeadlandError
 from strategies.programmes.order_building import insert_lines
-from strategies.programmes.order_moves import improve_tours, list_transfer, make_best_move
+from strategies.programmes.order_moves import improve_tours
 from strategies.programmes.order_tours import (
     BEGIN,
     FIRST,
@@ -44,6 +44,7 @@ from strategies.programmes.order_tours import (
     OrderTables,
     can_make_move,
     clear_pieces,
+    count_new_clashes,
     create_tours,
     make_move,
     push_line,
@@ -254,6 +255,17 @@ def _time_run(tours, tables, row, low, high) -> float:  # type: ignore[no-untype
 
 
 @compile_for_views
+def _set_leaving(tours, a, i, j) -> None:  # type: ignore[no-untyped-def]
+    """Let the places i..j of row a be left, behind the lines that are left already."""
+    left = len(tours.seconds) - 1
+    clear_pieces(tours, a, left)
+    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
+    set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
+    set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
+    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
+
+
+@compile_for_views
 def _drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
     """Leave runs of lines of any length that cost more than they are worth, among them all that no move reaches."""
     left, row = len(tours.seconds) - 1, BEGIN
@@ -271,12 +283,15 @@ def _drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
                 finish_s = max(tours.seconds[row], others_s) - max(tours.seconds[row] - saved_s, others_s)
                 gain = (1.0 - SUM_SHARE) * finish_s + SUM_SHARE * saved_s - worth_s
                 if gain > most_gain:
+                    _set_leaving(tours, row, low, high)
+                    gain -= RULE_S * (count_new_clashes(tours, tables) - tours.clashes[0])
+                if gain > most_gain:
                     most_gain, best_low, best_high = gain, low, high
         if best_low < 0:
             row += 1
             continue
-        list_transfer(tours.moves, row, best_low, best_high, ONWARD, left, tours.lengths[left])
-        make_best_move(tours, tables, np.inf)
+        _set_leaving(tours, row, best_low, best_high)
+        make_move(tours, tables)
 
 
 @compile_for_views
@@ -318,11 +333,7 @@ def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
             push_line(tours, near)
     for place in range(i, j + 1):
         push_line(tours, tours.nodes[a, place] // 2)
-    clear_pieces(tours, a, left)
-    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
-    set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
-    set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
-    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
+    _set_leaving(tours, a, i, j)
     make_move(tours, tables)
 
 

@@ -144,6 +144,17 @@ def test_no_two_tours_begin_or_end_as_no_two_may(k: int) -> None:
     assert clashing, "without the rule they do"
 
 
+def test_leaving_lines_that_are_worth_little_makes_no_new_clash() -> None:
+    for seed in (11, 27, 38, 47, 56):
+        problem = make_problem(seed, 24, 8, no_move_share=0.2, stages=2, clash_share=0.5 if seed > 40 else 0.2)
+        worth = np.random.default_rng(seed).choice([0.02, 0.3, 1.0, 5.0], 24)
+        problem = replace(problem, value_s=problem.value_s * worth)
+        start = search_programmes(problem, 0, seed)
+        found = search_programmes(problem, 60, seed + 1, start)
+        assert compute_cost_s(problem, found) <= compute_cost_s(problem, start) + 1e-6
+        assert count_clashes(problem, found) == 0
+
+
 def test_of_two_that_would_clash_one_stays_at_home_where_there_is_no_other_way() -> None:
     problem = OrderProblem.from_moves(
         np.full((8, 8), 10.0), np.full(4, 100.0), np.full(4, 1e4), tractors=2, clashes=np.ones((2, 8, 8), bool)
