@@ -113,8 +113,10 @@ def search_driven_tours(
         settled_s = compute_cost_s(proven, settled)
         if settled_s < best_s:
             best, best_s, tours = settled, settled_s, settled
-    while best and not can_be_driven(best):
+    for _ in range(MOST_ROUNDS):
+        if not best or can_be_driven(best):
+            return best
         proven = pose_proven()
         tours = search_programmes(proven, proven.kicks, seed, best)
         best = Tours() if tours == best else tours
-    return best
+    return Tours()

@@ -35,6 +35,8 @@ class MoveTable:
         is_estimated: (n + 1, n + 1) which costs are more than guesses by distance.
         excesses_s: by how much moves were dearer than expected, of all that were driven.
         missions: by the nodes of a tour and the moves between them.
+        clashes: by who says so, the nodes of which no two tractors may begin or end with both, those among them between
+            which tours of this search got stuck.
     """
 
     moves: SiteMoves
@@ -42,6 +44,7 @@ class MoveTable:
     is_estimated: npt.NDArray[np.bool_] = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     missions: dict[tuple[Hashable, ...], Mission] = field(default_factory=dict)
+    clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _cut: set[tuple[int, int]] = field(default_factory=set)
     _searched: set[tuple[int, int]] = field(default_factory=set)

@@ -125,9 +125,13 @@ def make_programme(
 
 
 def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -> Flags | None:
-    """The nodes (2, nodes, nodes) of which no two tractors may begin (0) or end (1) with both; None for a single one,
-    and with an entrance to wait outside."""
-    return None if check is None or table.site.lane is not None or tractors == 1 else find_clashes(table, check).copy()
+    """The nodes (2, nodes, nodes) of which no two tractors may begin (0) or end (1) with both, as far as a search
+    knows; None for a single one, and with an entrance to wait outside."""
+    if check is None or table.site.lane is not None or tractors == 1:
+        return None
+    if check not in table.clashes:
+        table.clashes[check] = find_clashes(table, check).copy()
+    return table.clashes[check]
 
 
 def _bar_stuck(table: MoveTable, clashes: Flags, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:

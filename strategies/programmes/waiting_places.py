@@ -91,6 +91,8 @@ def find_clashes(table: MoveTable, check: StandingCheck) -> Flags:
 
 def _find_clashes(table: MoveTable, check: StandingCheck, side: int) -> Flags:
     parts = [_build_part(table, side, node) for node in range(table.gate)]
+    if not parts:
+        return np.zeros((0, 0), bool)
     stands = PosePath(build_poses(np.array([part[-side] for part in parts])))
     is_blocked = np.zeros((table.gate, table.gate), bool)
     for node, part in enumerate(parts):
