@@ -82,10 +82,13 @@ class WatchedPage:
 def watch_app(browser: Browser, app: FastAPI, scopes: str) -> Iterator[WatchedPage]:
     """A page with a token of some scopes, with an app behind it.
 
-    Many tests share its user, whose estimates may compute more than those of one.
+    Many tests share its user, whose estimates may compute more than those of one; on a busy machine the process that
+    estimates may take long to begin.
     """
+    estimates = "planner.service.jobs.plan_estimates"
     token = app.state.store.create_token_text("office", scopes)
-    with patch("planner.service.jobs.plan_estimates.MOST_COMPUTING_S", math.inf), serve_app(app) as base:
+    budget, patience = patch(f"{estimates}.MOST_COMPUTING_S", math.inf), patch(f"{estimates}.START_WAIT_S", 240.0)
+    with budget, patience, serve_app(app) as base:
         watched = WatchedPage(browser, base, token)
         yield watched
         watched.page.context.close()

