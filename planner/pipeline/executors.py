@@ -10,10 +10,11 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, TypeVar
@@ -32,7 +33,6 @@ KILLED_WORKER_MESSAGE = (
     "The process for this computation was killed, probably for lack of memory; free some memory on this machine and "
     "try again."
 )
-TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
 
 
 class ClusterError(RequestError):
@@ -110,7 +110,7 @@ class LocalPool(ProcessPoolExecutor):
         listen, self._lifeline = context.Pipe(duplex=False)
         with _convert_start_failure():
             super().__init__(processes, context, _initialise_worker, (listen,))
-        self.task_window = TASKS_PER_PROCESS * processes
+        self.processes = processes
         for _ in range(processes):
             self.submit(_preload_modules)
 
@@ -179,6 +179,57 @@ def create_executor(task_count: int, processes: int | None = None) -> Executor:
     return SerialExecutor() if count <= 1 else LocalPool(count - 1)
 
 
+class _SharedTasks:
+    """Tasks that the processes of a pool take from the front, each one at a time, and the caller from either end.
+
+    A process that has finished gets its next task at once, whatever the caller is doing.
+    """
+
+    def __init__(self, pool: LocalPool, function: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> None:
+        self._pool, self._function = pool, function
+        self._pending, self._lock = deque(enumerate(arguments)), threading.Lock()
+        self._given: dict[Future[Any], int] = {}
+        for _ in range(pool.processes):
+            self._give()
+
+    def _give(self) -> None:
+        with self._lock:
+            if not self._pending:
+                return
+            index, arguments = self._pending.popleft()
+            future = self._pool.submit(self._function, *arguments)
+            self._given[future] = index
+        future.add_done_callback(self._give_next)
+
+    def _give_next(self, finished: Future[Any]) -> None:
+        if finished.cancelled() or isinstance(finished.exception(), BrokenExecutor):
+            return  # the pool may hold its lock here
+        with suppress(BrokenExecutor, RuntimeError):  # the caller sees a broken pool, and has ended one shut down
+            self._give()
+
+    def take(self, from_end: bool) -> tuple[int, tuple[Any, ...]] | None:
+        """The index and the arguments of a task for the caller; None when all are taken."""
+        with self._lock:
+            if not self._pending:
+                return None
+            return self._pending.pop() if from_end else self._pending.popleft()
+
+    def take_finished(self) -> dict[Future[Any], int]:
+        """The tasks that processes have finished, each once."""
+        with self._lock:
+            return {future: self._given.pop(future) for future in list(self._given) if future.done()}
+
+    def list_unfinished(self) -> dict[Future[Any], int]:
+        """The tasks that processes have."""
+        with self._lock:
+            return dict(self._given)
+
+    def drop(self) -> None:
+        """Give no more."""
+        with self._lock:
+            self._pending.clear()
+
+
 def iter_completed(
     executor: Executor,
     function: Callable[..., T],
@@ -188,37 +239,65 @@ def iter_completed(
 ) -> Iterator[tuple[int, T]]:
     """Yield (index, function(*arguments[index])) as tasks finish; pending tasks are cancelled if the caller stops.
 
-    A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception. With
-    `from_both_ends` the caller begins with the last task: each process then finds most of what neighbours share itself,
-    and no other does.
-    `report_work` is called with the indices of the tasks at work before one is begun and while all are waited for.
-    Raises WorkerError where processes are lost.
+    The caller of a `LocalPool` works too; with `from_both_ends` it begins with the last task: each process then finds
+    most of what neighbours share itself, and no other does. `report_work` is called with the indices of the tasks at
+    work before one is begun and while all are waited for. Raises WorkerError where processes are lost.
     """
-    window = executor.task_window if isinstance(executor, LocalPool) else len(arguments)
-    running = window // TASKS_PER_PROCESS if isinstance(executor, LocalPool) else window
-    waiting: dict[Future[T], int] = {}
-    pending = list(enumerate(arguments))[::-1]
     try:
-        while pending or waiting:
-            while pending and len(waiting) < window:
-                index, task_arguments = pending.pop()
-                report_work([*waiting.values(), index][:running])
-                waiting[executor.submit(function, *task_arguments)] = index
-                yield from _pop_finished(waiting)
-            if pending:
-                index, task_arguments = pending.pop(0 if from_both_ends else -1)
-                report_work([*list(waiting.values())[:running], index])
-                yield index, function(*task_arguments)
-            elif waiting:
-                report_work(list(waiting.values())[:running])
-                wait(waiting, return_when=FIRST_COMPLETED)
-            yield from _pop_finished(waiting)
+        if isinstance(executor, LocalPool):
+            yield from _share_tasks(executor, function, arguments, report_work, from_both_ends)
+        else:
+            yield from _submit_all(executor, function, arguments, report_work)
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
+
+
+def _share_tasks(
+    pool: LocalPool,
+    function: Callable[..., T],
+    arguments: list[tuple[Any, ...]],
+    report_work: Callable[[list[int]], None],
+    from_both_ends: bool,
+) -> Iterator[tuple[int, T]]:
+    """Work on tasks together with the processes of a pool."""
+    tasks = _SharedTasks(pool, function, arguments)
+    try:
+        while True:
+            yield from ((index, future.result()) for future, index in tasks.take_finished().items())
+            task, given = tasks.take(from_both_ends), tasks.list_unfinished()
+            if task is not None:
+                index, task_arguments = task
+                report_work([*given.values(), index])
+                yield index, function(*task_arguments)
+            elif given:
+                report_work(list(given.values()))
+                wait(given, return_when=FIRST_COMPLETED)
+            else:
+                return
     finally:
-        if not isinstance(executor, LocalPool):  # a broken pool fails on futures that are cancelled but still listed
-            for future in waiting:
-                future.cancel()
+        tasks.drop()
+
+
+def _submit_all(
+    executor: Executor,
+    function: Callable[..., T],
+    arguments: list[tuple[Any, ...]],
+    report_work: Callable[[list[int]], None],
+) -> Iterator[tuple[int, T]]:
+    """Submit all tasks at once."""
+    waiting: dict[Future[T], int] = {}
+    try:
+        for index, task_arguments in enumerate(arguments):
+            report_work([*waiting.values(), index])
+            waiting[executor.submit(function, *task_arguments)] = index
+            yield from _pop_finished(waiting)
+        while waiting:
+            report_work(list(waiting.values()))
+            wait(waiting, return_when=FIRST_COMPLETED)
+            yield from _pop_finished(waiting)
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def collect_answers(

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 
 import planner.pipeline.worker_tasks
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, WorkerError
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.pipeline.executors import TASKS_PER_PROCESS, LocalPool, SerialExecutor, create_executor, iter_completed
+from planner.pipeline.executors import LocalPool, SerialExecutor, create_executor, iter_completed
 
 ROOT = Path(__file__).parents[2]
 needs_signals = pytest.mark.skipif(os.name != "posix", reason="needs signals and groups of processes")
@@ -101,6 +101,27 @@ class TestLocalPool:
         assert os.getpid() in hands and len(hands) > 1
 
     @pytest.mark.slow
+    def test_no_process_holds_a_task_that_the_caller_could_do(self) -> None:
+        """Two tasks for two: each has one, though the caller is asked last."""
+        with LocalPool(1) as executor:
+            executor.submit(os.getpid).result(240)
+            hands = [process for _, process in iter_completed(executor, busy, [(1.0,)] * 2)]
+        assert sorted(hands) == sorted({os.getpid(), *hands}) and len(hands) == 2
+
+    @pytest.mark.slow
+    def test_a_process_goes_on_while_the_caller_is_at_work(self) -> None:
+        with LocalPool(1) as executor:
+            executor.submit(os.getpid).result(240)
+            tasks = [(0.1,)] * 5 + [(3.0,)]
+            found = dict(iter_completed(executor, busy, tasks, from_both_ends=True))
+        assert [index for index, process in sorted(found.items()) if process == os.getpid()] == [5]
+
+    @pytest.mark.slow
+    def test_a_process_lost_among_many_tasks_is_told(self) -> None:
+        with LocalPool(1) as executor, pytest.raises(WorkerError, match="processes"):
+            list(iter_completed(executor, end_process, [(os.getpid(),)] * 8))
+
+    @pytest.mark.slow
     def test_leaving_by_an_error_ends_what_is_under_way(self) -> None:
         began = time.monotonic()
         with pytest.raises(KeyError), LocalPool(1) as executor:
@@ -134,6 +155,12 @@ class TestLocalPool:
         assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
 
 
+def end_process(caller: int) -> None:
+    """End every process but that of the caller."""
+    if os.getpid() != caller:
+        os._exit(3)
+
+
 def busy(seconds: float) -> int:
     """The process that took this time."""
     time.sleep(seconds)
@@ -149,7 +176,7 @@ def test_the_caller_counts_as_a_process(
         if workers is None:
             assert isinstance(executor, SerialExecutor)
         else:
-            assert isinstance(executor, LocalPool) and executor.task_window == TASKS_PER_PROCESS * workers
+            assert isinstance(executor, LocalPool) and executor.processes == workers
 
 
 def alive(process: int) -> bool:
