@@ -187,12 +187,10 @@ def format_given_values(request: Any) -> str:
 
 def check_option_limits(request: Any) -> None:
     """Raise RequestError for a number beyond the limits of its option, or a word that is none of its choices."""
-    for name, annotation in _list_annotations(type(request)):  # type: ignore[arg-type]
+    for name, limits, choices in _list_limited(type(request)):  # type: ignore[arg-type]
         value = getattr(request, name)
         if value is None:
             continue
-        option = find_annotation_metadata(annotation, OptionHelp)
-        limits = find_annotation_metadata(annotation, NumberLimits)
         if limits is not None:
             written = value if limits.scale == 1.0 else value / limits.scale
             if not limits.contains(written):
@@ -200,16 +198,26 @@ def check_option_limits(request: Any) -> None:
                 number = str(written) if isinstance(written, int) else f"{written:g}"
                 unit = f" {limits.unit}" if limits.unit else ""
                 raise RequestError(f"{subject} is {number}{unit}; {limits.describe_range()}.")
-        if option is not None and option.choices and value not in option.choices:
-            close = suggest_name(value, option.choices)
+        if choices and value not in choices:
+            close = suggest_name(value, choices)
             raise RequestError(
-                f"{mark_parameter(name)} {value!r} is unknown{close}; use {', '.join(option.choices)}.", parameter=name
+                f"{mark_parameter(name)} {value!r} is unknown{close}; use {', '.join(choices)}.", parameter=name
             )
 
 
 @functools.cache
-def _list_annotations(model: Hashable) -> tuple[tuple[str, Any], ...]:
-    return tuple(get_type_hints(cast("type", model), include_extras=True).items())
+def _list_limited(model: Hashable) -> tuple[tuple[str, NumberLimits | None, tuple[str, ...]], ...]:
+    """The parameters of a model that have limits or choices, with these."""
+    found = []
+    for name, annotation in get_type_hints(cast("type", model), include_extras=True).items():
+        option, limits = (
+            find_annotation_metadata(annotation, OptionHelp),
+            find_annotation_metadata(annotation, NumberLimits),
+        )
+        choices = () if option is None else tuple(option.choices)
+        if limits is not None or choices:
+            found.append((name, limits, choices))
+    return tuple(found)
 
 
 def describe_fault(fault: Mapping[str, Any], location: str) -> str:
