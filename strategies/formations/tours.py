@@ -141,7 +141,7 @@ def share_lines(
     None at all where a drive over short lines strikes a move between rounds, which then need another order. Raises
     StrategyError where some tractor does not get to the rounds.
     """
-    pieces = _cut_pieces(table, rounds, find_clashes(table, stands_in_way) if table.site.lane is None else None)
+    pieces = _cut_pieces(table, rounds, find_clashes(table.moves, stands_in_way) if table.site.lane is None else None)
     pose_problem = partial(pieces.pose_problem, order)
 
     def can_be_driven(tours: list[list[int]]) -> bool:

@@ -18,7 +18,7 @@ from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
 from strategies.programmes.waiting_places import HEADLAND_WAIT_M, StandingCheck, find_clashes
-from strategies.programmes.ways_home import Way, build_way, find_stuck_side
+from strategies.programmes.ways_home import Way
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 
@@ -130,16 +130,16 @@ def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -
     if check is None or table.site.lane is not None or tractors == 1:
         return None
     if check not in table.clashes:
-        table.clashes[check] = find_clashes(table, check).copy()
+        table.clashes[check] = find_clashes(table.moves, check).copy()
     return table.clashes[check]
 
 
 def _bar_stuck(table: MoveTable, clashes: Flags, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
     """Bar pairs of nodes where two tours begin or end and never get on, however they wait; whether there were any."""
     connected = [_keep_connected(table, tour) for tour in tours]
-    back_m = table.site.body.guide_m - table.site.axle_m
-    ways = {number: build_way(build_mission(table, tour), back_m) for number, tour in enumerate(connected) if tour}
-    sides = [(find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
+    book = table.way_book
+    ways = {number: book.build_way(build_mission(table, tour)) for number, tour in enumerate(connected) if tour}
+    sides = [(book.find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
     first_side = 1 if table.starts else 0  # those on the field stand where they stand
     stuck = [(side, a, b) for side, a, b in sides if side is not None and side >= first_side]
     for side, a, b in stuck:
@@ -262,10 +262,10 @@ def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
 
     It stays where it stands if no such place is reached.
     """
-    missions, back_m = list(plan.missions), table.site.body.guide_m - table.site.axle_m
+    missions, book = list(plan.missions), table.way_book
     for number in [number for number, mission in enumerate(missions) if mission.rests]:
-        ways = [build_way(mission, back_m) for place, mission in enumerate(missions) if place != number]
-        places = _iter_free_places(missions[number].end, ways, back_m, check)
+        ways = [book.build_way(mission) for place, mission in enumerate(missions) if place != number]
+        places = _iter_free_places(missions[number].end, ways, book.back_m, check)
         ways_there = (_list_parking_legs(table, missions[number], pose) for pose in places)
         missions[number] = next((Mission(legs) for legs in ways_there if legs is not None), missions[number])
     return replace(plan, missions=tuple(missions))

@@ -58,13 +58,13 @@ def stand_to_unfold(site: Site, legs: Sequence[Leg]) -> list[Leg]:
     ]
 
 
-def build_run_parts(table: MoveTable, nodes: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
+def build_run_parts(table: MoveTable, nodes: Sequence[int]) -> list[tuple[Pair, Sequence[Leg]]]:
     """The legs of the moves between nodes, with lines between two moves, and what is driven of the first and the last.
 
     Each part comes with the move that it is, or that led to the line it works; the first with that which follows it.
     """
     pairs, join_m = list(pairwise(nodes)), 0.0
-    parts = [(pairs[0], _build_begin(table, *pairs[0]))]
+    parts: list[tuple[Pair, Sequence[Leg]]] = [(pairs[0], _build_begin(table, *pairs[0]))]
     for number, (u, v) in enumerate(pairs):
         move = _require_move(table, u, v)
         if number:
@@ -99,8 +99,15 @@ def _require_move(table: MoveTable, u: int, v: int) -> Move:
     return move
 
 
-def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
+def build_move(table: MoveTable, following: int, move: Move) -> tuple[Leg, ...]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
+    known, key = table.moves.legs, (following, move)
+    if key not in known:
+        known[key] = tuple(_build_move(table, following, move))
+    return known[key]
+
+
+def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
     task = table.lines[following // 2].task
     if not move.is_work:
         task = replace(task, kind=ROUTE if move.kind == "route" else TURN)
@@ -110,14 +117,21 @@ def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
     return add_wait_points(legs, ROUTE_WAIT_M) if move.path.length_m > LONG_MOVE_M else legs
 
 
-def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
+def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> tuple[Leg, ...]:
     """The legs that work a node: places to wait along a headland side, and before the last part of any line."""
     if table.lines[node // 2].is_place:
-        return []
+        return ()
+    known, key = table.moves.legs, (node, leave_m, join_m)
+    if key not in known:
+        known[key] = tuple(_split_work_leg(table, node, leave_m, join_m))
+    return known[key]
+
+
+def _split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
     whole = table.moves.build_work_leg(node, leave_m, join_m)
     return [
         replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
-        for first, last in pairwise(list_parts_m(table, node, whole.length_m))
+        for first, last in pairwise(list_parts_m(table.moves, node, whole.length_m))
     ]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.work_line import cut_line, locate_at
-from strategies.programmes.move_table import MoveTable
+from strategies.programmes.site_moves import SiteMoves
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
@@ -68,42 +68,42 @@ def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:
     return poses
 
 
-def list_parts_m(table: MoveTable, node: int, length_m: float) -> list[float]:
+def list_parts_m(moves: SiteMoves, node: int, length_m: float) -> list[float]:
     """Where the parts of a worked line begin, and its end: a tractor may wait before each but the first.
 
     There are places to wait along a headland side, and before the last part of any line.
     """
-    hold_m = max(length_m - table.site.rules.hold_back_m, 0.5 * length_m)
-    is_headland = table.lines[node // 2].task.kind == HEADLAND_PASS
+    hold_m = max(length_m - moves.site.rules.hold_back_m, 0.5 * length_m)
+    is_headland = moves.lines[node // 2].task.kind == HEADLAND_PASS
     parts = max(1, round(hold_m / HEADLAND_WAIT_M)) if is_headland else 1
     return [0.0, *(hold_m * part / parts for part in range(1, parts + 1)), length_m]
 
 
-def find_clashes(table: MoveTable, check: StandingCheck) -> Flags:
+def find_clashes(moves: SiteMoves, check: StandingCheck) -> Flags:
     """Nodes of which no two tractors may begin (0) or end (1) with both, (2, nodes, nodes): each stands where the other
     has to pass on its first or last part. Those on the field stand where they stand."""
-    known = table.moves.clashes
+    known = moves.clashes
     if check not in known:
-        known[check] = np.array([_find_clashes(table, check, side) for side in (0, 1)])
-        known[check][0] &= not table.starts
+        known[check] = np.array([_find_clashes(moves, check, side) for side in (0, 1)])
+        known[check][0] &= not moves.starts
     return known[check]
 
 
-def _find_clashes(table: MoveTable, check: StandingCheck, side: int) -> Flags:
-    parts = [_build_part(table, side, node) for node in range(table.gate)]
+def _find_clashes(moves: SiteMoves, check: StandingCheck, side: int) -> Flags:
+    parts = [_build_part(moves, side, node) for node in range(moves.gate)]
     if not parts:
         return np.zeros((0, 0), bool)
     stands = PosePath(build_poses(np.array([part[-side] for part in parts])))
-    is_blocked = np.zeros((table.gate, table.gate), bool)
+    is_blocked = np.zeros((moves.gate, moves.gate), bool)
     for node, part in enumerate(parts):
         is_blocked[check.find_blocked_parts(stands, PosePath(build_poses(part)))[:, 0], node] = True
     both: Flags = is_blocked & is_blocked.T
     return both
 
 
-def _build_part(table: MoveTable, side: int, node: int) -> Floats:
+def _build_part(moves: SiteMoves, side: int, node: int) -> Floats:
     """Poses (n, 3) of the centre of mass on the first (or last) part of a line."""
-    path = table.lines[node // 2].paths[node % 2]
-    parts_m = list_parts_m(table, node, float(measure_along(path)[-1]))
+    path = moves.lines[node // 2].paths[node % 2]
+    parts_m = list_parts_m(moves, node, float(measure_along(path)[-1]))
     points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
-    return sample_poses(points, table.site.body.guide_m - table.site.axle_m)
+    return sample_poses(points, moves.site.body.guide_m - moves.site.axle_m)

@@ -1,20 +1,19 @@
 """Whether two tractors can both get from where they begin to where they end, if one waits while the other drives.
 
 Each stands in the way of the other where it waits, before it begins and when it is done. Where no order of going on
-lets both end, no way of waiting helps, and one of them is to begin or end elsewhere. A search changes few tours at a
-time: what was asked last is known.
+lets both end, no way of waiting helps, and one of them is to begin or end elsewhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from strategies.programmes.waiting_places import StandingCheck, sample_poses
-from vehicle.missions.plan import Mission
+from vehicle.jit import compile_function
+from vehicle.missions.plan import Leg, Mission
 from vehicle.sim.path_conflicts import PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
@@ -41,23 +40,48 @@ class Way:
         return cls(PosePath(build_poses(poses)), PosePath(build_poses(poses[list(holds)])), holds)
 
 
-@lru_cache
-def build_way(mission: Mission, back_m: float) -> Way:
-    """The way of a tractor on its mission, with its centre of mass `back_m` behind the guided point."""
-    parts = [sample_poses(leg.points, back_m, leg.gear) for leg in mission.legs]
-    begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
-    holds = [begins[number] for number, leg in enumerate(mission.legs) if not number or leg.may_wait]
-    return Way.from_poses(np.concatenate(parts), (*holds, begins[-1] - 1))
+@dataclass(eq=False)
+class WayBook:
+    """The ways of missions, and which of them are stuck: a search changes few tours at a time, so most are known.
+
+    Attributes:
+        back_m: how far the centre of mass is behind the guided point.
+        leg_poses: of the legs that missions share, as sampled before.
+    """
+
+    back_m: float
+    leg_poses: dict[Leg, Floats] = field(default_factory=dict)
+    _ways: dict[Mission, Way] = field(default_factory=dict)
+    _stuck: dict[tuple[Way, Way, StandingCheck], int | None] = field(default_factory=dict)
+
+    def build_way(self, mission: Mission) -> Way:
+        """The way of a tractor on its mission."""
+        if mission not in self._ways:
+            parts = [self._sample_leg(leg) for leg in mission.legs]
+            begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
+            holds = [begins[number] for number, leg in enumerate(mission.legs) if not number or leg.may_wait]
+            self._ways[mission] = Way.from_poses(np.concatenate(parts), (*holds, begins[-1] - 1))
+        return self._ways[mission]
+
+    def _sample_leg(self, leg: Leg) -> Floats:
+        if leg not in self.leg_poses:
+            self.leg_poses[leg] = sample_poses(leg.points, self.back_m, leg.gear)
+        return self.leg_poses[leg]
+
+    def find_stuck_side(self, a: Way, b: Way, check: StandingCheck) -> int | None:
+        """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""
+        key = a, b, check
+        if key not in self._stuck:
+            self._stuck[key] = _find_stuck_side(a, b, check)
+        return self._stuck[key]
 
 
-@lru_cache
-def find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
-    """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""
+def _find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
     passes = _find_passes(a, b, check), _find_passes(b, a, check).T
-    reached = _spread(*passes)
+    reached = _spread(*map(np.ascontiguousarray, passes))
     if reached[-1, -1]:
         return None
-    led_home = _spread(*(flags[::-1, ::-1] for flags in passes))
+    led_home = _spread(*(np.ascontiguousarray(flags[::-1, ::-1]) for flags in passes))
     return int(reached.sum() > led_home.sum())
 
 
@@ -72,11 +96,16 @@ def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:
     return free
 
 
-def _spread(first_passes: Flags, second_passes: Flags) -> Flags:
+@compile_function
+def _spread(first_passes, second_passes):  # type: ignore[no-untyped-def]
     """Which pairs of holds two get to from their first, by passes (m, n + 1) of one and (m + 1, n) of the other."""
-    reached = np.zeros((len(second_passes), first_passes.shape[1]), bool)
+    rows, columns = len(second_passes), first_passes.shape[1]
+    reached = np.zeros((rows, columns), np.bool_)
     reached[0, 0] = True
-    for i, j in np.ndindex(reached.shape):
-        came = i > 0 and reached[i - 1, j] and first_passes[i - 1, j]
-        reached[i, j] |= came or (j > 0 and reached[i, j - 1] and second_passes[i, j - 1])
+    for i in range(rows):
+        for j in range(columns):
+            if i > 0 and reached[i - 1, j] and first_passes[i - 1, j]:
+                reached[i, j] = True
+            if j > 0 and reached[i, j - 1] and second_passes[i, j - 1]:
+                reached[i, j] = True
     return reached

@@ -30,7 +30,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission
-from strategies.programmes.ways_home import build_way, find_stuck_side
+from strategies.programmes.ways_home import WayBook
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
@@ -240,8 +240,9 @@ def test_no_two_tractors_begin_or_end_where_they_never_get_on() -> None:
     found = prepare(Field("rectangle", shapely.box(0.0, 0.0, 120.0, 60.0)), width_m=4.0, headland_order="last")
     composed = sketch_plans(found, STRATEGIES["split-field"], 3)[0].compose()
     site, check = composed.programme.table.site, build_standing_check(found, beside=False)
-    ways = [build_way(mission, site.body.guide_m - site.axle_m) for mission in composed.plan.missions]
-    assert [find_stuck_side(a, b, check) for a, b in combinations(ways, 2)] == [None] * 3
+    book = WayBook(site.body.guide_m - site.axle_m)
+    ways = [book.build_way(mission) for mission in composed.plan.missions]
+    assert [book.find_stuck_side(a, b, check) for a, b in combinations(ways, 2)] == [None] * 3
 
 
 def test_a_mission_is_built_once_for_the_same_moves(context: PlanningContext) -> None:

@@ -180,17 +180,17 @@ def test_starts_are_staggered_on_the_first_working_leg() -> None:
     assert list_gates(stagger_starts(waiting, 12.0)) == list_gates(waiting), "no circle of two that wait"
 
 
-def make_table(lines: Sequence[WorkLine]) -> Any:
+def make_moves(lines: Sequence[WorkLine]) -> Any:
     body = SimpleNamespace(guide_m=0.0, reach_m=2.0)
     site = SimpleNamespace(body=body, axle_m=0.0, rules=RULES, lane=None)
-    return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines), starts=(), moves=SimpleNamespace(clashes={}))
+    return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines), starts=(), clashes={})
 
 
 def test_places_to_wait() -> None:
-    table = make_table(draw_lines(30))
-    assert list_parts_m(table, 0, 90.0) == [0.0, 41.0, 82.0, 90.0], "about every 40 m along a headland side"
-    assert list_parts_m(table, 2, 100.0) == [0.0, 92.0, 100.0]
-    assert list_parts_m(table, 2, 10.0) == [0.0, 5.0, 10.0]
+    moves = make_moves(draw_lines(30))
+    assert list_parts_m(moves, 0, 90.0) == [0.0, 41.0, 82.0, 90.0], "about every 40 m along a headland side"
+    assert list_parts_m(moves, 2, 100.0) == [0.0, 92.0, 100.0]
+    assert list_parts_m(moves, 2, 10.0) == [0.0, 5.0, 10.0]
 
 
 def test_two_never_end_at_one_corner_nor_begin_there() -> None:
@@ -206,6 +206,6 @@ def test_two_never_end_at_one_corner_nor_begin_there() -> None:
             (x, y), (u, v) = ((path.poses["x"], path.poses["y"]) for path in (standing, driving))
             return np.argwhere(np.hypot(x[:, None] - u, y[:, None] - v) < 2.0)
 
-    clashes = find_clashes(make_table(lines), WithinTwoMetres())  # type: ignore[arg-type]
+    clashes = find_clashes(make_moves(lines), WithinTwoMetres())  # type: ignore[arg-type]
     assert np.argwhere(clashes[1]).tolist() == [[0, 0], [0, 2], [1, 1], [2, 0], [2, 2], [3, 3], [4, 4], [5, 5]]
     assert np.argwhere(clashes[0]).tolist() == [[0, 0], [1, 1], [1, 3], [2, 2], [3, 1], [3, 3], [4, 4], [5, 5]]

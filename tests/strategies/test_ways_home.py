@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strategies.programmes.ways_home import build_way, find_stuck_side
+from strategies.programmes.ways_home import WayBook
 from vehicle.missions.plan import Leg, Mission
 
 Place = tuple[float, float]
@@ -31,7 +31,7 @@ def draw_way(*places: Place, waits: tuple[int, ...] = ()) -> Any:
         Leg(np.array([begin, end]), 2.0, may_wait=number in waits)
         for number, (begin, end) in enumerate(pairwise(places))
     ]
-    return build_way(Mission(tuple(legs)), 0.0)
+    return WayBook(0.0).build_way(Mission(tuple(legs)))
 
 
 BESIDE = (0.0, 1.5), (-50.0, 1.5)
@@ -52,13 +52,14 @@ BESIDE = (0.0, 1.5), (-50.0, 1.5)
     ],
 )  # fmt: skip
 def test_where_two_are_stuck(one: Any, other: Any, side: int | None) -> None:
-    assert find_stuck_side(one, other, NearCheck()) == side  # type: ignore[arg-type]
-    assert find_stuck_side(other, one, NearCheck()) == side  # type: ignore[arg-type]
+    book = WayBook(0.0)
+    assert book.find_stuck_side(one, other, NearCheck()) == side  # type: ignore[arg-type]
+    assert book.find_stuck_side(other, one, NearCheck()) == side  # type: ignore[arg-type]
 
 
 def test_a_way_has_its_holds_and_the_centre_of_mass_behind_the_point() -> None:
     legs = (Leg(np.array([(0.0, 0.0), (8.0, 0.0)]), 2.0), Leg(np.array([(8.0, 0.0), (2.0, 0.0)]), 2.0, gear=-1))
-    way = build_way(Mission((legs[0], legs[1].copy_with(may_wait=True))), 1.0)
+    way = WayBook(1.0).build_way(Mission((legs[0], legs[1].copy_with(may_wait=True))))
     poses = list_places(way.path)
     assert way.holds == (0, 10, len(poses) - 1)
     assert np.array_equal(list_places(way.stands), poses[list(way.holds)])
