@@ -9,6 +9,7 @@ timetable_search computes the times.
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
-from planner.traffic.timetable_search import GAP_AHEAD_S, GAP_BEHIND_S, MAX_CHAIN, fill_timetable
+from planner.traffic.timetable_search import GAP_AHEAD_S, GAP_BEHIND_S, MAX_CHAIN, START_LOSS_S, fill_timetable
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.model.tractor import Implement, Tractor
@@ -25,26 +26,9 @@ from vehicle.sim.compile import build_model_record
 
 Floats = npt.NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class PrecedenceRule:
-    """How the next tractor is picked: by when it can go on or, the more `eager`, by when it has reached its hold point.
-
-    With `continues` one that must not stop at the next hold point may continue beyond it in one go.
-    """
-
-    eager: float
-    continues: bool
-
-
-SMALL_FLEET_TRACTORS = 4  # larger fleets are scheduled by the first rule only
-PRECEDENCE_RULES = (
-    PrecedenceRule(0.0, False),
-    PrecedenceRule(0.0, True),
-    PrecedenceRule(0.5, False),
-    PrecedenceRule(0.5, True),
-    PrecedenceRule(1.0, True),
-)
+MOST_TIMETABLES = 24  # tried, of which the quickest is taken
+MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
+MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
 
 
 @dataclass(frozen=True)
@@ -81,20 +65,38 @@ class PrecedenceSearch:
                 self.deadlock_avoidance = DeadlockAvoidance(self.plan, self.zones, deep=deep)
             if not self.deadlock_avoidance.drop_deadlocked_gates():
                 continue
-            rules = PRECEDENCE_RULES if len(self.trajectories) <= SMALL_FLEET_TRACTORS else PRECEDENCE_RULES[:1]
-            tables = [self._fill_timetable(rule) for rule in rules]
-            complete_tables = [table for table in tables if not np.isnan(table[1]).any()]
-            if complete_tables:
-                return self._build_timetable(*min(complete_tables, key=lambda table: _rank_timetable(table[1])))
+            best = self._find_quickest()
+            if best is not None:
+                return self._build_timetable(*best)
         return None
 
-    def _fill_timetable(self, rule: PrecedenceRule) -> tuple[Floats, Floats, Floats]:
+    def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
+        """The quickest of some timetables, or the first in which nobody waits; None if there is none.
+
+        In each tractors have other leads, drawn around those of the quickest before.
+        """
+        net, count = self.deadlock_avoidance.net, len(self.trajectories)
+        bounds = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
+        tries = min(MOST_TIMETABLES, max(1, MOST_EFFORT // (count * len(net.owner))))
+        draw, best, leads_s = random.Random(1), None, np.zeros(count)
+        for number in range(tries):
+            most_s = MOST_LEAD_S if number else 0.0
+            tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
+            table = self._fill_timetable(tried_s)
+            if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) > _rank_timetable(best[1])):
+                continue
+            best, leads_s = table, tried_s
+            if table[1].max() <= bounds.max() + START_LOSS_S:
+                break
+        return best
+
+    def _fill_timetable(self, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        search_rule = (rule.eager, rule.continues), self.deadlock_avoidance.deep
-        return fill_timetable(net, is_concerned, max_spans, self.margins_s, *search_rule)  # type: ignore[no-any-return]
+        deep = self.deadlock_avoidance.deep
+        return fill_timetable(net, is_concerned, max_spans, self.margins_s, leads_s, deep)  # type: ignore[no-any-return]
 
     def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
         """A timetable by tractors, legs and metres from one by numbered places."""
