@@ -4,7 +4,8 @@ Paths are given, and every tractor may stand at its hold points. Tractors are mo
 order of time. One enters a segment if no part of it is used by others meanwhile, nobody stands in its way, and all
 could still get home one after another if everybody then stopped; if that holds at the start, no two can wait for each
 other for ever. What makes a tractor wait, or nearly does, becomes a gate; other gates of the plan are respected.
-timetable_search computes the times.
+timetable_search computes the times. Who goes first decides about much that follows, so several timetables are tried, in
+which tractors go a little earlier or later in the order, and the quickest is taken.
 """
 
 from __future__ import annotations
