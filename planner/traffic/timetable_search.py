@@ -299,9 +299,10 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, leads_s, deep):  # t
     One that must not stop at the next hold point may continue beyond it in one go. `margins_s` are seconds behind and
     ahead, `leads_s` (n,) by how much earlier a tractor is taken than it can begin, `deep` whether ways home are sought
     deeply. `is_concerned` (n, n) tells whether what one may do can depend on another, `max_spans` how many spans one
-    entry can depend on. Returns when each segment is begun (p,), when each tractor stands for good (n,; the first nan if
-    no entry was left), and gates (k, 3): before which segment, which other segment, and for how long that must have been
-    begun (s).
+    entry can depend on.
+
+    Returns when each segment is begun (p,), when each tractor stands for good (n,; the first nan if no entry was left),
+    and gates (k, 3): before which segment, which other segment, and for how long that must have been begun (s).
     """
     count = len(net.base) - 1
     state, free_s, begun_s = np.zeros(count, dtype=np.int64), np.zeros(count), np.full(len(net.owner), np.nan)
