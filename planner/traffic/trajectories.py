@@ -19,6 +19,7 @@ from vehicle.sim.path_conflicts import PosePath, build_poses
 
 POSE_STEP_M = 0.8  # between poses of a trajectory
 MAX_CACHED_POSES = 1_000_000  # of all cached trajectories
+GATE_DIGITS = 6  # of metres: processors differ in the last bits of sums
 TURN_WEIGHT_M = 3.0  # metres of driving that count as much as a radian of turning
 Floats = npt.NDArray[np.float64]
 SoloSimulation = Callable[[Mission], SimulationRun]
@@ -93,7 +94,8 @@ class SoloTrajectory:
             and distance_m < POSE_STEP_M
         ):
             leg, distance_m = leg - 1, mission.legs[leg - 1].length_m
-        return LegGate(tractor, leg, max(0.0, min(distance_m, mission.legs[leg].length_m - GATE_MARGIN_M)))
+        after_m = max(0.0, min(distance_m, mission.legs[leg].length_m - GATE_MARGIN_M))
+        return LegGate(tractor, leg, round(after_m, GATE_DIGITS))
 
 
 @dataclass
