@@ -11,10 +11,9 @@ import numpy as np
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.curves import build_residual_plot
-from vehicle.identification.diagnosis.drive_data import build_drive_data
+from vehicle.identification.diagnosis.drive_data import build_drive_data, choose_informative_parts
 from vehicle.identification.diagnosis.grammar import BY_RUN, build_constant
 from vehicle.identification.diagnosis.hints import find_hints
-from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
     add_compass,
     add_turning,

@@ -23,9 +23,9 @@ from vehicle.identification.diagnosis.drive_data import (
     STRIDE,
     DriveData,
     build_drive_data,
+    thin_evenly,
 )
 from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
-from vehicle.identification.diagnosis.informative_parts import thin_evenly
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import (
     COMMAND_JITTER,

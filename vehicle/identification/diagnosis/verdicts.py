@@ -16,11 +16,16 @@ from vehicle.identification.diagnosis.grammar import (
     scale_effect,
     split_amounts,
 )
-from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
-from vehicle.identification.diagnosis.linearisation import Linearisation
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Linearisation, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, PredictiveComparison, SearchResult
+from vehicle.identification.diagnosis.search import (
+    ADD_NATS,
+    Judgement,
+    PredictiveComparison,
+    SearchResult,
+    build_patch,
+    find_middle_circle,
+)
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
