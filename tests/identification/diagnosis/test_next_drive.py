@@ -13,7 +13,6 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, Fit, Problem
 from vehicle.identification.diagnosis.next_drive import (
     NO_EFFECT,
     SIGMAS_PER_Z,
-    Explanation,
     build_trial,
     choose_next_drive,
     compute_separation,
@@ -38,8 +37,8 @@ def build_linear_trial(columns: np.ndarray) -> Any:
     return SimpleNamespace(compute_residuals=compute_residuals, compute_secants=compute_secants, noise=noise)
 
 
-def explain(amounts: list[float], precision: list[float]) -> Explanation:
-    return Explanation((), np.array(amounts), np.diag(precision))
+def explain(amounts: list[float], precision: list[float]) -> Fit:
+    return Fit((), np.array(amounts), 0.0, {}, np.diag(precision))
 
 
 def test_what_separates_is_what_the_wrong_explanation_cannot_take() -> None:

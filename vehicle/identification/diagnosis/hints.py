@@ -122,7 +122,10 @@ def find_hints(
         quantities = list_quantities(problem)
         hints += find_laws(problem, rest, quantities)
         if unexplained.above_s:
-            squares = measure_squares(problem, rest)
+            white, _ = problem.weigh(rest.residuals)
+            counts = {channel: one.counts for channel, one in problem.noise.items()}
+            squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
+                       for channel, own in white.items()}  # fmt: skip
             hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
             hints += list_clues(problem, squares, quantities)
     finally:
@@ -183,24 +186,17 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
 
 
 def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
-    slopes, penalty = ((change.field, 1.0),), PENALTIES["place"]
-    return [
-        Hypothesis(f"hint_{change.field}", key, (Coordinate(slopes, change.width, -math.inf, math.inf, key),), penalty,
-                   change.least)
-        for key in (f"hint_{key}" for key in change.keys) if key in arrays
-    ]  # fmt: skip
-
-
-def measure_squares(problem: Problem, rest: Fit) -> dict[str, Array]:
-    """Mean squares (w,) of whitened residuals per channel; empty for one that was not measured."""
-    white, _ = problem.weigh(rest.residuals)
-    counts = {channel: noise.counts for channel, noise in problem.noise.items()}
-    return {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
-            for channel, own in white.items()}  # fmt: skip
+    keys = [key for key in (f"hint_{key}" for key in change.keys) if key in arrays]
+    own = [(Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),) for key in keys]
+    pairs = zip(keys, own, strict=True)
+    return [Hypothesis(f"hint_{change.field}", *pair, PENALTIES["place"], change.least) for pair in pairs]
 
 
 def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[Hint]:
-    """Instruments and blocks that are louder than noise; `ratios` are fitted parts of the noise over their limits."""
+    """Instruments and blocks that are louder than noise, by mean squares (w,) of whitened residuals per channel.
+
+    `ratios` are fitted parts of the noise over their limits.
+    """
     loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_SQUARE}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
     if "pose" in loud:
@@ -289,11 +285,15 @@ class PoseResponse:
 
     def scan(self, hypotheses: Sequence[Hypothesis]) -> list[Gain]:
         """What hypotheses of one coordinate and one field would gain beside the fit, the best first."""
-        problem, fit = self.problem, self.fit
+        problem, fit, shown = self.problem, self.fit, list[Array]()
         linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
-        shown = np.stack([self._respond(one) for one in hypotheses], axis=2)
+        for one in hypotheses:
+            (coordinate,) = one.coordinates
+            field, slope = coordinate.slopes[0]
+            basis = problem.data.cut(problem.bases.get(coordinate.basis), POSE_CELLS)
+            shown.append(self.align(self.compute(field, coordinate.width * slope * basis)))
         columns = linear.stack({
-            channel: problem.noise[channel].whiten(shown) if channel == "pose"
+            channel: problem.noise[channel].whiten(np.stack(shown, axis=2)) if channel == "pose"
             else np.zeros((*residuals.shape, len(hypotheses)))
             for channel, residuals in fit.residuals.items()
         })  # fmt: skip
@@ -306,11 +306,3 @@ class PoseResponse:
         turn = heading.mean(axis=1, keepdims=True)
         moved = (east + turn * self.north, north - turn * self.east, heading)
         return np.concatenate([values - values.mean(axis=1, keepdims=True) for values in moved], axis=1)
-
-    def _respond(self, hypothesis: Hypothesis) -> Array:
-        """The change (w, 3 n) per width."""
-        coordinate = hypothesis.coordinates[0]
-        field, slope = coordinate.slopes[0]
-        basis = self.problem.data.cut(self.problem.bases.get(coordinate.basis), POSE_CELLS)
-        values = coordinate.width * slope * basis
-        return self.align(self.compute(field, values))

@@ -53,7 +53,7 @@ class Fit:
 
     def get_amounts(self, hypothesis: Hypothesis) -> Array:
         """The amounts of one of its hypotheses."""
-        return next(own for one, own in split_amounts(self.model, self.amounts) if one == hypothesis)
+        return self.amounts[self.locate(hypothesis)]
 
     def locate(self, hypothesis: Hypothesis) -> slice:
         """The place of a hypothesis among the amounts."""
@@ -284,25 +284,18 @@ class Problem:
 
     def scan(self, fit: Fit, hypotheses: Iterable[Hypothesis]) -> list[Gain]:
         """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
-        linear = self.linearise(fit.model, fit.amounts, fit.residuals)
-        gains = []
+        linear, gains = self.linearise(fit.model, fit.amounts, fit.residuals), list[Gain]()
         for hypothesis in hypotheses:
-            steps = hypothesis.starts or [SCAN_STEP * sign for sign in list_signs(hypothesis)]
-            found = [self._predict_gain(fit, linear, hypothesis, step) for step in steps]
-            best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
-            if best is not None:
-                gains.append(best)
+            amounts, found = np.append(fit.amounts, np.zeros(hypothesis.size)), list[Gain]()
+            places = range(len(fit.amounts), len(amounts))
+            for step in hypothesis.starts or [SCAN_STEP * sign for sign in list_signs(hypothesis)]:
+                secants = self.compute_secants((*fit.model, hypothesis), amounts, fit.residuals, places, step)
+                gain = linear.predict_gain(hypothesis, linear.stack(secants), math.copysign(1.0, step))
+                if gain is not None and hypothesis.starts:
+                    gain = replace(gain, amounts=step * collect_widths((hypothesis,)))
+                found += [] if gain is None else [gain]
+            gains += [max(found, key=lambda one: one.nats)] if found else []
         return sorted(gains, key=lambda one: -one.nats)
-
-    def _predict_gain(self, fit: Fit, linear: Linearisation, hypothesis: Hypothesis, step: float) -> Gain | None:
-        model = (*fit.model, hypothesis)
-        size = len(fit.amounts)
-        amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-        secants = self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step)
-        gain = linear.predict_gain(hypothesis, linear.stack(secants), math.copysign(1.0, step))
-        if gain is None or not hypothesis.starts:
-            return gain
-        return replace(gain, amounts=step * collect_widths((hypothesis,)))
 
 
 def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Model, Problem
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import SURE_SIGMAS
@@ -36,66 +36,48 @@ CompetingPair = tuple[Alternative, Alternative | None]
 """Two hypotheses that explain the logs equally well, with their amounts; None stands for neither."""
 
 
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """A whole model with its amounts (k,), and how precisely the logs determine them: (k, k), per width."""
-
-    model: Model
-    amounts: Array
-    precision: Array
-
-
 def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[CompetingPair]) -> NextDrive | None:
     """The drive that decides between most pairs, and of several that which separates most per second.
 
     When none decides it is the one that separates most. None without a pair. `separates` is the pair that is hardest to
     separate of those decided; `score` its separation in standard deviations. A drive decides where the right
-    alternative would win by CLEAR_Z standard errors, as naming asks for.
+    alternative would win by SURE_SIGMAS standard errors, as naming asks for.
     """
-    explained = [(pair, _explain(problem, fit, pair)) for pair in competitors]
+    explained = [(name_pair(*pair), [_explain(problem, fit, pair, own) for own in pair], pair[1] is not None)
+                 for pair in competitors]  # fmt: skip
     choices = []
     for programme in DRIVE_PROGRAMMES if explained else ():
-        trial = build_trial(problem, programme)
-        drives = [
-            _judge(programme, pair, compute_separation(trial, *both, can_both_adapt=pair[1] is not None))
-            for pair, both in explained
-        ]
+        trial, drives = build_trial(problem, programme), []
+        for names, (first, second), can_both_adapt in explained:
+            score = compute_separation(trial, first, second, can_both_adapt)
+            is_clear = score > SIGMAS_PER_Z * SURE_SIGMAS
+            drives.append(NextDrive(programme.id, programme.description, programme.seconds, names, score, is_clear))
         decided = [drive for drive in drives if drive.decides]
         drive = min(decided, key=lambda one: one.score) if decided else max(drives, key=lambda one: one.score)
         choices.append((len(decided), drive.score / (drive.seconds if decided else 1.0), drive))
     return max(choices, key=lambda choice: choice[:2])[2] if choices else None
 
 
-def _judge(programme: DriveProgramme, pair: CompetingPair, separation: float) -> NextDrive:
-    is_clear = separation > SIGMAS_PER_Z * SURE_SIGMAS
-    return NextDrive(programme.id, programme.description, programme.seconds, _name_pair(pair), separation, is_clear)
-
-
-def _name_pair(pair: CompetingPair) -> tuple[str, str]:
+def name_pair(first: Alternative, second: Alternative | None) -> tuple[str, str]:
     """The effects of a pair, with their laws where both are of one effect."""
-    first, second = pair[0][0], None if pair[1] is None else pair[1][0]
     if second is None:
-        return first.id, NO_EFFECT
-    if first.id != second.id:
-        return first.id, second.id
-    return f"{first.id}:{first.law}", f"{second.id}:{second.law}"
+        return first[0].id, NO_EFFECT
+    one, other = first[0], second[0]
+    return (one.id, other.id) if one.id != other.id else (f"{one.id}:{one.law}", f"{other.id}:{other.law}")
 
 
-def _explain(problem: Problem, fit: Fit, pair: CompetingPair) -> tuple[Explanation, Explanation]:
-    """Both alternatives of a pair in the place of what the fit has of them."""
+def _explain(problem: Problem, fit: Fit, pair: CompetingPair, own: Alternative | None) -> Fit:
+    """One alternative of a pair in the place of what the fit has of both, with how precisely the logs determine it."""
     paired = [alternative[0] for alternative in pair if alternative is not None]
-    shared = [part for part in split_amounts(fit.model, fit.amounts) if part[0] not in paired]
-    first, second = ([*shared, *([] if own is None else [own])] for own in pair)
-    return _build_explanation(problem, first), _build_explanation(problem, second)
+    parts = [part for part in split_amounts(fit.model, fit.amounts) if part[0] not in paired]
+    parts += [] if own is None else [own]
+    model, amounts = tuple(one for one, _ in parts), np.concatenate([amount for _, amount in parts])
+    residuals = problem.compute_residuals(model, amounts)
+    return replace(fit, model=model, amounts=amounts, residuals=residuals,
+                   curvature=problem.linearise(model, amounts, residuals).curvature)  # fmt: skip
 
 
-def _build_explanation(problem: Problem, parts: Sequence[Alternative]) -> Explanation:
-    model, amounts = tuple(one for one, _ in parts), np.concatenate([own for _, own in parts])
-    linear = problem.linearise(model, amounts, problem.compute_residuals(model, amounts))
-    return Explanation(model, amounts, linear.curvature)
-
-
-def compute_separation(trial: Problem, first: Explanation, second: Explanation, can_both_adapt: bool = True) -> float:
+def compute_separation(trial: Problem, first: Fit, second: Fit, can_both_adapt: bool = True) -> float:
     """Standard deviations between what two explanations show on a drive, whichever of them is right: the smaller value.
 
     The wrong one may adapt. Where the second is the model without an effect, only that one counts as wrong: an effect
@@ -111,7 +93,7 @@ def compute_separation(trial: Problem, first: Explanation, second: Explanation, 
         secants = trial.compute_secants(wrong.model, wrong.amounts, own, range(count), FIT_STEP)
         response = np.concatenate([secants[channel].reshape(-1, count) for channel in CHANNELS])
         crossed = response.T @ difference
-        taken = crossed @ np.linalg.solve(wrong.precision + response.T @ response, crossed)
+        taken = crossed @ np.linalg.solve(wrong.curvature + response.T @ response, crossed)
         losses.append(float(difference @ difference - taken))
     return math.sqrt(max(min(losses), 0.0))
 

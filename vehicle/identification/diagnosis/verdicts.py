@@ -245,11 +245,3 @@ def _find_smallest(
 def get_typical(hypothesis: Hypothesis) -> float:
     """The typical size of a hypothesis in its coordinate."""
     return hypothesis.coordinates[0].width / WIDTH_PER_TYPICAL
-
-
-def is_refutable(effect: Effect, visible: float | None, problem: Problem) -> bool:
-    """Whether an effect that was not found is refuted: a usual size would have been seen."""
-    if visible is None:
-        return False
-    kind, size, _ = scale_effect(effect, problem.data, problem.rig.tractor)
-    return kind.is_no_larger_fault(visible, size.typical)

@@ -21,7 +21,7 @@ import numpy as np
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows
-from vehicle.identification.logs.series import DIGITS, find_changes, select_timed_rows, wrap_degrees
+from vehicle.identification.logs.series import DIGITS, draw_lines, find_changes, select_timed_rows, wrap_degrees
 from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -186,15 +186,12 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
             unwrapped_deg = np.unwrap(columns["heading_deg"][heading_rows], period=360.0)
             converted["heading_deg"] = np.mod(
-                _interpolate_between(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
+                draw_lines(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
             )
     if not fresh_sets:
         return FreshColumns(converted, None, tuple(doubts))
     if position_rows is not None:
-        converted |= {
-            axis: _interpolate_between(columns[axis], time, rows, position_rows, columns[axis][rows])
-            for axis in _POSITION_COLUMNS
-        }
+        converted |= {axis: draw_lines(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
     fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)
@@ -246,13 +243,6 @@ def _describe_held_values(what_held: str, instrument: str, every_s: float, time:
         f"{what_held} only every {every_s:.2g} s while rows are {row_step_s:.2g} s apart: {instrument} is slower "
         "than the log; repeated values are not used"
     )
-
-
-def _interpolate_between(column: Array, time: Array, rows: Rows, fresh_rows: Rows, values: Array) -> Array:
-    """Return a column interpolated between its measured rows."""
-    out = column.copy()
-    out[rows] = np.interp(time[rows], time[rows][fresh_rows], values[fresh_rows])
-    return out
 
 
 COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared

@@ -80,6 +80,17 @@ def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Ar
     return change
 
 
+def draw_lines(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
+    """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`).
+
+    `values` (k,) stand for those of the column, such as angles without steps of a circle.
+    """
+    out = column.copy()
+    shown = column[rows] if values is None else values
+    out[rows] = np.interp(time[rows], time[rows][knots], shown[knots])
+    return out
+
+
 def turn_path(path: Array, turned: Array) -> Array:
     """Return a path (k, 2) whose steps are turned by angles (k,), rad to the left."""
     steps = np.diff(path, axis=0)
