@@ -17,7 +17,7 @@ from scipy.stats import rankdata
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELLS
 from vehicle.identification.diagnosis.grammar import LAW_WORDS, PENALTIES, Coordinate, Hypothesis
 from vehicle.identification.diagnosis.model_fit import Fit, Gain, Problem
-from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
+from vehicle.identification.diagnosis.noise import POSE_PARTS, build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.noise_floor import Unexplained, limit_noise
 from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
@@ -105,8 +105,6 @@ LOUD_SENSOR = {
     "speed": Hint("speed", "speed", None, "The speed follows its command otherwise than any drive line that is known: "
                   "look at what slows the tractor."),
 }  # fmt: skip
-# Parts of the noise of a pose by what they say, as in noise.POSE_AMOUNTS.
-WALK, ALONG, ACROSS, TURNS = (2,), (8, 9), (10,), (4, 5, 6, 7)
 
 
 def find_hints(
@@ -200,8 +198,8 @@ def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[H
     loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_SQUARE}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
     if "pose" in loud:
-        parts = {"position": WALK, "speed": ALONG, "heading": ACROSS, "path": TURNS}
-        of = {name: float(ratios["pose"][list(places)].max()) for name, places in parts.items()}
+        pairs = list(zip(POSE_PARTS, ratios["pose"], strict=True))
+        of = {name: max(float(ratio) for part, ratio in pairs if part.shown_by == name) for name in LOUD_POSE}
         if min(of["speed"], of["heading"]) > LOUD_RATIO:
             of["position"] = math.inf
         yield LOUD_POSE[max(of, key=lambda name: of[name])]

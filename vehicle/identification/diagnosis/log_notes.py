@@ -64,22 +64,25 @@ EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for ni
 
 def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[ColumnTiming, ...]:
     """Return the columns with a clock of their own: how often they are refreshed, and how old they are found to be."""
-    ages = _collect_ages(findings)
     timings = []
     for column in COLUMN_WORDS:
-        hold, sentences = _measure_column_hold(logs, column), list[str]()
-        if hold is not None:
-            sentences.append(_describe_hold(column, hold))
-        values = {field: value for field, (value, _) in ages.get(column, {}).items()}
-        sentences += [sentence for _, sentence in ages.get(column, {}).values()]
-        if hold is None or column != "heading":  # a hold of the heading is its correction
+        hold_s, rare_s, share = _measure_column_hold(logs, column)
+        ages, sentences = dict[str, tuple[float, str]](), list[str]()
+        if hold_s is not None and rare_s is not None and share is not None:
+            sentences.append(_describe_hold(column, hold_s, rare_s, share))
+        for finding in findings:
+            columns, name = _TIMING_EFFECTS.get(finding.id, ((), ""))
+            if column in columns and finding.value is not None and finding.status in (NAMED, LIKELY):
+                ages[name] = finding.value[get_effect(finding.id).size.name], finding.description
+        sentences += [words for _, words in ages.values()]
+        if hold_s is None or column != "heading":  # a hold of the heading is its correction
             sentences += _list_corrections(logs, column)
         if sentences:
-            hold_s, share = (None, None) if hold is None else (hold[0], hold[2])
             factors = [log.speed_factor for log in logs if log.speed_factor != 1.0]
             scale = factors[0] if factors and column == "speed" else None
-            ages_s = (values.get("delay_s"), hold_s, values.get("filter_s"), values.get("clock_offset_s"))
-            timings.append(ColumnTiming(column, *ages_s, share, " ".join(sentences), scale))
+            values = {name: value for name, (value, _) in ages.items()}
+            words = " ".join(sentences)
+            timings.append(ColumnTiming(column, hold_s=hold_s, stale_share=share, words=words, scale=scale, **values))
     return tuple(timings)
 
 
@@ -94,20 +97,9 @@ def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
     return []
 
 
-def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[float, str]]]:
-    """Return per column and field the value of what was named, or is likely, and its sentence."""
-    ages: dict[str, dict[str, tuple[float, str]]] = {}
-    for finding in findings:
-        if finding.id in _TIMING_EFFECTS and finding.value is not None and finding.status in (NAMED, LIKELY):
-            columns, field = _TIMING_EFFECTS[finding.id]
-            value = finding.value[get_effect(finding.id).size.name]
-            for column in columns:
-                ages.setdefault(column, {})[field] = (value, finding.description)
-    return ages
-
-
-def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float, float] | None:
-    """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows.
+def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float | None, float | None, float | None]:
+    """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows; None
+    where a column is not held.
 
     A value that stands still in one log says less of how often it was read than those that change in others. A command,
     a speed or an angle at rest was read as often as a moving one, so its rows are as stale as those between changes.
@@ -120,7 +112,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
             rows.append(np.diff(np.flatnonzero(measured[log.used])))
     if not gaps or len(gaps) < MAJORITY * having:
-        return None
+        return None, None, None
     all_gaps, all_rows = np.concatenate(gaps), np.concatenate(rows)
     hold_s = float(np.median(all_gaps))
     if column not in _PLACES:
@@ -128,8 +120,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
     return hold_s, float(np.quantile(all_gaps, 0.9)), 1.0 - len(all_rows) / float(np.sum(all_rows))
 
 
-def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
-    hold_s, rare_s, share = hold
+def _describe_hold(column: str, hold_s: float, rare_s: float, share: float) -> str:
     words = COLUMN_WORDS[column]
     is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
     rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
@@ -174,26 +165,11 @@ def format_time(time_s: float, start_s: float) -> str:
 def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, reason: str) -> Diagnosis:
     """Build the diagnosis of logs that leave nothing to replay beside their faults, for the sentence `reason`."""
     undiagnosed = f"Nothing else can be diagnosed: {reason[0].lower()}{reason[1:]}"
-    rows = sum(len(log.used) for log in logs)
     return Diagnosis(
         names=tuple(log.name for log in logs),
-        rows_used=0,
-        rows_gated=rows,
-        minutes=0.0,
         ground=ground,
-        before={},
-        after={},
-        noise_floor={},
-        guilty_block=None,
-        block_error={},
-        findings=(),
-        named=(),
-        unexplained_share=0.0,
-        depends_on=(),
-        next_drive=None,
         tractor=tractor,
-        calibration={},
-        curve=None,
+        rows_gated=sum(len(log.used) for log in logs),
         notes=tuple(list_shared_remarks(logs)),
         faults=list_onset_faults(logs),
         runs=tuple(RunCheck(log.name, None, None) for log in logs),

@@ -18,7 +18,7 @@ from vehicle.identification.diagnosis.grammar import (
     split_amounts,
     sum_fields,
 )
-from vehicle.identification.diagnosis.noise import ChannelNoise, build_pose_noise, build_speed_noise, build_wheel_noise
+from vehicle.identification.diagnosis.noise import SENSOR_PARTS, ChannelNoise, build_pose_noise, build_sensor_noise
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import CHAINS, Simulator
@@ -51,6 +51,11 @@ class Fit:
         penalty = sum(hypothesis.penalty for hypothesis in self.model)
         return -self.cost - 0.5 * float(log_size if sign > 0 else 0.0) - penalty
 
+    @property
+    def causes(self) -> frozenset[str]:
+        """What the model holds beside the nuisances."""
+        return frozenset(str(one) for one in self.model if not one.is_nuisance)
+
     def get_amounts(self, hypothesis: Hypothesis) -> Array:
         """The amounts of one of its hypotheses."""
         return self.amounts[self.locate(hypothesis)]
@@ -81,8 +86,7 @@ class Problem:
         tractor = self.rig.tractor
         self.noise = {
             "pose": build_pose_noise(self.data, tractor.antenna_forward_m),
-            "wheel": build_wheel_noise(self.data),
-            "speed": build_speed_noise(self.data),
+            **{channel: build_sensor_noise(self.data, channel) for channel in SENSOR_PARTS},
         }
         data = self.data
         self.measured = np.stack([data.east.values, data.north.values, data.heading.values], axis=2)

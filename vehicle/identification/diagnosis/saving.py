@@ -23,7 +23,7 @@ from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 from vehicle.identification.replay.drive_inputs import Places
-from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset, compute_half_numbers
+from vehicle.identification.replay.drive_segments import build_dataset, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     Pieces,
     compute_horizon_errors,
@@ -59,34 +59,25 @@ class Saved:
 
 def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    names = converter.problem.data.dataset.names
-    trial = _LeftOutTrial(converter, fit)
-    kept: list[Verdict] = []
-    refused: list[Verdict] = []
+    names, has_speed = converter.problem.data.dataset.names, converter.problem.data.dataset.has_speed
+    trial, kept, refused = _LeftOutTrial(converter, fit), list[Verdict](), list[Verdict]()
     base = now = trial.replay([])
-    for verdict in verdicts:
-        if not verdict.hypothesis.is_storable:
-            continue
+    for verdict in (one for one in verdicts if one.hypothesis.is_storable):
         pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
-        is_refused = (
-            not is_extension_helpful(now, pieces, trial.has_speed)
+        is_saved = (
+            is_extension_helpful(now, pieces, has_speed)
             if verdict.status == LIKELY
-            else is_extension_harmful(now, pieces, trial.has_speed)
+            else not is_extension_harmful(now, pieces, has_speed)
         )
-        if is_refused:
-            refused.append(verdict)
-        else:
-            kept.append(verdict)
-            now = pieces
+        (kept if is_saved else refused).append(verdict)
+        now = pieces if is_saved else now
     gains = {}
     for verdict in kept:
-        others = [one.hypothesis for one in kept if one is not verdict]
-        gains[verdict.hypothesis.id] = _compute_gain(
-            *(sum_by_run(one, len(names)) for one in (trial.replay(others), now))
-        )
+        others = trial.replay([one.hypothesis for one in kept if one is not verdict])
+        gains[verdict.hypothesis.id] = _compute_gain(*(sum_by_run(one, len(names)) for one in (others, now)))
     words = LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS
-    holdout = compare_pieces(names, base, now, trial.has_speed, words) if kept else None
+    holdout = compare_pieces(names, base, now, has_speed, words) if kept else None
     return Saved(tuple(kept), tuple(refused), gains, holdout)
 
 
@@ -99,7 +90,6 @@ class _LeftOutTrial:
 
     def __post_init__(self) -> None:
         self.problem = self.converter.problem
-        self.has_speed = self.problem.data.dataset.has_speed
         self.amounts = compute_left_out_amounts(self.problem, self.fit)
 
     def replay(self, hypotheses: Sequence[Hypothesis]) -> Pieces:
@@ -162,7 +152,6 @@ def build_extended_tractor(
     by_id = {finding.id: finding for finding in findings}
     unseen = {finding.id for finding in findings if finding.value is None and finding.smallest_visible is None}
     effects = {name: setting for name, setting in tractor.effects.items() if name in unseen}
-    dataset = converter.problem.data.dataset
     settings = converter.build_settings([(one.hypothesis, one.amounts) for one in saved])
     for name, values in settings.items():
         if name == DISCREPANCY_KEY or name not in by_id:
@@ -175,10 +164,10 @@ def build_extended_tractor(
             named=finding.status == NAMED,
             equivalent_to=finding.equivalent_to if finding.status == EQUIVALENT else (),
             ground=ground,
-            logs=dataset.names,
+            logs=converter.problem.data.dataset.names,
         )  # fmt: skip
     amounts = settings.get(DISCREPANCY_KEY, {})
-    discrepancy = _build_discrepancy(dataset, amounts, _list_spreads(converter, saved)) if amounts else None
+    discrepancy = _build_discrepancy(converter, saved, amounts) if amounts else None
     kept = tractor.discrepancy_model if discrepancy is None and not saved else discrepancy
     return tractor.model_copy(update={"effects": effects, "discrepancy_model": kept})
 
@@ -188,37 +177,30 @@ def round_value(value: float) -> float:
     return float(f"{value:.{FILE_DIGITS}g}")
 
 
-def _list_spreads(converter: ValueConverter, saved: Sequence[Verdict]) -> dict[str, Interval]:
-    """95 % intervals of the amounts of a discrepancy model."""
-    spreads: dict[str, Interval] = {}
-    for verdict in saved:
-        sigmas = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
-        ends = [
-            converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * INTERVAL_SIGMAS * sigmas)])
-            for sign in (-1.0, 1.0)
-        ]
-        if verdict.hypothesis.terms:
-            low, high = (one[DISCREPANCY_KEY] for one in ends)
-            spreads |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}
-    return spreads
-
-
 def _build_discrepancy(
-    dataset: DriveDataset, amounts: Mapping[str, float], intervals: Mapping[str, Interval]
+    converter: ValueConverter, saved: Sequence[Verdict], amounts: Mapping[str, float]
 ) -> DiscrepancyModel:
-    """The discrepancy model, trusted where nearly all of the driving was."""
+    """The discrepancy model with 95 % intervals, trusted where nearly all of the driving was."""
+    dataset, intervals = converter.problem.data.dataset, dict[str, Interval]()
+    for verdict in (one for one in saved if one.hypothesis.terms):
+        spread = INTERVAL_SIGMAS * np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
+        low, high = (
+            converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * spread)])[DISCREPANCY_KEY]
+            for sign in (-1.0, 1.0)
+        )
+        intervals |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}
     speeds = np.concatenate([segment.speed_in_gear for segment in dataset.segments])
     angles = [segment.wheel if segment.wheel is not None else segment.command for segment in dataset.segments]
     degrees = np.degrees(np.concatenate([one for one in angles if one is not None]))
-    fast = float(np.quantile(speeds, 1.0 - TRUSTED_SHARE))
-    low, high = (float(np.quantile(degrees, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
-    slow = min(float(np.quantile(speeds, TRUSTED_SHARE)), 0.9 * fast)
-    if high - low < 1.0:
-        low, high = low - 0.5, high + 0.5
+    slow, fast = (float(np.quantile(speeds, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
+    left, right = (float(np.quantile(degrees, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
+    slow = min(slow, 0.9 * fast)
+    if right - left < 1.0:
+        left, right = left - 0.5, right + 0.5
     return DiscrepancyModel(
         amounts={name: round_value(amount) for name, amount in amounts.items()},
         speed_mps=(round_value(max(slow, 0.0)), round_value(max(fast, 0.01))),
-        angle_deg=(round_value(low), round_value(high)),
+        angle_deg=(round_value(left), round_value(right)),
         interval={name: (round_value(first), round_value(last)) for name, (first, last) in intervals.items()},
         logs=dataset.names,
     )

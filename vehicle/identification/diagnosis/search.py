@@ -7,6 +7,7 @@ its own noise.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -92,8 +93,7 @@ class Searcher:
     def run(self) -> SearchResult:
         """The model the logs call for, judged."""
         base = self.fit_base()
-        fit = self.add_greedily(base)
-        fit, judgements = self.settle(fit)
+        fit, judgements = self.settle(self.add_greedily(base))
         return SearchResult(fit, base, tuple(judgements))
 
     def fit_base(self) -> Fit:
@@ -126,10 +126,16 @@ class Searcher:
         return laws
 
     def add_greedily(self, fit: Fit) -> Fit:
-        """Add the hypothesis with the largest evidence until none has enough."""
+        """Add the hypothesis with the largest evidence, of the best of a scan, until none has enough."""
         for _ in range(MOST_ROUNDS):
-            noise = self.problem.get_noise()
-            best = self._try_best(fit, self.scan(fit))
+            noise, fits = self.problem.get_noise(), list[Fit]()
+            for gain in self.scan(fit)[:MOST_TRIED]:
+                if gain.nats > 0.0:
+                    fits.append(self._fit_with(fit, gain))
+                    self.step()
+            best = max(
+                (one for one in fits if is_large(one, one.model[-1])), key=lambda one: one.evidence, default=None
+            )
             if best is None:
                 return fit
             # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
@@ -140,20 +146,10 @@ class Searcher:
             fit = better
         return fit
 
-    def _try_best(self, fit: Fit, gains: Sequence[Gain]) -> Fit | None:
-        """The fit with the most evidence among the best of a scan, at the noise of the fit before."""
-        tried = [one for one in gains[:MOST_TRIED] if one.nats > 0.0]
-        fits = []
-        for gain in tried:
-            fits.append(self._fit_with(fit, gain))
-            self.step()
-        large = [one for one in fits if is_large(one, one.model[-1])]
-        return max(large, key=lambda one: one.evidence, default=None)
-
     def settle(self, fit: Fit) -> tuple[Fit, list[Judgement]]:
         """Judge every hypothesis; drop what predicts nothing and exchange what a competitor predicts better."""
         for turn in range(MOST_TURNS + 1):
-            self.visited[_name_model(fit)] = self.visited.get(_name_model(fit), 0) + 1
+            self.visited[fit.causes] = self.visited.get(fit.causes, 0) + 1
             self.may_change = turn < MOST_TURNS
             changed, judgements = self._judge_all(fit)
             if changed is None:
@@ -163,14 +159,18 @@ class Searcher:
 
     def _may_become(self, other: Fit) -> bool:
         """Whether the search may go on from another model: two that each predict better than the other come twice."""
-        return self.may_change and self.visited.get(_name_model(other), 0) < MOST_VISITS
+        return self.may_change and self.visited.get(other.causes, 0) < MOST_VISITS
 
     def _judge_all(self, fit: Fit) -> tuple[Fit | None, list[Judgement]]:
         """Judgements of a fit, or the better fit that one of them led to."""
         noise, judgements = self.problem.get_noise(), list[Judgement]()
         predicted = self.predict(fit)
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
-            without = self._fit_without(fit, hypothesis)
+            # Without a constant its laws go too, as they could take its place.
+            stays = [one != hypothesis and not (one.id == hypothesis.id and hypothesis.is_catalogued)
+                     for one in fit.model]  # fmt: skip
+            rest = fit.amounts[np.repeat(stays, [one.size for one in fit.model])]
+            without = self.problem.refit(tuple(itertools.compress(fit.model, stays)), rest, 6)
             against_none = self._compare(fit, predicted, without, None, noise)
             is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < DOUBT_SIGMAS)
             if is_idle and self._may_become(without):
@@ -212,15 +212,6 @@ class Searcher:
         common = np.repeat(gain.amounts.mean(), len(constants))
         amounts = np.concatenate([fit.amounts, common, gain.amounts - common.sum()])
         return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
-
-    def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        """The fit without a hypothesis; without a constant its laws go too, as they could take its place."""
-        is_kept = [
-            one != hypothesis and not (one.id == hypothesis.id and hypothesis.is_catalogued) for one in fit.model
-        ]
-        kept = np.repeat(is_kept, [one.size for one in fit.model])
-        model = tuple(one for one, stays in zip(fit.model, is_kept, strict=True) if stays)
-        return self.problem.refit(model, fit.amounts[kept], 6)
 
     def _compare(
         self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
@@ -278,10 +269,6 @@ def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothe
     if competitor.is_catalogued:
         return is_better or comparison.z < DOUBT_SIGMAS
     return is_better and comparison.z <= -DOUBT_SIGMAS
-
-
-def _name_model(fit: Fit) -> frozenset[str]:
-    return frozenset(str(one) for one in fit.model if not one.is_nuisance)
 
 
 SPACING = 0.7  # of the radius between the centres that are tried

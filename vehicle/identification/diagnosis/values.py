@@ -20,6 +20,16 @@ from vehicle.model.effect_kinds import Interval
 from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
+LAW_SENTENCES = {
+    "by_speed": "{at_0:.2f}{unit} at a crawl and changes by {per_mps:+.3f}{unit} per m/s",
+    "by_angle": "{at_0:.2f}{unit} at 0 degrees and {at_27:.2f}{unit} at 27 degrees",
+    "by_implement": "{lifted:.2f}{unit} with the implement lifted and {working:.2f}{unit} with it working",
+    "over_minutes": "{start:.2f}{unit} at the start of a run and changes by {per_minute:+.3f}{unit} per minute",
+    BY_RUN: "{value:.2f}{unit} in {run} and {other:.2f}{unit} in the other runs",
+    "over_day": "{mean:.2f}{unit} on average and swings by {amplitude:.2f}{unit} over the day",
+    "by_side": "{right:.2f}{unit} to the right and {left:.2f}{unit} to the left",
+}
+OTHER_LAW_SENTENCE = "not the same in all directions ({amount:+.3f}{unit})"
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 Values = dict[str, float]
 FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
@@ -74,7 +84,8 @@ class ValueConverter:
         )
         unit = f" {effect.size.unit}" if effect.size.unit else ""
         run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
-        return ParameterLaw(kind, values, f"The {effect.label} is {_describe_values(kind, values, unit, run)}.")
+        words = LAW_SENTENCES.get(kind, OTHER_LAW_SENTENCE).format(**values, unit=unit, run=run)
+        return ParameterLaw(kind, values, f"The {effect.label} is {words}.")
 
     def find_pattern(self, verdict: Verdict) -> RunPattern | None:
         """What the values of single runs have in common; None for other laws."""
@@ -129,29 +140,6 @@ def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, trac
     origin, place = data.dataset.origin, hypothesis.place
     circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
     return kind.compute_values(effect.params, np.array(box.neutral) + amounts, circle)
-
-
-def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
-    def show(name: str) -> str:
-        return f"{values[name]:.2f}{unit}"
-
-    match law:
-        case "by_speed":
-            return f"{show('at_0')} at a crawl and changes by {values['per_mps']:+.3f}{unit} per m/s"
-        case "by_angle":
-            return f"{show('at_0')} at 0 degrees and {show('at_27')} at 27 degrees"
-        case "by_implement":
-            return f"{show('lifted')} with the implement lifted and {show('working')} with it working"
-        case "over_minutes":
-            return f"{show('start')} at the start of a run and changes by {values['per_minute']:+.3f}{unit} per minute"
-        case "by_run":
-            return f"{show('value')} in {run} and {show('other')} in the other runs"
-        case "over_day":
-            return f"{show('mean')} on average and swings by {values['amplitude']:.2f}{unit} over the day"
-        case "by_side":
-            return f"{show('right')} to the right and {show('left')} to the left"
-        case _:
-            return f"not the same in all directions ({values['amount']:+.3f}{unit})"
 
 
 @dataclass(frozen=True)

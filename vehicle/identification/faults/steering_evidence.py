@@ -74,6 +74,11 @@ class RunEvidence:
         """The wheel angle (k, deg); without a sensor that of a usual steering."""
         return self.usual if self.wheel is None else self.wheel
 
+    @property
+    def unknown(self) -> Array:
+        """Nothing known in any step (k,)."""
+        return np.full(len(self.time_s), np.nan)
+
     def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
         """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its
         curvatures."""
