@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,36 +32,24 @@ _LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
 _NEAR_DEG, _NEAR_SHARE = 1.5, 0.3
 
 
-@dataclass(frozen=True)
-class _HeadingStep:
-    """A heading that turns by `size_deg` between two rows (indices of the log)."""
-
-    last_before: int
-    first_after: int
-    size_deg: float
-
-
 def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs with headings beside a jump turned back, the jump in `faults`, and no rows about it."""
-    return [_correct_log(log) for log in logs]
+    """Return the logs with headings beside a jump turned back, the jump in `faults`, and no rows about it.
+
+    A heading that often leaps is noise, or of another fault.
+    """
+    corrected = []
+    for log in logs:
+        jumps = _list_candidates(log)
+        levels = _measure_levels(log, *jumps[0]) if len(jumps) == 1 else None
+        corrected.append(log if levels is None else _turn_back(log, *jumps[0][:2], *levels))
+    return corrected
 
 
-def _correct_log(log: Log) -> Log:
-    if log.heading_deg is None or np.count_nonzero(log.used) < 2:
-        return log
-    candidates = _list_candidates(log)
-    if len(candidates) != 1:
-        return log  # a heading that often leaps is noise, or of another fault
-    levels = _measure_levels(log, candidates[0])
-    return log if levels is None else _turn_back(log, candidates[0], *levels)
-
-
-def _list_candidates(log: Log) -> list[_HeadingStep]:
-    """Return the steps of the heading from one measurement to the next that no tractor turns."""
-    assert log.heading_deg is not None
+def _list_candidates(log: Log) -> list[tuple[int, int, float]]:
+    """Return the rows on both sides of the steps of the heading that no tractor turns, and by how much (deg)."""
     measured = log.place_rows.get("heading")
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
-    if len(rows) < 4 * FEWEST_TIMES:
+    if log.heading_deg is None or len(rows) < 4 * FEWEST_TIMES:
         return []
     time, turn = log.time_s[rows], np.diff(np.unwrap(np.radians(log.heading_deg[rows])))
     step_s = np.diff(time)
@@ -80,25 +67,25 @@ def _list_candidates(log: Log) -> list[_HeadingStep]:
         most = [float(np.max(np.abs(rate[side] * step_s[row]))) for side in (before, after)]
         size_deg = math.degrees(turn[row]) - 0.5 * float(near[0] + near[1]) * float(step_s[row])
         if least + max(most) < abs(size_deg) < _MOST_DEG:
-            jumps.append(_HeadingStep(int(rows[row]), int(rows[row + 1]), size_deg))
+            jumps.append((int(rows[row]), int(rows[row + 1]), size_deg))
     return jumps
 
 
-def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
+def _measure_levels(log: Log, last_before: int, first_after: int, size_deg: float) -> tuple[float, float] | None:
     """Return heading minus course (deg) before and after a jump; None where it does not step by as much, and stay."""
     error, time = _collect_errors(log)
-    after = time >= log.time_s[jump.first_after]
+    after = time >= log.time_s[first_after]
     levels = []
-    for side in (~after & (time <= log.time_s[jump.last_before]), after):
+    for side in (~after & (time <= log.time_s[last_before]), after):
         if np.count_nonzero(side) * STEP_S < WINDOW_S:
             return None
         level = float(np.median(error[side]))
-        if not _is_flat(time[side], error[side] - level, abs(jump.size_deg)):
+        if not _is_flat(time[side], error[side] - level, abs(size_deg)):
             return None
         levels.append(level)
     apart = levels[1] - levels[0]
-    alike = max(_NEAR_DEG, _NEAR_SHARE * abs(jump.size_deg))
-    return (levels[0], levels[1]) if abs(apart - jump.size_deg) < alike else None
+    alike = max(_NEAR_DEG, _NEAR_SHARE * abs(size_deg))
+    return (levels[0], levels[1]) if abs(apart - size_deg) < alike else None
 
 
 def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
@@ -133,22 +120,22 @@ def _collect_errors(log: Log) -> tuple[Array, Array]:
     return error, time
 
 
-def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float) -> Log:
+def _turn_back(log: Log, last_before: int, first_after: int, before_deg: float, after_deg: float) -> Log:
     """Return a log whose headings on the side that is further from the course are turned back by the jump."""
     assert log.heading_deg is not None
     size_deg = after_deg - before_deg
     is_before_wrong = abs(before_deg) - abs(after_deg) > MAJORITY * abs(size_deg)
     heading = log.heading_deg.copy()
     if is_before_wrong:
-        heading[: jump.last_before + 1] += size_deg
+        heading[: last_before + 1] += size_deg
     else:
-        heading[jump.first_after :] -= size_deg
+        heading[first_after:] -= size_deg
     words = (
         f"heading_deg jumps by {abs(size_deg):.1f} deg to the {'right' if size_deg > 0.0 else 'left'} and stays there "
         "while the course goes on: the instrument was reset, or moved on its mount"
     )
-    fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[jump.first_after]), None, words)
-    faults, rows = (*log.faults, fault), list_gap_rows(jump.last_before, jump.first_after, len(log.time_s))
+    fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[first_after]), None, words)
+    faults, rows = (*log.faults, fault), list_gap_rows(last_before, first_after, len(log.time_s))
     return log.exclude_rows(
         f"heading jump: {words}", np.isin(np.arange(len(log.time_s)), rows), heading_deg=heading % 360.0, faults=faults
     )

@@ -140,9 +140,15 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
         heading = np.interp(time, row_s, np.unwrap(np.radians(log.heading_deg[rows])))
     if log.speed_mps is not None:
         driven = gear * np.interp(time, row_s, log.speed_mps[rows])
-    angles, bends = _bound_wheels(source, wheel, hold_s), _measure_bends(place, heading, gear, known)
+    follows = [follow_command(source, *steering, source[0] if wheel is None else wheel[0]) for steering in STEERINGS]
+    allowed, reach = np.stack([source, *follows]), round((EITHER_WAY_S + hold_s) / STEP_S)
+    low = slide_minimum(allowed.min(axis=0), reach) - OFFSET_DEG
+    high = -slide_minimum(-allowed.max(axis=0), reach) + OFFSET_DEG
+    steered = np.min([measure_swing(one) for one in follows], axis=0)
+    pace, bends = _measure_bends(place, heading, gear, known)
     aside = _measure_aside(place, heading, driven, known)
-    return RunEvidence(time, known, wheel, command, *angles, *bends, aside, place, heading, gear, hold_s)
+    return RunEvidence(time, known, wheel, command, follows[0], low, high, steered, pace, bends, aside, place, heading,
+                       gear, hold_s)  # fmt: skip
 
 
 def _measure_hold_s(log: Log, rows: Rows) -> float:
@@ -155,20 +161,6 @@ def _measure_hold_s(log: Log, rows: Rows) -> float:
             is_slow = np.median(gaps) > GAP_STEPS * np.median(np.diff(log.time_s[rows]))
             holds.append(float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
     return max(holds)
-
-
-def _bound_wheels(source: Array, wheel: Array | None, hold_s: float) -> tuple[Array, Array, Array, Array]:
-    """The angle of a usual steering, the least and the largest that commands allow, and how far all move (k, deg)."""
-    start = source[0] if wheel is None else wheel[0]
-    follows = [follow_command(source, *steering, start) for steering in STEERINGS]
-    allowed = np.stack([source, *follows])
-    reach = round((EITHER_WAY_S + hold_s) / STEP_S)
-    return (
-        follows[0],
-        slide_minimum(allowed.min(axis=0), reach) - OFFSET_DEG,
-        -slide_minimum(-allowed.max(axis=0), reach) + OFFSET_DEG,
-        np.min([measure_swing(one) for one in follows], axis=0),
-    )
 
 
 def measure_swing(angle: Array) -> Array:

@@ -58,12 +58,8 @@ class LagTable:
         return LagTable(self.middle_s[windows], self.losses[windows])
 
 
-@dataclass(frozen=True)
-class ClockDrift:
-    """A lag (s) that grows evenly: at the start of the log, and per second."""
-
-    start_s: float
-    rate: float
+Drift = tuple[float, float]
+"""A lag (s) that grows evenly: at the start of the log, and per second."""
 
 
 def correct_position_clock(log: Log) -> Log:
@@ -73,22 +69,21 @@ def correct_position_clock(log: Log) -> Log:
     drift = speed_drift or heading_drift
     if drift is None:
         return log
-    is_heading_along = heading_drift is None and log.heading_deg is not None
-    if is_heading_along and not _is_constant_preferred(against_heading, drift):
-        return log  # speed and heading contradict each other about the positions
+    rate, is_heading_along = drift[1], heading_drift is None and log.heading_deg is not None
+    if is_heading_along and against_heading is not None:
+        lag, loss = _fit_constant(against_heading)
+        moving = (lag - rate * float(against_heading.middle_s.mean()), rate)
+        if not loss < _compute_line_loss(against_heading, moving):
+            return log  # speed and heading contradict each other about the positions
     rows = np.flatnonzero(log.used)
     since_start_s = log.time_s - log.time_s[rows[0]]
-    what, other = (
-        "positions and headings get" if is_heading_along else "positions get",
-        "the measured speed" if speed_drift is not None else "the heading",
-    )
+    what = "positions and headings" if is_heading_along else "positions"
+    other = "the measured speed" if speed_drift is not None else "the heading"
     message = (
-        f"the {what} {abs(60.0 * drift.rate):.2f} s a minute {'later' if drift.rate > 0.0 else 'earlier'} against "
-        f"{other}, {abs(drift.rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted "
-        "back"
+        f"the {what} get {abs(60.0 * rate):.2f} s a minute {'later' if rate > 0.0 else 'earlier'} against {other}, "
+        f"{abs(rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted back"
     )
-    shifted_log = _shift_positions(log, drift.rate * since_start_s, is_heading_along)
-    return shifted_log.correct_columns(message)
+    return _shift_positions(log, rate * since_start_s, is_heading_along).correct_columns(message)
 
 
 def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:
@@ -214,55 +209,35 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     return LagTable(np.array(middles_s), table)
 
 
-def find_drift(table: LagTable | None) -> ClockDrift | None:
+def find_drift(table: LagTable | None) -> Drift | None:
     """Find a lag that grows evenly over the log; None unless it passes every test of the module's head."""
     if table is None:
         return None
     drift, loss = _fit_line(table)
     span_s = float(np.ptp(table.middle_s))
     constant_loss = _fit_constant(table)[1]
-    if abs(drift.rate) * span_s < _LEAST_DRIFT_S or loss > NEARLY_SHARE * constant_loss:
+    if abs(drift[1]) * span_s < _LEAST_DRIFT_S or loss > NEARLY_SHARE * constant_loss:
         return None
     count = len(table.middle_s)
-    halves = [np.arange(count // 2), np.arange(count // 2, count)]
-    for half in halves:
-        share = _fit_line(table.select_windows(half))[0].rate / drift.rate
+    numbers = np.arange(count)
+    for half in (numbers[: count // 2], numbers[count // 2 :]):
+        share = _fit_line(table.select_windows(half))[0][1] / drift[1]
         if not _HALF_RATE_SHARES[0] <= share <= _HALF_RATE_SHARES[1]:
             return None
-    if not _is_better_held_out(table) or not _exceeds_other_orders(table, constant_loss - loss):
-        return None
-    return drift
-
-
-def _is_better_held_out(table: LagTable) -> bool:
-    """Whether the line of every other window leaves less mismatch in the others than their constant lag."""
-    numbers = np.arange(len(table.middle_s))
+    # The line of every other window leaves less mismatch in the others than their constant lag.
     by_line = by_constant = 0.0
     for parity in (0, 1):
-        fitted, kept = table.select_windows(numbers[numbers % 2 == parity]), numbers[numbers % 2 != parity]
-        other = table.select_windows(kept)
+        fitted, other = (table.select_windows(numbers[numbers % 2 == rest]) for rest in (parity, 1 - parity))
         by_line += _compute_line_loss(other, _fit_line(fitted)[0])
-        by_constant += _compute_line_loss(other, ClockDrift(_fit_constant(fitted)[0], 0.0))
-    return by_line < NEARLY_SHARE * by_constant
-
-
-def _exceeds_other_orders(table: LagTable, gain: float) -> bool:
-    """Whether a line gains more than with the windows in any of the orders tried."""
+        by_constant += _compute_line_loss(other, (_fit_constant(fitted)[0], 0.0))
+    if not by_line < NEARLY_SHARE * by_constant:
+        return None
     rng = np.random.default_rng(0)
     for _ in range(_NULL_ORDERS):
-        shuffled = LagTable(table.middle_s, table.losses[rng.permutation(len(table.middle_s))])
-        if gain <= _fit_constant(shuffled)[1] - _fit_line(shuffled)[1]:
-            return False
-    return True
-
-
-def _is_constant_preferred(table: LagTable | None, drift: ClockDrift) -> bool:
-    """Whether a constant lag leaves less mismatch than one that grows at the rate of a drift."""
-    if table is None:
-        return True
-    lag, loss = _fit_constant(table)
-    middle = float(table.middle_s.mean())
-    return loss < _compute_line_loss(table, ClockDrift(lag - drift.rate * middle, drift.rate))
+        shuffled = LagTable(table.middle_s, table.losses[rng.permutation(count)])
+        if constant_loss - loss <= _fit_constant(shuffled)[1] - _fit_line(shuffled)[1]:
+            return None
+    return drift
 
 
 def _fit_constant(table: LagTable) -> tuple[float, float]:
@@ -272,7 +247,7 @@ def _fit_constant(table: LagTable) -> tuple[float, float]:
     return best * _FINE_S - _SEARCH_S, float(total[best])
 
 
-def _fit_line(table: LagTable) -> tuple[ClockDrift, float]:
+def _fit_line(table: LagTable) -> tuple[Drift, float]:
     """Return the evenly growing lag of least mismatch, and the mismatch: a coarse search, then a fine one around it."""
     first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), _GRID_S)
     coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _GRID_S, _GRID_S)
@@ -280,7 +255,7 @@ def _fit_line(table: LagTable) -> tuple[ClockDrift, float]:
     near = np.arange(-_GRID_S, _GRID_S + 0.5 * _FINE_S, _FINE_S)
     start, end, loss = _search_lines(table, start + near, end + near)
     rate = (end - start) / span_s
-    return ClockDrift(start - rate * first_s, rate), loss
+    return (start - rate * first_s, rate), loss
 
 
 def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, float, float]:
@@ -294,8 +269,8 @@ def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, f
     return float(starts[best[0]]), float(ends[best[1]]), float(total[best])
 
 
-def _compute_line_loss(table: LagTable, drift: ClockDrift) -> float:
-    columns = _find_columns(drift.start_s + drift.rate * table.middle_s, table.losses.shape[1])
+def _compute_line_loss(table: LagTable, drift: Drift) -> float:
+    columns = _find_columns(drift[0] + drift[1] * table.middle_s, table.losses.shape[1])
     return float(table.losses[np.arange(len(columns)), columns].sum())
 
 
@@ -378,23 +353,19 @@ def spread_bundles(time: Array) -> Array | None:
 
 
 def _smooth_stamps(time: Array, step_s: float) -> Array:
-    """Return stamps (k,) on the lines that they scatter about, part by part between gaps."""
-    evened = time.copy()
-    if not step_s > 0.0:
-        return evened
+    """Return stamps (k,) on the lines through the windows about each of them, part by part between gaps; at the ends
+    through the first or last window."""
+    evened, half, rows = time.copy(), _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
     for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > GAP_STEPS * step_s) + 1):
-        if len(part) >= _WINDOW_ROWS:
+        if len(part) >= _WINDOW_ROWS and step_s > 0.0:
             even = step_s * np.arange(len(part))
-            evened[part] = even + _fit_lines(time[part] - even)
+            late = time[part] - even
+            middle = np.convolve(late, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
+            first, last = (
+                np.polyval(np.polyfit(rows, end, 1), rows) for end in (late[: len(rows)], late[-len(rows) :])
+            )
+            evened[part] = even + np.concatenate([first[:half], middle, last[half + 1 :]])
     return evened
-
-
-def _fit_lines(values: Array) -> Array:
-    """Return values (k,) on the line through the window about each of them; at the ends through the first or last."""
-    half, rows = _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
-    middle = np.convolve(values, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
-    first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in (values[: len(rows)], values[-len(rows) :]))
-    return np.concatenate([first[:half], middle, last[half + 1 :]])
 
 
 def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:

@@ -56,20 +56,6 @@ class GroundFall:
     source: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _TiltRows:
-    """Used rows of all logs: the fall shown, acceleration in that direction (m/s2), position (m), its direction, block,
-    log."""
-
-    shown_fall: Array
-    push: Array
-    east: Array
-    north: Array
-    direction: Array
-    block: Array
-    log: Array
-
-
 def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured.
 
@@ -86,20 +72,61 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     if all(np.ptp(shown) == 0.0 for shown in shown_falls):
         return "it is constant, so the sensor is off or the ground is flat"
     width, noise = _select_width(logs, shown_falls)
-    rows = _collect_tilt_rows(
-        logs, [smooth_values(log, shown, width) for log, shown in zip(logs, shown_falls, strict=True)], column
-    )
-    mounting_lean = _estimate_mounting(rows)
+    shown = np.concatenate([smooth_values(log, own, width) for log, own in zip(logs, shown_falls, strict=True)])
+    heading, block, log_of = _list_directions(logs)
+    push = np.concatenate([_measure_push(log, column) for log in logs])
+    places = (np.concatenate([getattr(log, axis)[log.used] for log in logs]) for axis in ("easting_m", "northing_m"))
+    aside = 0.5 * math.pi if column == "roll_deg" else 0.0
+    direction = heading + aside
+    mounting_lean = _estimate_mounting(shown, push, _build_ground_columns(*places, direction), block)
     if mounting_lean is None:
         return "the drives cannot separate the ground from the mounting of the sensor; driving there and back would"
     mounting, lean = mounting_lean
-    fall = rows.shown_fall - mounting - lean * rows.push
+    fall = shown - mounting - lean * push
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE or noise > (1.0 - NEARLY_SHARE) * rms_fall**2:
         return "it shows no slope above its noise, so the ground is flat or the sensor is off"
-    heading = rows.direction - (0.5 * math.pi if column == "roll_deg" else 0.0)
     degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
-    return GroundFall(fall, heading, rows.block, rows.log, rms_fall, degrees)
+    return GroundFall(fall, direction - aside, block, log_of, rms_fall, degrees)
+
+
+def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array, Array]:
+    """Return heading (rad, clockwise from north), piece of PART_S and log of the used rows of all logs."""
+    parts = []
+    for number, log in enumerate(logs):
+        assert log.heading_deg is not None
+        time = log.time_s[log.used]
+        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
+        parts.append((np.unwrap(np.radians(log.heading_deg[log.used])), block, np.full(len(time), number)))
+    heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return heading, block, log_of
+
+
+def _measure_push(log: Log, column: str) -> Array:
+    """Return the acceleration (m/s2) of the used rows to the right (`roll_deg`) or ahead, which leans the tractor."""
+    assert log.heading_deg is not None
+    time, used = log.time_s[log.used], log.used
+    speed = np.hypot(*(np.gradient(axis[used], time) for axis in (log.easting_m, log.northing_m)))
+    pace = smooth_values(log, speed, 1.0) * np.where(log.shuttle[used] < 0.0, -1.0, 1.0)
+    if column == "pitch_deg":
+        return np.asarray(np.gradient(pace, time))
+    heading = smooth_values(log, np.unwrap(np.radians(log.heading_deg[used])), 1.0)
+    return np.asarray(pace * np.gradient(heading, time))
+
+
+def _build_ground_columns(east: Array, north: Array, direction: Array) -> Array:
+    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
+    (n, 9)."""
+    size = max(float(np.std(east)), float(np.std(north)), 1.0)
+    east, north = ((axis - float(np.mean(axis))) / size for axis in (east, north))
+    to_east, to_north = np.sin(direction), np.cos(direction)
+    columns = []
+    for degree in (1, 2, 3):
+        for p in range(degree + 1):
+            q = degree - p
+            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
+            columns.append(along / degree)
+    return np.stack(columns, axis=1)
 
 
 def get_ground_source(logs: Sequence[Log], column: str) -> str:
@@ -112,17 +139,12 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     """Return the known fall of the ground to the right (`roll_deg`) or ahead (`pitch_deg`) in the used rows."""
     if any(log.heading_deg is None for log in logs):
         return "heading_deg is not in all logs"
-    parts = []
-    for number, log in enumerate(logs):
-        assert log.heading_deg is not None and log.ground_fall is not None
-        time, heading = log.time_s[log.used], np.unwrap(np.radians(log.heading_deg[log.used]))
-        to_east, to_north = np.sin(heading), np.cos(heading)
-        if column == "roll_deg":
-            to_east, to_north = to_north, -to_east
-        east, north = log.ground_fall[log.used].T
-        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
-        parts.append((east * to_east + north * to_north, heading, block, np.full(len(time), number)))
-    fall, heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
+    heading, block, log_of = _list_directions(logs)
+    to_east, to_north = np.sin(heading), np.cos(heading)
+    if column == "roll_deg":
+        to_east, to_north = to_north, -to_east
+    east, north = np.concatenate([log.ground_fall[log.used] for log in logs if log.ground_fall is not None]).T
+    fall = east * to_east + north * to_north
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE:
         return "the ground is flat there"
@@ -191,65 +213,25 @@ def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[fl
     return best[1], best[2]
 
 
-def _collect_tilt_rows(logs: Sequence[Log], shown_of: Sequence[Array], column: str) -> _TiltRows:
-    parts = []
-    for number, (log, shown) in enumerate(zip(logs, shown_of, strict=True)):
-        time, used = log.time_s[log.used], log.used
-        assert log.heading_deg is not None
-        heading = np.unwrap(np.radians(log.heading_deg[used]))
-        speed = np.hypot(*(np.gradient(axis[used], time) for axis in (log.easting_m, log.northing_m)))
-        pace = smooth_values(log, speed, 1.0) * np.where(log.shuttle[used] < 0.0, -1.0, 1.0)
-        if column == "roll_deg":
-            push, direction = pace * np.gradient(smooth_values(log, heading, 1.0), time), heading + 0.5 * math.pi
-        else:
-            push, direction = np.gradient(pace, time), heading
-        block = np.floor((time - time[0]) / PART_S)
-        parts.append(
-            (shown, push, log.easting_m[used], log.northing_m[used], direction, block, np.full(len(time), number))
-        )
-    shown, push, east, north, direction, block, log_of = (
-        np.concatenate(parts_of_column) for parts_of_column in zip(*parts, strict=True)
-    )
-    return _TiltRows(shown, push, east, north, direction, block + 1e6 * log_of, log_of)
-
-
-def _estimate_mounting(rows: _TiltRows) -> tuple[float, float] | None:
-    """Estimate mounting (slope) and lean (slope per m/s2) of the sensor; None where the drives do not show the mounting
-    well.
+def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -> tuple[float, float] | None:
+    """Estimate mounting (slope) and lean (slope per m/s2) of a sensor that shows a fall (n,) pushed by an acceleration
+    (n,), on a ground of columns (n, 9); None where the drives do not show the mounting well.
 
     Least squares with prior sizes: an amount that the drives do not show stays as uncertain as before.
     """
-    columns = np.concatenate(
-        [np.ones((len(rows.shown_fall), 1)), rows.push[:, None], _build_ground_columns(rows)], axis=1
-    )
+    columns = np.concatenate([np.ones((len(shown), 1)), push[:, None], ground], axis=1)
     spread = np.concatenate([[_EXPECTED_SENSOR, _EXPECTED_SENSOR], np.full(columns.shape[1] - 2, _EXPECTED_GROUND)])
-    blocks = len(np.unique(rows.block))
-    noise = float(np.var(rows.shown_fall))
+    blocks, noise = len(np.unique(block)), float(np.var(shown))
     for _ in range(3):
-        weight = blocks / (len(rows.shown_fall) * max(noise, 1e-8))
+        weight = blocks / (len(shown) * max(noise, 1e-8))
         square = weight * columns.T @ columns + np.diag(1.0 / spread**2)
-        coefficients = np.linalg.solve(square, weight * columns.T @ rows.shown_fall)
-        noise = float(np.mean((rows.shown_fall - columns @ coefficients) ** 2))
+        coefficients = np.linalg.solve(square, weight * columns.T @ shown)
+        noise = float(np.mean((shown - columns @ coefficients) ** 2))
     error = np.sqrt(np.diag(np.linalg.inv(square)))
-    slope = float(np.sqrt(np.mean((rows.shown_fall - coefficients[0] - coefficients[1] * rows.push) ** 2)))
+    slope = float(np.sqrt(np.mean((shown - coefficients[0] - coefficients[1] * push) ** 2)))
     if error[0] > max(_SURE_MOUNTING_SHARE * slope, _LEAST_SLOPE):
         return None
     return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
-
-
-def _build_ground_columns(rows: _TiltRows) -> Array:
-    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
-    (n, 9)."""
-    size = max(float(np.std(rows.east)), float(np.std(rows.north)), 1.0)
-    east, north = ((axis - float(np.mean(axis))) / size for axis in (rows.east, rows.north))
-    to_east, to_north = np.sin(rows.direction), np.cos(rows.direction)
-    columns = []
-    for degree in (1, 2, 3):
-        for p in range(degree + 1):
-            q = degree - p
-            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
-            columns.append(along / degree)
-    return np.stack(columns, axis=1)
 
 
 STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
