@@ -361,9 +361,8 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
             even = step_s * np.arange(len(part))
             late = time[part] - even
             middle = np.convolve(late, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
-            first, last = (
-                np.polyval(np.polyfit(rows, end, 1), rows) for end in (late[: len(rows)], late[-len(rows) :])
-            )
+            ends = late[:_WINDOW_ROWS], late[-_WINDOW_ROWS:]
+            first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in ends)
             evened[part] = even + np.concatenate([first[:half], middle, last[half + 1 :]])
     return evened
 

@@ -12,7 +12,8 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -93,21 +94,14 @@ def drop_course_heading(log: Log) -> Log:
         return log
     backwards = log.shuttle[chords.row] < 0.0
     agreement = np.cos(np.radians(log.heading_deg[chords.row]) - chords.course)
-    if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < MOST_SHARE:
-        return log
-    if not all(_follows_steering(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0)):
-        return log
+    for own, gear in ((agreement[backwards], -1.0), (agreement[~backwards], 1.0)):
+        if len(own) < FEWEST_BEND_CHORDS or float(np.mean(own > CLEAR_CORRELATION)) < MOST_SHARE:
+            return log
+        # The path bends to the side of the steering in most clear bends; in a wrong gear hardly any do.
+        angle, curvature = select_clear_bends([log], gear)
+        if len(angle) < FEWEST_BEND_CHORDS or float(np.mean(angle * curvature > 0.0)) < _FOLLOWING_SHARE:
+            return log
     return log.correct_columns(COURSE_HEADING, heading_deg=None)
-
-
-def _follows_steering(angle: Array, curvature: Array) -> bool:
-    """Whether the path bends to the side of the steering in most clear bends; in a wrong gear hardly any do."""
-    return len(angle) >= FEWEST_BEND_CHORDS and float(np.mean(angle * curvature > 0.0)) >= _FOLLOWING_SHARE
-
-
-def _count_agreeing(agreement: Array) -> float:
-    """Return the share of chords along which heading and course agree, 0 with too few chords."""
-    return float(np.mean(agreement > CLEAR_CORRELATION)) if len(agreement) >= FEWEST_BEND_CHORDS else 0.0
 
 
 def _compute_wrong_share(wrong: Mask) -> float | None:
@@ -255,7 +249,7 @@ def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
 
 def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
     """Return the mean cosine between the course and each reading of the heading; key None is the contract's reading."""
-    sums = _build_heading_sums(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
+    sums = _sum_heading(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
     return {
         None: (sums.turned / sums.count).real,
         LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.count).imag,
@@ -263,16 +257,14 @@ def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array)
     }
 
 
-@dataclass(frozen=True)
-class _HeadingSums:
-    """Sums over chords of unit complex numbers with the angle heading minus, or plus, direction of travel."""
+class _HeadingSums(NamedTuple):
+    """Of so many chords, sums of unit complex numbers with the angle heading minus, or plus, direction of travel; and
+    the angle (deg, clockwise) of the heading to the travel on straights."""
 
     count: int
     turned: complex
     mirrored: complex
-
-    def __add__(self, other: _HeadingSums) -> _HeadingSums:
-        return _HeadingSums(self.count + other.count, self.turned + other.turned, self.mirrored + other.mirrored)
+    offset_deg: float
 
     def is_constantly_offset(self) -> bool:
         """Whether the heading keeps one angle to the travel."""
@@ -283,29 +275,21 @@ class _HeadingSums:
         return abs(self.mirrored) >= HEADING_MATCHES * self.count
 
 
-def _build_heading_sums(travel: Array, heading: Array) -> _HeadingSums:
+def _sum_heading(travel: Array, heading: Array, offset_deg: float = 0.0) -> _HeadingSums:
     turned, mirrored = np.exp(1j * (heading - travel)).sum(), np.exp(1j * (heading + travel)).sum()
-    return _HeadingSums(len(travel), complex(turned), complex(mirrored))
+    return _HeadingSums(len(travel), complex(turned), complex(mirrored), offset_deg)
 
 
-@dataclass(frozen=True)
-class _HeadingMisfit:
-    """A heading that does not fit: its sums, and its angle (deg, clockwise) to the travel on straights."""
-
-    sums: _HeadingSums
-    offset_deg: float
-
-
-def _find_heading_misfit(log: Log) -> _HeadingMisfit | None:
-    """Return the misfit of the heading; None where it follows the contract, up to the largest heading_bias."""
+def _find_heading_misfit(log: Log) -> _HeadingSums | None:
+    """Return the sums of a heading that does not fit; None where it follows the contract, up to the largest heading_bias."""
     chords = compute_path_chords(log)
     if log.heading_deg is None or chords is None:
         return None
     travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
-    sums = _build_heading_sums(travel, heading)
     offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
+    sums = _sum_heading(travel, heading, offset)
     fits = sums.turned.real >= HEADING_FITS * sums.count or sums.is_constantly_offset()
-    return None if fits and abs(offset) <= _NEAR_DEG + slack else _HeadingMisfit(sums, offset)
+    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
 
 
 def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
@@ -321,47 +305,43 @@ def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, flo
 
 def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
     """Return the convention that the heading seems to follow instead. Other logs that are wrong too help to decide."""
-    own_misfit = _find_heading_misfit(log)
-    if own_misfit is None:
+    own = _find_heading_misfit(log)
+    if own is None:
         return None
-    wrong = [misfit.sums for misfit in map(_find_heading_misfit, other_logs) if misfit is not None]
-    total = sum(wrong, own_misfit.sums)
-    sums = total if total.is_constantly_offset() or total.is_mirrored() else own_misfit.sums
-    if not sums.is_constantly_offset() and not sums.is_mirrored():
-        return None
-    turned = _build_turned_heading_suspicion(own_misfit) if sums.is_constantly_offset() else None
-    mirrored = _build_mirrored_heading_suspicion(own_misfit, sums) if sums.is_mirrored() else None
-    if turned is None or mirrored is None:
-        return turned or mirrored
+    wrong = [own, *(misfit for misfit in map(_find_heading_misfit, other_logs) if misfit is not None)]
+    count, turned, mirrored_sum = (sum(column) for column in zip(*(one[:3] for one in wrong), strict=True))
+    total = own._replace(count=count, turned=turned, mirrored=mirrored_sum)
+    sums = total if total.is_constantly_offset() or total.is_mirrored() else own
+    turned_back = mirrored = None
+    if sums.is_constantly_offset():
+        side, sign = ("clockwise", "subtract") if own.offset_deg > 0.0 else ("counter-clockwise", "add")
+        size = abs(own.offset_deg)
+        turned_back = Suspicion(
+            None,
+            f"turned back its agreement with the course is {abs(own.turned) / own.count:.2f}",
+            f"heading_deg points {size:.0f} degrees {side} of the course",
+            f"correct the column: {sign} {size:.0f}",
+        )
+        if size >= 180.0 - _NEAR_DEG:
+            turned_back = Suspicion(LogConvention.HEADING_REVERSED, f"it differs from the course by {size:.0f} degrees")
+    if sums.is_mirrored():
+        mirrored = _build_mirrored_heading_suspicion(own, sums)
+    if turned_back is None or mirrored is None:
+        return turned_back or mirrored
     if mirrored.fix is None:
-        return turned
-    other_reading = f"{format_fix_option(turned.fix)}, or reverse without -1 in shuttle" if turned.fix else turned.what
-    return replace(mirrored, advice=f"the log is driven along one line only, so it may also be: {other_reading}")
+        return turned_back
+    fix = turned_back.fix
+    reading = f"{format_fix_option(fix)}, or reverse without -1 in shuttle" if fix else turned_back.what
+    return replace(mirrored, advice=f"the log is driven along one line only, so it may also be: {reading}")
 
 
-def _build_turned_heading_suspicion(misfit: _HeadingMisfit) -> Suspicion:
-    offset = misfit.offset_deg
-    if abs(offset) >= 180.0 - _NEAR_DEG:
-        return Suspicion(LogConvention.HEADING_REVERSED, f"it differs from the course by {abs(offset):.0f} degrees")
-    side, sign = ("clockwise", "subtract") if offset > 0.0 else ("counter-clockwise", "add")
-    agreement = abs(misfit.sums.turned) / misfit.sums.count
-    return Suspicion(
-        None,
-        f"turned back its agreement with the course is {agreement:.2f}",
-        f"heading_deg points {abs(offset):.0f} degrees {side} of the course",
-        f"correct the column: {sign} {abs(offset):.0f}",
-    )
-
-
-def _build_mirrored_heading_suspicion(misfit: _HeadingMisfit, sums: _HeadingSums) -> Suspicion:
+def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> Suspicion:
     """Return counter-clockwise from east or north; `own` judges this log, `sums` shows where the angle counts from."""
     measured_zero_deg = math.degrees(cmath.phase(sums.mirrored))
-    agreement = misfit.sums.turned.real / misfit.sums.count
+    agreement = own.turned.real / own.count
     for fix, zero_deg in ((LogConvention.HEADING_CCW_EAST, 90.0), (LogConvention.HEADING_CCW_NORTH, 0.0)):
         if abs(measured_zero_deg - zero_deg) <= _NEAR_DEG:
-            corrected_agreement = (
-                misfit.sums.mirrored * cmath.exp(-1j * math.radians(zero_deg))
-            ).real / misfit.sums.count
+            corrected_agreement = (own.mirrored * cmath.exp(-1j * math.radians(zero_deg))).real / own.count
             return Suspicion(
                 fix,
                 f"agreement with the course over ground is {agreement:.2f} as it is and {corrected_agreement:.2f} "
