@@ -281,7 +281,7 @@ def _sum_heading(travel: Array, heading: Array, offset_deg: float = 0.0) -> _Hea
 
 
 def _find_heading_misfit(log: Log) -> _HeadingSums | None:
-    """Return the sums of a heading that does not fit; None where it follows the contract, up to the largest heading_bias."""
+    """Return the sums of a heading; None where it follows the contract, up to the largest heading_bias."""
     chords = compute_path_chords(log)
     if log.heading_deg is None or chords is None:
         return None

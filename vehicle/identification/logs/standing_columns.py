@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
-from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
@@ -52,8 +52,7 @@ _COURSE_APART_DEG = 20.0
 _STOPPED_MPS = 0.5 * MOVING_MPS  # a pace that is a halt
 
 
-@dataclass(frozen=True)
-class StandingSpan:
+class StandingSpan(NamedTuple):
     """First and last row of a column that stands, and the first row in which others show it."""
 
     first: int
@@ -104,15 +103,14 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
 def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int], limit: float) -> StandingSpan:
     """Return the rows of a span of blocks, with those of the seconds at its ends in which the column stands already."""
     edges = np.append(starts, values.shape[1])
-    first, end, first_shown = int(edges[shown[0]]), int(edges[shown[1] + 1]), int(edges[shown[2]])
+    begin, limit_row = int(edges[max(shown[0] - 1, 0)]), int(edges[min(shown[1] + 2, len(edges) - 1)])
+    first, end = int(edges[shown[0]]), int(edges[shown[1] + 1])
     level = np.median(values[:, first:end], axis=1)[:, None]
-    still: Mask = np.max(np.abs(values - level), axis=0) <= limit
-    before = np.flatnonzero(~still[edges[max(shown[0] - 1, 0)] : first])
-    after = np.flatnonzero(~still[end : edges[min(shown[1] + 2, len(edges) - 1)]])
-    begin = int(edges[max(shown[0] - 1, 0)])
+    moves: Mask = np.max(np.abs(values - level), axis=0) > limit
+    before, after = np.flatnonzero(moves[begin:first]), np.flatnonzero(moves[end:limit_row])
     start = begin + (int(before[-1]) + 1 if len(before) else 0)
-    stop = end + int(after[0]) if len(after) else int(edges[min(shown[1] + 2, len(edges) - 1)])
-    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else first_shown)
+    stop = end + int(after[0]) if len(after) else limit_row
+    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]]))
 
 
 def _average(values: Array, starts: Rows) -> Array:
@@ -245,15 +243,12 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
     is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S
-    return (first, last, shown) if is_other or _halts_and_goes_on(pace, target, moving) else None
-
-
-def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
-    """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
+    # A tractor that moves stops as it is told to, and moves again; positions that freeze look like it.
     halts = np.flatnonzero(pace < _STOPPED_MPS)
-    if len(halts) * READING_S < MOMENT_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
-        return False
-    return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
+    if not is_other and len(halts) * READING_S >= MOMENT_S:
+        goes_on = moving[: halts[0]].any() and moving[halts[0] :].any()
+        is_other = bool(goes_on) and float(np.mean(target[halts] < MOVING_MPS)) > 0.5
+    return (first, last, shown) if is_other else None
 
 
 class StillReading(NamedTuple):
@@ -308,10 +303,18 @@ Span = tuple[int, int]  # first and last reading
 def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault]:
     """Return when the wheels of the log `name` stay far from the commands, from sparse columns in units of the
     contract, with the rows; empty for columns that change in most rows."""
-    readings = _find_readings(columns)
+    names = ("time_s", *STEERING_COLUMNS)
+    if not all(name in columns for name in names):
+        return []
+    values = np.stack([columns[key] for key in names])
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
+    rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
+    # The rows in which a steering column has a new value.
+    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
+    readings = rows[np.append(True, changes)] if len(rows) else rows
     if len(readings) < FEWEST_READINGS:
         return []
-    time, command, wheel = (columns[key][readings] for key in ("time_s", "steering_command_deg", "steering_deg"))
+    time, command, wheel = values[:, readings]
     if float(np.median(np.diff(time))) < READING_S:
         return []
     spans = _find_still_spans(time, command, wheel)
@@ -327,17 +330,6 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     faults = [_build_fault(name, time, wheel, inside, span, float(np.nanmax(every_s))) for span in spans]
     is_bad = [(every_s > one.earliest_s) & (every_s <= (np.inf if one.to_s is None else one.to_s)) for one in faults]
     return [ColumnFault(fault, np.flatnonzero(bad)) for fault, bad in zip(faults, is_bad, strict=True)]
-
-
-def _find_readings(columns: Columns) -> Rows:
-    """Return the rows in which a steering column has a new value, where both are known."""
-    if "steering_command_deg" not in columns or "steering_deg" not in columns:
-        return np.empty(0, dtype=np.int64)
-    values = np.stack([columns[key] for key in ("time_s", "steering_command_deg", "steering_deg")])
-    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
-    rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
-    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
-    return rows[np.append(True, changes)] if len(rows) else rows
 
 
 def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
