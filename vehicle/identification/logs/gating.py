@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, GatedRows, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
 from vehicle.identification.logs.thresholds import STANDSTILL_MPS
 
@@ -50,7 +50,7 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     rows = rules.used
     jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
     _gate_used_rows(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
-    for name in ("heading_deg", "steering_command_deg", "steering_deg"):
+    for name in ("heading_deg", *STEERING_COLUMNS):
         if name in columns:
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
     _gate_headings(rules, columns)
@@ -59,7 +59,14 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
             rules.exclude_rows(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
             rules.exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
-    _gate_ranges(rules, columns)
+    for name in STEERING_COLUMNS:
+        if name in columns:
+            rules.exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
+    if "implement" in columns:
+        rules.exclude_rows("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
+    if "shuttle" in columns:
+        rules.exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
+        rules.exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
     return rules
 
 
@@ -92,17 +99,6 @@ def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
             f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after",
             np.pad(alone, 1),
         )
-
-
-def _gate_ranges(rules: RowRules, columns: dict[str, Array]) -> None:
-    for name in ("steering_command_deg", "steering_deg"):
-        if name in columns:
-            rules.exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
-    if "implement" in columns:
-        rules.exclude_rows("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
-    if "shuttle" in columns:
-        rules.exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
-        rules.exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
 
 
 def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
