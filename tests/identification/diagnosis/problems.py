@@ -11,8 +11,8 @@ from tests.identification.analytic_drives import rig
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, build_constant, list_nuisances
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.diagnosis.noise import POSE_PARTS
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.model.effects import get_effect
 

@@ -24,7 +24,7 @@ from vehicle.identification.diagnosis.log_notes import (
     list_onset_faults,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
-from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
+from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive, find_usual_heading_and_speed
 from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
@@ -35,7 +35,6 @@ from vehicle.identification.diagnosis.verdicts import Verdict, decide, find_smal
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -60,10 +61,11 @@ class Saved:
 def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
     names, has_speed = converter.problem.data.dataset.names, converter.problem.data.dataset.has_speed
-    trial, kept, refused = _LeftOutTrial(converter, fit), list[Verdict](), list[Verdict]()
-    base = now = trial.replay([])
+    replay = partial(_replay_left_out, converter, fit, compute_left_out_amounts(converter.problem, fit))
+    kept, refused = list[Verdict](), list[Verdict]()
+    base = now = replay([])
     for verdict in (one for one in verdicts if one.hypothesis.is_storable):
-        pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
+        pieces = replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
         is_saved = (
             is_extension_helpful(now, pieces, has_speed)
@@ -74,38 +76,28 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
         now = pieces if is_saved else now
     gains = {}
     for verdict in kept:
-        others = trial.replay([one.hypothesis for one in kept if one is not verdict])
+        others = replay([one.hypothesis for one in kept if one is not verdict])
         gains[verdict.hypothesis.id] = _compute_gain(*(sum_by_run(one, len(names)) for one in (others, now)))
     words = LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS
     holdout = compare_pieces(names, base, now, has_speed, words) if kept else None
     return Saved(tuple(kept), tuple(refused), gains, holdout)
 
 
-@dataclass(eq=False)
-class _LeftOutTrial:
-    """Replays of every run with amounts that the run had no part in."""
-
-    converter: ValueConverter
-    fit: Fit
-
-    def __post_init__(self) -> None:
-        self.problem = self.converter.problem
-        self.amounts = compute_left_out_amounts(self.problem, self.fit)
-
-    def replay(self, hypotheses: Sequence[Hypothesis]) -> Pieces:
-        """Errors of all pieces with these hypotheses alone."""
-        parts: list[Pieces] = []
-        for segment in self.problem.data.dataset.segments:
-            every = self.amounts[segment.run]
-            for half, amounts in enumerate(every):
-                own = [part for part in split_amounts(self.fit.model, amounts) if part[0] in hypotheses]
-                settings = self.converter.build_settings(own)
-                pieces = measure_pieces(segment, *simulate_instruments(self.problem.rig, segment, settings)[:2])
-                parts.append({
-                    horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
-                    for horizon, rows in pieces.items()
-                })  # fmt: skip
-        return join_pieces(parts)
+def _replay_left_out(
+    converter: ValueConverter, fit: Fit, amounts_by_run: Mapping[int, Sequence[Array]], hypotheses: Sequence[Hypothesis]
+) -> Pieces:
+    """Errors of all pieces with these hypotheses alone, every run with amounts that it had no part in."""
+    parts: list[Pieces] = []
+    for segment in converter.problem.data.dataset.segments:
+        every = amounts_by_run[segment.run]
+        for half, amounts in enumerate(every):
+            own = [part for part in split_amounts(fit.model, amounts) if part[0] in hypotheses]
+            shown = simulate_instruments(converter.problem.rig, segment, converter.build_settings(own))
+            parts.append({
+                horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
+                for horizon, rows in measure_pieces(segment, *shown[:2]).items()
+            })  # fmt: skip
+    return join_pieces(parts)
 
 
 def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array]]:

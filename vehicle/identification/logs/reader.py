@@ -252,8 +252,8 @@ def build_log(
 def _hold_commands(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     """Commands hold from one message to the next where these come more rarely than rows; longer gaps stay empty.
 
-    A commanded speed that is still empty in many rows, as of a tractor that pauses or is driven by hand, is dropped: all
-    else in these rows is known.
+    A commanded speed that is still empty in many rows, as of a tractor that pauses or is driven by hand, is dropped:
+    all else in these rows is known.
     """
     held = dict(columns)
     for name in ("speed_command_mps", "steering_command_deg"):

@@ -165,12 +165,9 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
         name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
     }
     forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
-    changed["speed"] = tractor.speed.model_dump() | {
-        name: getattr(tractor.speed, name) * mass / tractor.mass_kg for name in forces
-    }
     lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")
-    changed["guidance"] = tractor.guidance.model_dump() | {
-        name: getattr(tractor.guidance, name) * scale for name in lengths_ahead
-    }
+    for part, names, (times, over) in (("speed", forces, (mass, tractor.mass_kg)), ("guidance", lengths_ahead, (scale, 1.0))):
+        own = getattr(tractor, part).model_dump()
+        changed[part] = own | {name: own[name] * times / over for name in names}
     values = tractor.model_dump() | {"name": f"{tractor.name} as driven", "effects": {}, "discrepancy_model": None}
     return Tractor.model_validate(values | changed)

@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -245,37 +246,27 @@ def _build_segment(
         speed = gear * pace * np.cos(course - heading) - antenna[1] * np.gradient(heading, time)
     else:
         speed = gear * log.speed_mps[rows]
-    columns = {
-        "wheel": _select_angle_rad(log.steering_deg, rows),
-        "command": _select_angle_rad(log.steering_command_deg, rows),
+    columns: dict[str, Array | None] = {"east": east, "north": north, "heading": heading, "speed": speed}
+    columns |= {
+        "wheel": None if log.steering_deg is None else np.radians(log.steering_deg[rows]),
+        "command": None if log.steering_command_deg is None else np.radians(log.steering_command_deg[rows]),
         "target": None if log.speed_command_mps is None else gear * log.speed_command_mps[rows],
-        "across": across,
+        "working": log.implement[rows],
     }
-    working = log.implement[rows]
-    grids = resample_on_grid(
-        time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
-    )
     wheel, fresh = columns["wheel"], slice(None) if log.fresh is None else log.fresh[rows]
-    measured = {name: None if values is None else values[fresh] for name, values in columns.items()}
+    measured: dict[str, Any] = {name: None if values is None else values[fresh] for name, values in columns.items()}
     return DriveSegment(
-        run,
-        float(log.time_s[rows[0]] - log.time_s[log.used][0]),
-        time[fresh],
-        east[fresh],
-        north[fresh],
-        heading[fresh],
-        log.heading_deg is not None,
-        speed[fresh],
-        log.speed_mps is not None,
-        measured["wheel"],
-        measured["command"],
-        measured["target"],
-        working[fresh],
-        grids,
-        gear,
-        None if log.fresh is None or wheel is None else (time, wheel),
-        _select_measured_rows(log, rows, fresh),
-        _select_earlier_commands(log, rows),
+        run=run,
+        start_s=float(log.time_s[rows[0]] - log.time_s[log.used][0]),
+        time=time[fresh],
+        heading_measured=log.heading_deg is not None,
+        speed_measured=log.speed_mps is not None,
+        grids=resample_on_grid(time, columns | {"across": across}),
+        gear=gear,
+        logged_wheel=None if log.fresh is None or wheel is None else (time, wheel),
+        measured_rows=_select_measured_rows(log, rows, fresh),
+        earlier_commands=_select_earlier_commands(log, rows),
+        **measured,
     )
 
 
@@ -344,10 +335,6 @@ def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
     return out
 
 
-def _select_angle_rad(column: Array | None, rows: Rows) -> Array | None:
-    return None if column is None else np.radians(column[rows])
-
-
 def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
     """Resample columns on the grid: measured values linearly, commands held from halfway between two rows.
 
@@ -374,12 +361,6 @@ def compute_half_numbers(seconds: Array) -> npt.NDArray[np.int64]:
     return (seconds / WINDOW_S).astype(np.int64) % 2
 
 
-def _estimate_position_noise(east: Array, north: Array) -> float:
-    """Return the standard deviation (m) of positions from row to row, from their third differences."""
-    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
-    return measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
-
-
 def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
     """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
     before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
@@ -388,7 +369,10 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
     dy = np.interp(after, time, north) - np.interp(before, time, north)
     pace = np.hypot(dx, dy) / (after - before)
     angle = np.arctan2(dy, dx)
-    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * _estimate_position_noise(east, north) / COURSE_CHORD_S
+    # The noise of positions (m) from row to row shows in their third differences.
+    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
+    noise = measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
+    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * noise / COURSE_CHORD_S
     fastest = float(pace.max())
     if fastest > _DRIVING_MPS:
         noise_pace = min(noise_pace, _MOST_NOISE_SHARE * fastest)
@@ -408,21 +392,13 @@ def compute_course_offset(time: Array, course: Array, pace: Array, length: float
     if length == 0.0 or len(time) < 2:
         return out
     distances = 0.5 * (pace[1:] + pace[:-1]) * np.diff(time)
-    if length > 0.0:
-        _compute_pulled_rod_angles(
-            course, distances, length, _compute_initial_angle(time, course, distances, length), out
-        )
-        return out
     # Behind the axle the rod is pushed, which is unstable; backwards in time it is pulled.
-    reversed_course, reversed_distances = course[::-1].copy(), distances[::-1].copy()
-    _compute_pulled_rod_angles(
-        reversed_course,
-        reversed_distances,
-        -length,
-        _compute_initial_angle(time[-1] - time[::-1], reversed_course, reversed_distances, -length),
-        out,
-    )
-    return out[::-1].copy()
+    step = 1 if length > 0.0 else -1
+    since = time if step > 0 else time[-1] - time[::-1]
+    course, distances = course[::step].copy(), distances[::step].copy()
+    first = _compute_initial_angle(since, course, distances, abs(length))
+    _compute_pulled_rod_angles(course, distances, abs(length), first, out)
+    return out[::step].copy()
 
 
 def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
