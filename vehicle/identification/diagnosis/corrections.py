@@ -16,8 +16,7 @@ from scipy.signal import lfilter
 
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
-from vehicle.identification.faults.heading_jumps import correct_heading_jumps
-from vehicle.identification.faults.level_steps import mark_level_step
+from vehicle.identification.faults.level_steps import correct_heading_jumps, mark_level_step
 from vehicle.identification.logs.column_quality import (
     drop_columns_coarse_elsewhere,
     drop_commands_not_logged,
@@ -26,11 +25,11 @@ from vehicle.identification.logs.column_quality import (
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
 from vehicle.identification.logs.series import draw_lines, find_changes
+from vehicle.identification.logs.standing_columns import HOLDS
 from vehicle.identification.logs.thresholds import FEWEST_EVENTS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
 
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
-_MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
 _LAGS_S = np.arange(0.0, 1.6, 0.1)
 _FILTERS_S = (0.0, 0.15, 0.3, 0.6, 1.0)
 MEASURED_COLUMNS = ("steering_deg", "speed_mps")
@@ -187,7 +186,7 @@ def find_line_knots(time: Array, values: Array) -> Rows | None:
     if len(knots) < FEWEST_EVENTS or not both_move.any() or float(np.median(gaps)) < 2.0:
         return None
     is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
-    return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
+    return knots if is_straight and np.quantile(gaps, 0.9) <= HOLDS * np.median(gaps) else None
 
 
 def _find_bends(time: Array, values: Array) -> Rows:

@@ -21,8 +21,7 @@ from vehicle.identification.diagnosis.results import (
     Hint,
     RunCheck,
 )
-from vehicle.identification.faults.heading_jumps import HEADING_JUMP
-from vehicle.identification.faults.level_steps import STEERING_JUMP
+from vehicle.identification.faults.level_steps import HEADING_JUMP, STEERING_JUMP
 from vehicle.identification.logs.clocks import CLOCKS_FROM_S
 from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING

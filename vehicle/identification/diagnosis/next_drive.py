@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import SURE_SIGMAS
+from vehicle.identification.logs.thresholds import GRID_S, SURE_SIGMAS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
@@ -141,7 +141,6 @@ def _adapt_segment(segment: DriveSegment, logs: DriveDataset, start_s: float) ->
     )
 
 
-PROGRAMME_STEP_S = 0.1  # rows of a simulated log: the usual 10 Hz
 PROGRAMME_PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments
 ProgrammePiece = tuple[float, float, float, float]
 ProgrammePieces = tuple[ProgrammePiece, ...]
@@ -233,7 +232,7 @@ def simulate_programme(
     heading: float,
     pace: float,
     settings: Settings,
-    step: float = PROGRAMME_STEP_S,
+    step: float = GRID_S,
 ) -> DriveDataset:
     """Return the log of the tractor with these effects on each pass of a programme, without noise.
 
@@ -263,7 +262,7 @@ def find_usual_heading_and_speed(segments: Sequence[DriveSegment]) -> tuple[floa
 
 
 def build_command_segment(
-    run: int, heading: float, pieces: ProgrammePieces, pace: float, step: float = PROGRAMME_STEP_S
+    run: int, heading: float, pieces: ProgrammePieces, pace: float, step: float = GRID_S
 ) -> DriveSegment:
     """Return a drive that has only its commands yet: pieces as in DriveProgramme, `heading` in rad, a row every `step`
     seconds."""

@@ -29,14 +29,23 @@ from vehicle.identification.faults.steering_evidence import (
 )
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, MEASURED_SIGMAS, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    DOUBT_SIGMAS,
+    FEWEST_LINE_ROWS,
+    MEASURED_SIGMAS,
+    READING_S,
+    SURE_SIGMAS,
+    WINDOW_S,
+)
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
 from vehicle.model.tractor import Tractor
 
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
-WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
+WINDOW_STEPS = round(READING_S / STEP_S)  # over which changes are taken
+THIN_STEPS = 3  # between them
 MOST_ROWS = 10_000
-MOST_STEPS, PIECE_STEPS = 60_000, 1_200  # of the grid: of longer logs pieces of two minutes are looked at
+PIECE_STEPS = round(12.0 * WINDOW_S / STEP_S)  # two minutes
+MOST_STEPS = 50 * PIECE_STEPS  # of longer logs pieces are looked at
 MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
@@ -44,8 +53,10 @@ MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the
 JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
-NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
-LEAST_LEVER_SHARE = 0.1  # of the wheelbase: a nearer antenna goes where the tractor points
+NEAR_SHARE, KNOWN_SHARE = (
+    0.15,
+    0.1,
+)  # of the wheelbase: how near to the front axle; how well that is known, and the least lever
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
@@ -117,7 +128,7 @@ def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
     What a drive in reverse has shown of one log holds for all of a set.
     """
     ahead_m, is_course = tractor.antenna_forward_m, any(COURSE_HEADING in log.corrections for log in logs)
-    if not is_course and ahead_m >= LEAST_LEVER_SHARE * tractor.wheelbase_m:
+    if not is_course and ahead_m >= KNOWN_SHARE * tractor.wheelbase_m:
         measure = measure_turning(logs)
         low, high = (share * ahead_m / tractor.wheelbase_m for share in COURSE_SHARES)
         if measure.joint_share is not None and measure.antenna_m is not None:

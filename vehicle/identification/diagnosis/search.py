@@ -272,7 +272,9 @@ def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothe
 
 
 SPACING = 0.7  # of the radius between the centres that are tried
-FINEST_MOVE_M, FIRST_MOVE_M, SMALLEST_RADIUS_M = 0.5, 4.0, 3.0
+FIRST_MOVE_M = 0.5 * PATCH_RADII_M[0]
+FINEST_MOVE_M = FIRST_MOVE_M / 8.0
+SMALLEST_RADIUS_M = 3.0
 MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
 LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
 MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show

@@ -27,7 +27,14 @@ from vehicle.identification.diagnosis.search import (
     find_middle_circle,
 )
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    CLEAR_SIGMAS,
+    DOUBT_SIGMAS,
+    MEASURED_SIGMAS,
+    NEARLY_SHARE,
+    STRAY_CORRELATION,
+    SURE_SIGMAS,
+)
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE
 
@@ -36,8 +43,6 @@ EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
-FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
@@ -99,13 +104,16 @@ def centre_laws(problem: Problem, fit: Fit) -> Array:
 
 
 def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
-    """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs."""
+    """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs.
+
+    Widths are standard deviations of priors. A limit near neutral is reached by no fault: no dead band at all is near.
+    """
     widths = np.array([one.width for one in hypothesis.coordinates])
     ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
     sizes = np.abs(amounts) / widths
-    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > LARGE_END_WIDTHS)
+    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > DOUBT_SIGMAS)
     is_at_end = hypothesis.law == CONSTANT and bool(is_large_end.any())
-    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
+    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > MEASURED_SIGMAS)
 
 
 def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:

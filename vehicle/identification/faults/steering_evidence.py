@@ -23,13 +23,14 @@ from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
     FEWEST_LINE_ROWS,
     GAP_STEPS,
+    GRID_S,
     LOCK_QUANTILE,
     PATH_MPS,
     SURE_SIGMAS,
 )
 from vehicle.jit import compile_function
 
-STEP_S = 0.1  # chosen: of the grid on which evidence is compared
+STEP_S = GRID_S  # on which evidence is compared
 # Late (s), rate (deg/s) and lag (s). As the simulation steers by default, later by what valves usually are; a middling
 # one, as where commands swing to and fro it is not always between an immediate and a slow one; and slower than any
 # steering of the catalogue (0.25 s late, 9 deg/s, and clocks of two columns).

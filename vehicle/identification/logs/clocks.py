@@ -22,6 +22,7 @@ import numpy as np
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_SIGMAS,
     FEW_SHARE,
@@ -29,6 +30,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_EVENTS,
     FEWEST_LINE_ROWS,
     GAP_STEPS,
+    GRID_S,
     MAJORITY,
     MOVING_MPS,
     NEARLY_SHARE,
@@ -36,7 +38,7 @@ from vehicle.identification.logs.thresholds import (
     WINDOW_S,
 )
 
-_SEARCH_S, _GRID_S, _FINE_S = 2.5, 0.1, 0.02
+_SEARCH_S, _FINE_S = 2.5, 0.02
 _HALF_CHORD_S = 0.5 * READING_S  # one centimetre of antenna noise is 1.4 cm/s over one second
 _LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
@@ -140,7 +142,7 @@ def measure_heading_lags(log: Log) -> LagTable | None:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion on an even grid of `_GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
+    """Motion on an even grid of `GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
 
     `moving` marks where the tractor drives forward in used rows.
     """
@@ -159,7 +161,7 @@ def _resample_motion(log: Log) -> _Motion | None:
     if len(rows) < 2 or float(np.ptp(log.time_s[rows])) < CLOCKS_FROM_S:
         return None
     time = log.time_s[rows]
-    grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, _GRID_S)
+    grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, GRID_S)
 
     def compute_slope(values: Array) -> Array:
         ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
@@ -191,7 +193,7 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     """
     from scipy.interpolate import CubicSpline
 
-    width, reach = round(WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    width, reach = round(WINDOW_S / GRID_S), round(_SEARCH_S / GRID_S)
     lags = np.arange(-reach, reach + 1)
     pace = np.hypot(grid.east_mps, grid.north_mps)
     middles_s, losses = [], []
@@ -205,7 +207,7 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     if len(middles_s) < FEWEST_CHORDS:
         return None
     fine = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _FINE_S, _FINE_S)
-    table = CubicSpline(lags * _GRID_S, np.array(losses), axis=1)(fine)
+    table = CubicSpline(lags * GRID_S, np.array(losses), axis=1)(fine)
     return LagTable(np.array(middles_s), table)
 
 
@@ -249,10 +251,10 @@ def _fit_constant(table: LagTable) -> tuple[float, float]:
 
 def _fit_line(table: LagTable) -> tuple[Drift, float]:
     """Return the evenly growing lag of least mismatch, and the mismatch: a coarse search, then a fine one around it."""
-    first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), _GRID_S)
-    coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _GRID_S, _GRID_S)
+    first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), GRID_S)
+    coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * GRID_S, GRID_S)
     start, end, _ = _search_lines(table, coarse, coarse)
-    near = np.arange(-_GRID_S, _GRID_S + 0.5 * _FINE_S, _FINE_S)
+    near = np.arange(-GRID_S, GRID_S + 0.5 * _FINE_S, _FINE_S)
     start, end, loss = _search_lines(table, start + near, end + near)
     rate = (end - start) / span_s
     return (start - rate * first_s, rate), loss
@@ -260,7 +262,7 @@ def _fit_line(table: LagTable) -> tuple[Drift, float]:
 
 def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, float, float]:
     """Return the lags at the first and last window of least mismatch, and the mismatch."""
-    share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), _GRID_S)
+    share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), GRID_S)
     total = np.zeros((len(starts), len(ends)))
     for place, losses in zip(share, table.losses, strict=True):
         lag = (1.0 - place) * starts[:, None] + place * ends[None, :]
@@ -285,7 +287,6 @@ _LEAST_MOVED_M = 0.03  # chosen, between rows: beyond the noise of a receiver
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
 _AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
-_EVEN_SHARE = 0.3  # between 0 (evenly taken) and 1 (taken when stamped)
 
 
 def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
@@ -304,7 +305,7 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if not bundled and not jitter_s > FEW_SHARE * step_s:
         return columns, ()
     share, error = measure_followed_share(time, evened, np.hypot(np.diff(east), np.diff(north)))
-    if not share + CLEAR_SIGMAS * error < _EVEN_SHARE:
+    if not share + CLEAR_SIGMAS * error < ALIKE_SHARE:
         return columns, ()
     taken_s, bundles = float(np.median(np.diff(evened))), np.count_nonzero(_find_waits(time)) + 1
     sentence = (

@@ -32,6 +32,7 @@ from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     FEWEST_EVENTS,
+    FEWEST_PARTS,
     FEWEST_ROWS,
     FEWEST_TIMES,
     LASTING_S,
@@ -46,7 +47,7 @@ LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lo
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
-_CALM_SHARE, _USUAL_WINDOWS = 0.15, 6
+_CALM_SHARE = 0.15
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -165,8 +166,8 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
         for first, last in find_spans(outside)
         for start in range(first, last - width + 2, width)
     ]
-    is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
-    if len(windows) < (FEWEST_TIMES if is_long else _USUAL_WINDOWS) or width < FEWEST_EVENTS:
+    is_long = max(last - first + 1 for first, last in spans) >= FEWEST_PARTS * width
+    if len(windows) < (FEWEST_TIMES if is_long else FEWEST_PARTS) or width < FEWEST_EVENTS:
         return False
     shares = (
         float(np.quantile([np.mean(what[window]) for window in windows], _CALM_SHARE)) for what in (changed, turned)

@@ -35,9 +35,9 @@ from vehicle.identification.logs.thresholds import (
     STANDING_FACTOR,
     STANDSTILL_MPS,
     STEERING_NOISE_DEG,
+    TURNED_DEG,
 )
 
-_LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
 _AT_COMMAND_S = 8.0  # chosen: wheels that stand straight by chance do not for so long
 
@@ -48,12 +48,12 @@ def drop_constant_columns(log: Log) -> Log:
     if chords is None or len(chords.row) < FEWEST_CHORDS:
         return log
     turned_deg = float(np.degrees(np.ptp(np.unwrap(chords.course))))
-    log = _drop_constant_column(log, "heading_deg", turned_deg > _LEAST_TURN_DEG, "the path turns")
+    log = _drop_constant_column(log, "heading_deg", turned_deg > TURNED_DEG, "the path turns")
     course_deg = math.degrees(cmath.phase(complex(np.exp(1j * chords.course).sum()))) % 360.0
     if log.heading_deg is not None:  # no direction of this drive, in any convention in degrees
         heading = float(log.heading_deg[log.used][0])
         apart = wrap_degrees(np.array([heading, -heading, 90.0 - heading, heading + 180.0]) - course_deg)
-        is_off = bool(np.all(np.abs(apart) > _LEAST_TURN_DEG))
+        is_off = bool(np.all(np.abs(apart) > TURNED_DEG))
         log = _drop_constant_column(log, "heading_deg", is_off, f"the path runs towards {course_deg:.0f} degrees")
     is_zero = log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0  # though positions move
     is_other = is_zero or has_pace_change(chords.speed)
@@ -122,15 +122,6 @@ def drop_commands_not_logged(logs: Sequence[Log]) -> list[Log]:
 
 def _is_constant(values: Array, log: Log) -> bool:
     return float(np.ptp(values[log.used])) == 0.0
-
-
-def _is_heading_off_course(log: Log, course_deg: float) -> bool:
-    """Whether a constant heading is no direction of this drive, in any convention in degrees."""
-    if log.heading_deg is None:
-        return False
-    heading = float(log.heading_deg[log.used][0])
-    readings = (heading, -heading, 90.0 - heading, heading + 180.0)
-    return bool(np.all(np.abs(wrap_degrees(np.array(readings) - course_deg)) > _LEAST_TURN_DEG))
 
 
 def _measure_bend_course_range_rad(chords: PathChords) -> float:

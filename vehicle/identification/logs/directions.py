@@ -42,6 +42,7 @@ from vehicle.identification.logs.thresholds import (
     NEARLY_SHARE,
     PART_S,
     READING_S,
+    TURNED_DEG,
 )
 from vehicle.model.effects import get_effect
 
@@ -371,7 +372,6 @@ def _check_steering_sense(log: Log) -> Suspicion | None:
 
 
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
-FLIP_DEG = 30.0  # chosen: noise of both rows and what a tractor turns between them
 
 
 def find_flipped_headings(columns: Columns) -> Rows:
@@ -399,11 +399,11 @@ def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
     changes: list[int] = []
     between: list[int] = []
     is_flip = [
-        (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - FLIP_DEG)
+        (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - TURNED_DEG)
         & (time[lag:] - time[:-lag] <= MOMENT_S)
         for lag in (1, 2)
     ]
-    near = np.abs(wrap_degrees(np.diff(heading))) <= FLIP_DEG
+    near = np.abs(wrap_degrees(np.diff(heading))) <= TURNED_DEG
     for row in range(len(heading) - 1):
         if is_flip[0][row]:
             changes.append(row + 1)

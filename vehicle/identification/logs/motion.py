@@ -15,6 +15,7 @@ from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
 from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     CLEAR_CORRELATION,
     FEWEST_BEND_CHORDS,
     FEWEST_READINGS,
@@ -96,7 +97,6 @@ def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDA
 
 CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
 _SAME_MPS = 0.02  # chosen: commands that differ by less are one
-_ALIKE_SHARE = 0.3  # chosen: of an angle, by which two columns that show the same one may differ
 _PARTS = 5  # chosen: of a run to look at
 
 
@@ -124,7 +124,7 @@ def select_chord_steering(log: Log) -> Array:
         # Wheels that stand at their command for seconds, to a side, are no mirror, which only passes by them; and those
         # that stop following during a run follow before or after.
         away = np.minimum(commanded * np.sign(measured), np.abs(measured))
-        spans, time = find_spans(np.abs(commanded - measured) < _ALIKE_SHARE * away), log.time_s[log.used]
+        spans, time = find_spans(np.abs(commanded - measured) < ALIKE_SHARE * away), log.time_s[log.used]
         stands_alike = any(time[last] - time[first] > LASTING_S for first, last in spans)
         parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
         if not stands_alike and not any(_correlate(*part) > CLEAR_CORRELATION for part in parts):
@@ -145,7 +145,7 @@ def select_chord_steering(log: Log) -> Array:
 def has_pace_change(pace: Array) -> bool:
     """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
     slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
-    return bool(fast - slow > PACE_CHANGE_SHARE * middle)
+    return bool(fast - slow > ALIKE_SHARE * middle)
 
 
 def measure_steady_time_s(log: Log) -> Array:
@@ -221,7 +221,7 @@ _CHORDS_S, _NOISE_LENGTHS = (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees 
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
 LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
-PACE_CHANGE_MPS, PACE_CHANGE_SHARE = 0.35, 0.3
+PACE_CHANGE_MPS = 0.35
 # Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
 _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
 
@@ -316,7 +316,7 @@ class RawMotion:
         if self.speed[rows.start] == 0.0:
             elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
             return bool(middle > PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
-        return bool(fast - slow > max(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * middle))
+        return bool(fast - slow > max(PACE_CHANGE_MPS, ALIKE_SHARE * middle))
 
     def _needs_other_angle(self, rows: slice) -> bool:
         """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""

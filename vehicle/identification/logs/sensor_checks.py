@@ -29,6 +29,7 @@ from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import compute_change, measure_spread
 from vehicle.identification.logs.thresholds import (
     FEWEST_LINE_CHORDS,
+    LASTING_S,
     MEASURED_SIGMAS,
     NEARLY_SHARE,
     STEERING_NOISE_DEG,
@@ -201,7 +202,7 @@ def _correlate_with_bends(log: Log) -> float:
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
 
-_STEADY_S = 6.0  # of constant command: longer than any drive line takes to follow
+_STEADY_S = 2.0 * LASTING_S  # of constant command: longer than any drive line takes to follow
 
 
 def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:

@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
+from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_CORRELATION,
     CLEARLY_APART_DEG,
@@ -207,7 +208,7 @@ def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
 
 
 def _is_other_pace(pace: Array, speed: Array) -> Mask:
-    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * speed)
+    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, ALIKE_SHARE * speed)
     return apart
 
 

@@ -21,7 +21,9 @@ from vehicle.identification.logs.motion import compute_path_chords, measure_stea
 from vehicle.identification.logs.readings import LogConvention, format_fix_option
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     CLEAR_SIGMAS,
+    FEWEST_PARTS,
     MEASURED_SIGMAS,
     MOVING_MPS,
     NEARLY_SHARE,
@@ -32,7 +34,6 @@ from vehicle.identification.logs.thresholds import (
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
-_SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
 _EXPECTED_SENSOR, _EXPECTED_GROUND = 0.1, 0.15
 
@@ -229,13 +230,12 @@ def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -
         noise = float(np.mean((shown - columns @ coefficients) ** 2))
     error = np.sqrt(np.diag(np.linalg.inv(square)))
     slope = float(np.sqrt(np.mean((shown - coefficients[0] - coefficients[1] * push) ** 2)))
-    if error[0] > max(_SURE_MOUNTING_SHARE * slope, _LEAST_SLOPE):
+    if error[0] > max(ALIKE_SHARE * slope, _LEAST_SLOPE):
         return None
     return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
 
 
 STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
-_FEWEST_BLOCKS = 6
 _LEAST_GAIN = 0.1  # of the speed per slope: less is a centimetre per second on a slope of 10 %
 _SPEED_FACTORS = (0.5, 1.5)  # of the speed: limits, so that no outlier stops a tractor
 
@@ -312,7 +312,7 @@ def _estimate_grade_gain(
     columns = np.stack([fall, np.ones(len(fall)), implement], axis=1)
     if implement.size and np.ptp(implement) == 0.0:
         columns = columns[:, :2]
-    if len(np.unique(block)) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
+    if len(np.unique(block)) < FEWEST_PARTS or np.ptp(fall) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
     coefficients, error = _fit_by_blocks(columns, ratio, block)
     level = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], ratio, rcond=None)[0]
@@ -450,7 +450,7 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         bends.append(chords.curvature[use])
     x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
     x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
-    if len(np.unique(block)) < _FEWEST_BLOCKS or float(x @ x) == 0.0:
+    if len(np.unique(block)) < FEWEST_PARTS or float(x @ x) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
     (drift, _), error = _fit_by_blocks(np.stack([x, np.ones(len(x))], axis=1), y, block)
     compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))

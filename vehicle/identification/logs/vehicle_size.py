@@ -15,7 +15,12 @@ import numpy as np
 from fields.errors import mark_parameter
 from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.motion import compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.motion import (
+    CLEAR_STEERING_DEG,
+    compute_bends,
+    compute_path_chords,
+    find_largest_steering,
+)
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, NEARLY_SHARE, STEERING_SPREAD_DEG, SURE_SIGMAS
 from vehicle.model.effects import get_effect
@@ -24,9 +29,9 @@ from vehicle.model.tractor import Tractor
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
 _ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio from such chords: surely within 40 %
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
-_LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
+_LOCK_SHARE = 1.3  # of the file's lock, and clear steering beyond that: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
-_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
+_LARGESTCLEAR_STEERING_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
 _COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
 
@@ -111,7 +116,7 @@ def explain_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) ->
             f"says, and faults of a tractor only explain {gain_param.low:g} to {gain_param.high:g}"
         )
     share = _LOCK_SHARE if sensed else _COMMAND_SHARE
-    if size.angle_deg > share * tractor.max_steering_deg + _LOCK_DEG:
+    if size.angle_deg > share * tractor.max_steering_deg + CLEAR_STEERING_DEG:
         return (
             f"their wheels turn to {size.angle_deg:.0f} degrees, and the steering lock of {tractor.name} is at "
             f"{tractor.max_steering_deg:g}"
@@ -159,14 +164,17 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
     changed: dict[str, object] = {name: getattr(tractor, name) * scale for name in lengths}
     mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
     changed["mass_kg"] = mass
-    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
+    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGESTCLEAR_STEERING_DEG)
     sides = {name: {"right": law.right, "left": law.left} for name, law in tractor.radius.items()}
     changed["radius"] = {
         name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
     }
     forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
     lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")
-    for part, names, (times, over) in (("speed", forces, (mass, tractor.mass_kg)), ("guidance", lengths_ahead, (scale, 1.0))):
+    for part, names, (times, over) in (
+        ("speed", forces, (mass, tractor.mass_kg)),
+        ("guidance", lengths_ahead, (scale, 1.0)),
+    ):
         own = getattr(tractor, part).model_dump()
         changed[part] = own | {name: own[name] * times / over for name in names}
     values = tractor.model_dump() | {"name": f"{tractor.name} as driven", "effects": {}, "discrepancy_model": None}

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
+from vehicle.identification.faults.steering_evidence import TURN_S
 from vehicle.identification.logs.schema import (
     GAP_SAMPLES,
     SHORTEST_SEGMENT_S,
@@ -31,16 +32,16 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
+from vehicle.identification.logs.thresholds import ALIKE_SHARE
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
 
 # Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
 _STANDING_SIGMAS = 3.6
-# Chosen, m/s and share of the fastest pace: held positions and tight bends look like noise, which is not so fast.
-_DRIVING_MPS, _MOST_NOISE_SHARE = 0.5, 0.3
+# Chosen: held positions and tight bends look like noise, which is not so fast.
+_DRIVING_MPS = 0.5
 COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
-_INITIAL_PATH_S = 1.0  # of the path, from which the initial angle of the rod is estimated
 _MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
 
 
@@ -375,7 +376,7 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
     noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * noise / COURSE_CHORD_S
     fastest = float(pace.max())
     if fastest > _DRIVING_MPS:
-        noise_pace = min(noise_pace, _MOST_NOISE_SHARE * fastest)
+        noise_pace = min(noise_pace, ALIKE_SHARE * fastest)
     moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
     if len(moving) == 0:
         return np.zeros(len(time)), pace
@@ -403,7 +404,7 @@ def compute_course_offset(time: Array, course: Array, pace: Array, length: float
 
 def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
     """Return the angle at the first row, as on a circle with the curvature of the path there."""
-    rows = min(int(np.searchsorted(time, _INITIAL_PATH_S)), len(distances))
+    rows = min(int(np.searchsorted(time, TURN_S)), len(distances))
     path_length = float(distances[:rows].sum())
     bend = float(course[rows] - course[0]) / path_length if path_length > 0.1 * length else 0.0
     most_sine = math.sin(_MOST_ANGLE_RAD)
