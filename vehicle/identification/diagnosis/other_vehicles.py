@@ -53,10 +53,8 @@ MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the
 JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
-NEAR_SHARE, KNOWN_SHARE = (
-    0.15,
-    0.1,
-)  # of the wheelbase: how near to the front axle; how well that is known, and the least lever
+# Of the wheelbase: how near to the front axle; how well that is known, and the least lever.
+NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))

@@ -397,7 +397,7 @@ def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
     corrected = []
     for log in logs:
         jumps = _list_candidates(log)
-        levels = _measure_heading_levels(log, *jumps[0]) if len(jumps) == 1 else None
+        levels = _compare_levels(log, *jumps[0]) if len(jumps) == 1 else None
         corrected.append(log if levels is None else _turn_headings_back(log, *jumps[0][:2], *levels))
     return corrected
 
@@ -428,9 +428,7 @@ def _list_candidates(log: Log) -> list[tuple[int, int, float]]:
     return jumps
 
 
-def _measure_heading_levels(
-    log: Log, last_before: int, first_after: int, size_deg: float
-) -> tuple[float, float] | None:
+def _compare_levels(log: Log, last_before: int, first_after: int, size_deg: float) -> tuple[float, float] | None:
     """Return heading minus course (deg) before and after a jump; None where it does not step by as much, and stay."""
     error, time = _collect_errors(log)
     after = time >= log.time_s[first_after]
