@@ -15,12 +15,13 @@ from vehicle.identification.diagnosis.drive_data import build_drive_data, choose
 from vehicle.identification.diagnosis.grammar import BY_RUN, build_constant, scale_effect
 from vehicle.identification.diagnosis.hints import find_hints
 from vehicle.identification.diagnosis.log_notes import (
-    add_compass,
-    add_turning,
+    add_outside,
     build_fault_diagnosis,
     check_runs,
+    describe_clocks,
     describe_columns,
-    list_diagnosis_notes,
+    describe_file_corrections,
+    describe_logs,
     list_onset_faults,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
@@ -98,12 +99,8 @@ def diagnose_logs(
     compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
     verdicts = [one for one in doubt_by_turning(verdicts, turning) if one is not compass]
     diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts).compose()
-    if compass is not None:
-        diagnosis = add_compass(diagnosis, float(np.linalg.norm(compass.amounts)))
-    if turning is not None:
-        diagnosis = add_turning(diagnosis, turning)
     count.report_completion()
-    return diagnosis
+    return add_outside(diagnosis, None if compass is None else float(np.linalg.norm(compass.amounts)), turning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +174,12 @@ class _Composer:
             faults=list_onset_faults(self.logs),
             columns=describe_columns(self.logs, findings),
         )
-        return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
+        notes = (
+            *describe_logs(self.logs, dataset),
+            *describe_clocks(self.logs, diagnosis),
+            *describe_file_corrections(self.tractor, diagnosis),
+        )
+        return replace(diagnosis, notes=notes)
 
     def _list_pairs(self) -> list[CompetingPair]:
         """What the next drive is to separate: alternatives of an equivalent set, or something likely from nothing."""

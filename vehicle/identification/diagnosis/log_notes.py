@@ -68,14 +68,28 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
         hold_s, rare_s, share = _measure_column_hold(logs, column)
         ages, sentences = dict[str, tuple[float, str]](), list[str]()
         if hold_s is not None and rare_s is not None and share is not None:
-            sentences.append(_describe_hold(column, hold_s, rare_s, share))
+            words = COLUMN_WORDS[column]
+            is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
+            rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
+            sentences.append(
+                f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its "
+                "rows repeat or interpolate an older value and are not used."
+            )
         for finding in findings:
             columns, name = _TIMING_EFFECTS.get(finding.id, ((), ""))
             if column in columns and finding.value is not None and finding.status in (NAMED, LIKELY):
                 ages[name] = finding.value[get_effect(finding.id).size.name], finding.description
         sentences += [words for _, words in ages.values()]
-        if hold_s is None or column != "heading":  # a hold of the heading is its correction
-            sentences += _list_corrections(logs, column)
+        starts = [start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column]
+        if hold_s is not None and column == "heading":  # a hold of the heading is its correction
+            starts = []
+        for start in starts:  # as it was in the first of the logs concerned
+            told = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
+            if told:
+                (name, said), count = told[0], len(told)
+                more = f"{name} and {count - 1} more" if count > 1 else name
+                sentences.append(f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}.")
+                break
         if sentences:
             factors = [log.speed_factor for log in logs if log.speed_factor != 1.0]
             scale = factors[0] if factors and column == "speed" else None
@@ -83,17 +97,6 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
             words = " ".join(sentences)
             timings.append(ColumnTiming(column, hold_s=hold_s, stale_share=share, words=words, scale=scale, **values))
     return tuple(timings)
-
-
-def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
-    """Return what was corrected in a column, as it was in the first of the logs concerned."""
-    for start in (start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column):
-        sentences = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
-        if sentences:
-            (name, said), count = sentences[0], len(sentences)
-            more = f"{name} and {count - 1} more" if count > 1 else name
-            return [f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}."]
-    return []
 
 
 def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float | None, float | None, float | None]:
@@ -117,16 +120,6 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float | None
     if column not in _PLACES:
         all_rows = all_rows[all_gaps <= STANDING_FACTOR * hold_s]
     return hold_s, float(np.quantile(all_gaps, 0.9)), 1.0 - len(all_rows) / float(np.sum(all_rows))
-
-
-def _describe_hold(column: str, hold_s: float, rare_s: float, share: float) -> str:
-    words = COLUMN_WORDS[column]
-    is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
-    rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
-    return (
-        f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its rows "
-        "repeat or interpolate an older value and are not used."
-    )
 
 
 def list_onset_faults(logs: Sequence[Log]) -> tuple[LogFault, ...]:
@@ -178,25 +171,25 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
     )
 
 
-def add_compass(diagnosis: Diagnosis, wrong_deg: float) -> Diagnosis:
-    """The diagnosis with headings that are wrong by up to so many degrees, by the direction of travel."""
-    words = (
-        f"The headings are wrong by up to {wrong_deg:.1f} degrees, depending on the direction of travel, as of a "
-        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks "
-        "like a drift across a slope."
-    )
-    hint = Hint("the direction of travel", "heading", None, words)
-    return replace(diagnosis, known_outside=words, hints=(hint, *diagnosis.hints))
-
-
-def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
-    """The diagnosis with how the vehicle turns, and without a drive that would separate what stands in for that."""
-    drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
-    if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
-        drive = None
-    depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
-    hint = Hint(depends_on, None, block, turning.words)
-    return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
+def add_outside(diagnosis: Diagnosis, compass_deg: float | None, turning: OtherTurning | None) -> Diagnosis:
+    """The diagnosis with what no effect is: headings that are wrong by up to so many degrees by the direction of
+    travel, and how the vehicle turns, without a drive that would separate what stands in for that."""
+    hints, drive = list[Hint](), diagnosis.next_drive
+    if turning is not None:
+        is_joint = turning.kind == ARTICULATED
+        depends_on = "the rate of steering" if is_joint else "the way the vehicle steers"
+        hints.append(Hint(depends_on, None, PATH if is_joint else POSITION, turning.words))
+        if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
+            drive = None
+    if compass_deg is not None:
+        words = (
+            f"The headings are wrong by up to {compass_deg:.1f} degrees, depending on the direction of travel, as of a "
+            "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this "
+            "looks like a drift across a slope."
+        )
+        hints.append(Hint("the direction of travel", "heading", None, words))
+    known = hints[0].words if hints else ""
+    return replace(diagnosis, known_outside=known, next_drive=drive, hints=(*hints, *diagnosis.hints))
 
 
 def check_runs(
@@ -222,18 +215,7 @@ def check_runs(
 # --- notes on logs, clocks and the tractor file ----------------------------------------------------------------------
 
 
-def list_diagnosis_notes(
-    logs: Sequence[Log], dataset: DriveDataset, tractor: Tractor, diagnosis: Diagnosis
-) -> tuple[str, ...]:
-    """Return all notes, those on the logs first."""
-    return (
-        *_describe_logs(logs, dataset),
-        *_describe_clocks(logs, diagnosis),
-        *_describe_file_corrections(tractor, diagnosis),
-    )
-
-
-def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...]:
+def describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...]:
     """Return notes on rows and columns."""
     sentences = list_shared_remarks(logs) + list(dataset.remarks)
     if all(segment.wheel is None for segment in dataset.segments):
@@ -249,7 +231,7 @@ def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...
     return tuple(sentences)
 
 
-def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
+def describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
     """Return a note where a delay was found in logs too short to check for drifting clocks."""
     late = [finding.id for finding in diagnosis.findings if finding.id in TIME_EFFECTS and finding.value is not None]
     short = sum(float(np.ptp(log.time_s[log.used])) < CLOCKS_FROM_S for log in logs)
@@ -262,7 +244,7 @@ def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
+def describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return notes on the effects and the discrepancy model that the tractor file already had."""
     sentences = []
     if tractor.effects:

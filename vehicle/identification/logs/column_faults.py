@@ -279,7 +279,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
         )
         fault = LogFault(POSITION_JUMP, name, float(time[first_after]), None, words)
         faults.append(ColumnFault(fault, list_gap_rows(last_before, first_after, len(time))))
-    return moved, faults
+    return moved if faults else columns, faults
 
 
 def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> list[ColumnFault]:

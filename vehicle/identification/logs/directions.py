@@ -192,7 +192,16 @@ def find_direction_errors(log: Log, other_logs: Sequence[Log] = ()) -> list[Susp
     if gear is not None and gear[1] is None:
         return [gear[0]]
     log = log if gear is None or gear[1] is None else gear[1]
-    suspicions = _combine_suspicions(log, other_logs, _check_heading(log, other_logs), _check_steering_sense(log))
+    angle, curvature = select_clear_bends([log])
+    steering = None
+    if is_steering_mirrored(angle, curvature):
+        opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
+        steering = Suspicion(
+            LogConvention.STEERING_LEFT,
+            f"in {opposite:.0f} % of the clear bends the path turns away from the steering",
+            advice="rear wheels that steer are turned to the other side too",
+        )
+    suspicions = _combine_suspicions(log, other_logs, _check_heading(log, other_logs), steering)
     return suspicions if gear is None else [gear[0], *suspicions]
 
 
@@ -356,21 +365,6 @@ def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> 
     )
 
 
-# --- steering ----------------------------------------------------------------------------------------------------
-
-
-def _check_steering_sense(log: Log) -> Suspicion | None:
-    angle, curvature = select_clear_bends([log])
-    if not is_steering_mirrored(angle, curvature):
-        return None
-    opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
-    return Suspicion(
-        LogConvention.STEERING_LEFT,
-        f"in {opposite:.0f} % of the clear bends the path turns away from the steering",
-        advice="rear wheels that steer are turned to the other side too",
-    )
-
-
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
 
 
@@ -391,7 +385,12 @@ def find_flipped_headings(columns: Columns) -> Rows:
     if flipped is None:
         return rows[:0]
     flipped[between] = True
-    return rows[flipped | _find_held_before(time, heading, changes)]
+    for change in changes:  # rows that hold the value before a flip: what lies between it and the next is interpolated
+        row = change - 1
+        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
+            flipped[row] = True
+            row -= 1
+    return rows[flipped]
 
 
 def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
@@ -433,14 +432,3 @@ def _is_clear(agreement: Array) -> bool:
 
 def _is_all(mask: Mask) -> bool:
     return len(mask) > 0 and float(np.mean(mask)) >= NEARLY_SHARE
-
-
-def _find_held_before(time: Array, heading: Array, changes: Rows) -> Mask:
-    """Mark rows (k,) that hold the value before a flip: what lies between it and the next one is interpolated."""
-    held = np.zeros(len(time), dtype=np.bool_)
-    for change in changes:
-        row = change - 1
-        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
-            held[row] = True
-            row -= 1
-    return held

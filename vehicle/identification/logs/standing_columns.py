@@ -175,20 +175,15 @@ def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
     seconds = np.diff(blocks.time_s[first : last + 1])
     if float(np.sum(np.minimum(seconds, 2.0 * READING_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
         return None
-    return (first, last, first) if _is_driven(blocks, part) else None
-
-
-def _is_driven(blocks: _Blocks, part: slice) -> bool:
-    """Whether more than the measured speed shows that the tractor drives in a span."""
     speed, target = blocks.speed[part], blocks.target[part]
-    driven = speed > MOVING_MPS
+    moving = speed > MOVING_MPS
     if np.isfinite(target).all():
-        return float(np.mean(target[driven] > MOVING_MPS)) >= MOST_SHARE
-    if float(np.mean(driven)) < MOST_SHARE:
-        return False
-    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG:
-        return True
-    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
+        is_driven = float(np.mean(target[moving] > MOVING_MPS)) >= MOST_SHARE
+    else:
+        turns = np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG
+        is_fast = float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
+        is_driven = float(np.mean(moving)) >= MOST_SHARE and (turns or is_fast)
+    return (first, last, first) if is_driven else None
 
 
 def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:

@@ -454,12 +454,10 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         return 0.0, np.inf, 0.0, 0.0
     (drift, _), error = _fit_by_blocks(np.stack([x, np.ones(len(x))], axis=1), y, block)
     compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
-    before, left = (_compute_crab_rms(values, np.concatenate(bends), block) for values in (y, y - drift * x))
+    # What follows from slight bends, where the antenna is off the rear axle, does not count.
+    bent = np.stack([np.ones(len(y)), np.concatenate(bends)], axis=1)
+    before, left = (
+        _compute_block_rms(values - bent @ np.linalg.lstsq(bent, values, rcond=None)[0], block)
+        for values in (y, y - drift * x)
+    )
     return float(drift), math.hypot(error, compass), before, left
-
-
-def _compute_crab_rms(crab: Array, bend: Array, block: Array) -> float:
-    """Return the root mean square over blocks of what does not follow from slight bends, where the antenna is off the
-    rear axle."""
-    columns = np.stack([np.ones(len(bend)), bend], axis=1)
-    return _compute_block_rms(crab - columns @ np.linalg.lstsq(columns, crab, rcond=None)[0], block)
