@@ -105,7 +105,11 @@ class Searcher:
         laws of them."""
         known = {one.id for one in fit.model if not one.is_nuisance}
         tried = [one for one in self.hypotheses if one not in fit.model and not (one.is_catalogued and one.id in known)]
-        tried = [one for one in [*tried, *self._list_laws(fit)] if self.problem.list_channels(one) & channels]
+        for one in fit.model:  # laws of effects in the model that are not among the hypotheses anyway
+            if one.is_catalogued and one.coordinates[0].basis == CONSTANT:
+                laws = list_laws(one, self.problem.bases)
+                tried += [law for law in laws if law not in self.hypotheses and law not in fit.model]
+        tried = [one for one in tried if self.problem.list_channels(one) & channels]
         gains = self.problem.scan(fit, tried)
         circle = None
         if "grip_patch" not in known and "pose" in channels:
@@ -115,15 +119,6 @@ class Searcher:
         # Those that would be large enough to matter.
         worth = [one for one in gains if float(np.linalg.norm(one.amounts)) > one.hypothesis.finest]
         return sorted((one for one in worth if one.nats > -PENALTIES["place"]), key=lambda one: -one.nats)
-
-    def _list_laws(self, fit: Fit) -> list[Hypothesis]:
-        """Laws of the effects in the model that are not among the hypotheses anyway."""
-        laws = []
-        for one in fit.model:
-            if one.is_catalogued and one.coordinates[0].basis == CONSTANT:
-                laws += [law for law in list_laws(one, self.problem.bases)
-                         if law not in self.hypotheses and law not in fit.model]  # fmt: skip
-        return laws
 
     def add_greedily(self, fit: Fit) -> Fit:
         """Add the hypothesis with the largest evidence, of the best of a scan, until none has enough."""

@@ -70,7 +70,14 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     centre = centre_laws(problem, fit)
     covariance, all_amounts = centre @ compute_covariance(problem, fit) @ centre.T, centre @ fit.amounts
     is_far = any(_is_far(one.hypothesis, fit.get_amounts(one.hypothesis)) for one in result.judgements)
-    spent = [fit.locate(one) for one, own in split_amounts(fit.model, fit.amounts) if _is_spent(one, own)]
+    # Nuisances of the path to either side that are as large as they may be: the base model then lacks more than it is
+    # known to. Tyres that relax for long are no such thing.
+    spent = list[slice]()
+    for one, part in split_amounts(fit.model, fit.amounts):
+        coordinate = one.coordinates[0]
+        is_path = one.is_nuisance and "path" in one.chains and coordinate.low < 0.0
+        if is_path and np.abs(part).max() >= NEARLY_SHARE * coordinate.high:
+            spent.append(fit.locate(one))
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
     correlations = np.abs(covariance / np.outer(sigmas, sigmas))
     verdicts = []
@@ -114,14 +121,6 @@ def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
     is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > DOUBT_SIGMAS)
     is_at_end = hypothesis.law == CONSTANT and bool(is_large_end.any())
     return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > MEASURED_SIGMAS)
-
-
-def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:
-    """Whether a nuisance of the path to either side is as large as it may be: the base model then lacks more than it is
-    known to. Tyres that relax for long are no such thing."""
-    coordinate = hypothesis.coordinates[0]
-    is_path = hypothesis.is_nuisance and "path" in hypothesis.chains and coordinate.low < 0.0
-    return is_path and bool(np.abs(amounts).max() >= NEARLY_SHARE * coordinate.high)
 
 
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:

@@ -140,7 +140,13 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
     rows = _collect_rows(logs, runs)
     if rows is None:
         return None
-    nuisance = _build_nuisance(rows)
+    # What bends paths otherwise: gains by angle, side and pace, the implement, and slopes.
+    angle, turn = rows.angle, rows.angle * rows.pace**2
+    columns = [
+        angle, np.abs(angle), angle * np.abs(angle) / 20.0, angle**3 / 400.0, turn / 4.0, np.abs(turn) / 4.0,
+        rows.implement, rows.pace, np.cos(rows.course), np.sin(rows.course), rows.gear,
+    ]  # fmt: skip
+    nuisance = np.stack([column - np.mean(column) for column in columns], axis=1)
     best: dict[int, tuple[int, float]] = {}
     step: Array | None = None
     for _ in range(_ROUNDS):
@@ -195,16 +201,6 @@ def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _L
     if table.shape[1] < FEWEST_LINE_ROWS:
         return None
     return _LevelRows(table[0].astype(np.int64), *table[1:])
-
-
-def _build_nuisance(rows: _LevelRows) -> Array:
-    """Build columns (k, n) of what bends paths otherwise: gains by angle, side and pace, the implement, and slopes."""
-    angle, turn = rows.angle, rows.angle * rows.pace**2
-    columns = [
-        angle, np.abs(angle), angle * np.abs(angle) / 20.0, angle**3 / 400.0, turn / 4.0, np.abs(turn) / 4.0,
-        rows.implement, rows.pace, np.cos(rows.course), np.sin(rows.course), rows.gear,
-    ]  # fmt: skip
-    return np.stack([column - np.mean(column) for column in columns], axis=1)
 
 
 def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> tuple[Array, Array]:

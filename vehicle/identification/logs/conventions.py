@@ -56,14 +56,16 @@ def find_convention_errors(
     columns contradict each other.
     """
 
-    def check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
-        why = f"its rows are {log.step_s:g} apart, and a log has at least one row per second"
-        units = (LogConvention.TIME_MS, LogConvention.TIME_US, LogConvention.TIME_NS)
-        return [(unit, why) for unit in units if unit.explains(log.step_s)]
-
     suspicions: list[Suspicion] = []
-    for check in (check_time, _check_positions, _check_speed, _check_heading_unit, _check_steering_unit):
-        for fix, why in check(log, wheelbase_m, other_logs):
+    checks = (
+        lambda: _check_time(log),
+        lambda: _check_positions(log),
+        lambda: _check_speed(log),
+        lambda: _check_heading_unit(log, other_logs),
+        lambda: _check_steering_unit(log, wheelbase_m),
+    )
+    for check in checks:
+        for fix, why in check():
             suspicions.append(Suspicion(fix, why))
             log, other_logs = convert_log(log, fix), [convert_log(other_log, fix) for other_log in other_logs]
     swapped = find_swapped_steering(log)
@@ -71,9 +73,13 @@ def find_convention_errors(
     return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *names]
 
 
-def _check_positions(
-    log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_time(log: Log) -> list[tuple[LogConvention, str]]:
+    why = f"its rows are {log.step_s:g} apart, and a log has at least one row per second"
+    units = (LogConvention.TIME_MS, LogConvention.TIME_US, LogConvention.TIME_NS)
+    return [(unit, why) for unit in units if unit.explains(log.step_s)]
+
+
+def _check_positions(log: Log) -> list[tuple[LogConvention, str]]:
     """Check for kilometres (the path is 1000 times too short), degrees (100,000 times), and feet (3.3 too long)."""
     rows = log.used
     stated = log.speed_command_mps if log.speed_mps is None else log.speed_mps
@@ -106,7 +112,7 @@ def _integrate_distance(log: Log, speed: Array) -> float:
     return float(np.sum(np.where(is_same_segment, speed[rows][:-1] * np.diff(log.time_s[rows]), 0.0)))
 
 
-def _check_speed(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
+def _check_speed(log: Log) -> list[tuple[LogConvention, str]]:
     """Check for other units: 2 to 4 times is far more than slip can explain. Each column is compared with the path."""
     chords = compute_path_chords(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
@@ -144,9 +150,7 @@ def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention)
     return f"{name} is {stated:.2f} while the positions move at {path:.2f} m/s"
 
 
-def _check_heading_unit(
-    log: Log, _wheelbase_m: float | None, other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_heading_unit(log: Log, other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
     """Check for radians: they turn a 57th as far as the path, or they end at 6.3 in every log and agree with the path.
 
     Driving due east, radians look like degrees from east as well.
@@ -201,9 +205,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     return ratio if abs(ratio) > SURE_SIGMAS * error else None
 
 
-def _check_steering_unit(
-    log: Log, wheelbase_m: float | None, _other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_steering_unit(log: Log, wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
     """Check for radians: as degrees they would need a wheelbase of centimetres to bend the path this much.
 
     Only changes of the angle count (the slope of curvature over angle), so no offset, slope or draft matters.

@@ -254,25 +254,31 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
     source = get_ground_source(logs, "pitch_deg")
     if all(log.pitch_deg is None for log in logs) and not source:
         return GradeSpeed()
+
+    def leave_unused(why: str) -> GradeSpeed:
+        return GradeSpeed(
+            remarks=(f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",)
+        )
+
     if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
         needed = "it also needs speed_mps and speed_command_mps"
-        return _build_unused_grade("speed_mps or speed_command_mps is missing" if source else needed, source)
+        return leave_unused("speed_mps or speed_command_mps is missing" if source else needed)
     ground_fall = measure_ground_fall(logs, "pitch_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_grade(ground_fall, source)
+        return leave_unused(ground_fall)
     # In reverse the tractor drives downhill where the ground rises ahead.
     forward_fall = ground_fall.fall * np.concatenate([np.where(log.shuttle[log.used] < 0.0, -1.0, 1.0) for log in logs])
     gain, error, spread, left = _estimate_grade_gain(logs, ground_fall, forward_fall)
-    if gain < -max(_LEAST_GAIN, MEASURED_SIGMAS * error):
+    least = max(_LEAST_GAIN, MEASURED_SIGMAS * error)
+    if gain < -least:
         sensor_clause = "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
-        ground_clause = f"the tractor is faster where they say uphill, {_OTHER_PLACE}"
-        return _build_unused_grade(ground_clause if source else sensor_clause, source)
-    if gain < max(_LEAST_GAIN, MEASURED_SIGMAS * error):
-        return _build_unused_grade(f"the speed does not depend on {'them' if source else 'it'}", source)
+        return leave_unused(f"the tractor is faster where they say uphill, {_OTHER_PLACE}" if source else sensor_clause)
+    if gain < least:
+        return leave_unused(f"the speed does not depend on {'them' if source else 'it'}")
     remark = (
-        f"{ground_fall.source or 'pitch_deg'} {'explain' if source else 'explains'} speed: on a slope of 10 % the "
-        f"tractor drives {10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were "
-        "corrected for it; "
+        f"{f'{source} explain' if source else 'pitch_deg explains'} speed: on a slope of 10 % the tractor drives "
+        f"{10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were corrected for "
+        "it; "
     )
     remark += (
         f"over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
@@ -281,11 +287,6 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
     )
     return GradeSpeed(split_per_log(logs, ground_fall, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
-
-
-def _build_unused_grade(why: str, source: str) -> GradeSpeed:
-    unused = f"{source} do not explain speed" if source else "pitch_deg is not used"
-    return GradeSpeed(remarks=(f"{unused}: {why}.",))
 
 
 def _estimate_grade_gain(
@@ -376,54 +377,40 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
     source = get_ground_source(logs, "roll_deg")
     if all(log.roll_deg is None for log in logs) and not source:
         return CrossSlope()
+
+    def leave_unused(why: str) -> CrossSlope:
+        unused = f"{source} do not explain drift" if source else "roll_deg is not used"
+        return CrossSlope(remarks=(f"{unused}: {why}. The ground is taken as a plane.",))
+
     ground_fall = measure_ground_fall(logs, "roll_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_cross_slope(ground_fall, source)
+        return leave_unused(ground_fall)
     drift, error, spread, left = _estimate_drift(logs, ground_fall)
     if drift < -max(_LEAST_DRIFT, CLEAR_SIGMAS * error):
         sensor_clause = (
             "it grows where the tractor drifts to the left, and no tractor drifts uphill; if it is positive with the "
-            "left "
-            f"side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
+            f"left side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
         )
         ground_clause = f"the tractor drifts uphill on them, and no tractor does, {_OTHER_PLACE}"
-        return _build_unused_cross_slope(ground_clause if source else sensor_clause, source)
+        return leave_unused(ground_clause if source else sensor_clause)
     remark = (
-        _describe_known_slope(ground_fall, drift if drift > CLEAR_SIGMAS * error else 0.0, spread, left)
-        if source
-        else f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
-        "(root mean square); "
-        f"its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
+        f"{source or 'roll_deg'} {'give' if source else 'gives'} the slope across the direction of travel, "
+        f"{100.0 * ground_fall.rms_fall:.1f} % (root mean square)"
     )
+    if not source:
+        remark += f"; its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
+    elif not drift > CLEAR_SIGMAS * error:
+        remark += "; how far the tractor drifts on straight drives does not depend on it."
+    else:
+        remark += (
+            f". On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of 10 %; "
+            f"this leaves {math.degrees(left):.2f} of the {math.degrees(spread):.2f} degrees by which course and "
+            f"heading differ over {PART_S:g} s (root mean square)."
+        )
     sides = np.stack([np.cos(ground_fall.heading), -np.sin(ground_fall.heading)], axis=1)
     east, north = np.linalg.lstsq(sides, ground_fall.fall, rcond=None)[0]
-    return CrossSlope(
-        split_per_log(logs, ground_fall, ground_fall.fall), float(east), float(north), ground_fall.rms_fall, (remark,)
-    )
-
-
-def _describe_known_slope(ground_fall: GroundFall, drift: float, spread: float, left: float) -> str:
-    """Return a sentence on the slope of known ground, and what it leaves of the angle (rad) between course and heading.
-
-    `drift` is in m/m per slope, 0 where it is not sure.
-    """
-    said = (
-        f"{ground_fall.source} give the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
-        "(root mean square)"
-    )
-    if drift == 0.0:
-        return f"{said}; how far the tractor drifts on straight drives does not depend on it."
-    before_deg, after_deg = math.degrees(spread), math.degrees(left)
-    return (
-        f"{said}. On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of "
-        f"10 %; this leaves {after_deg:.2f} of the {before_deg:.2f} degrees by which course and heading differ over "
-        f"{PART_S:g} s (root mean square)."
-    )
-
-
-def _build_unused_cross_slope(why: str, source: str) -> CrossSlope:
-    unused = f"{source} do not explain drift" if source else "roll_deg is not used"
-    return CrossSlope(remarks=(f"{unused}: {why}. The ground is taken as a plane.",))
+    across = split_per_log(logs, ground_fall, ground_fall.fall)
+    return CrossSlope(across, float(east), float(north), ground_fall.rms_fall, (remark,))
 
 
 def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float, float, float, float]:
