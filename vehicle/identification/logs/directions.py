@@ -59,8 +59,14 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
     chords = compute_path_chords(log)
     if chords is None:
         return None
+    forward = replace(log, shuttle=np.abs(log.shuttle))
     if log.heading_deg is None:
-        return _check_shuttle_by_steering(log)
+        # The path turns away from the steering in reverse only.
+        is_wrong, is_mirrored = (is_steering_mirrored(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0))
+        if not is_wrong or is_mirrored:
+            return None
+        rows = np.flatnonzero(log.used & (log.shuttle < 0.0))
+        return _build_reverse_rows_suspicion(rows, "in those rows the path turns as it does forward"), forward
     gear = np.sign(log.shuttle[chords.row])
     heading = np.radians(log.heading_deg[chords.row])
     agrees = np.cos(heading - chords.course) * gear
@@ -80,7 +86,7 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
             rows,
             f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows",
             _describe_flipped_heading(log) or _OR_COURSE,
-        ), _set_forward(log)
+        ), forward
     return _build_forward_rows_suspicion(rows, _describe_flipped_heading(log)), None
 
 
@@ -118,7 +124,9 @@ def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Su
     mirrored = is_steering_mirrored(*select_clear_bends([log]))
     rows = np.flatnonzero(log.used)
     if (log.shuttle[rows] < 0.0).all() and mirrored is not False:
-        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), _set_forward(log)
+        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), replace(
+            log, shuttle=np.abs(log.shuttle)
+        )
     if not mirrored:
         return None
     corrected = replace(log, shuttle=-log.shuttle)
@@ -126,22 +134,6 @@ def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Su
         return _build_forward_rows_suspicion(rows), corrected
     why = "heading and course agree in its reverse rows and are opposite in its forward rows"
     return Suspicion(None, why, "shuttle has the wrong sign", "write 1 for forward and -1 for reverse"), corrected
-
-
-def _check_shuttle_by_steering(log: Log) -> tuple[Suspicion, Log] | None:
-    """Check the gear without a heading: the path turns away from the steering in reverse only."""
-    reverse_mirrored, forward_mirrored = (
-        is_steering_mirrored(*select_clear_bends([log], -1.0)),
-        is_steering_mirrored(*select_clear_bends([log], 1.0)),
-    )
-    if not reverse_mirrored or forward_mirrored:
-        return None
-    rows = np.flatnonzero(log.used & (log.shuttle < 0.0))
-    return _build_reverse_rows_suspicion(rows, "in those rows the path turns as it does forward"), _set_forward(log)
-
-
-def _set_forward(log: Log) -> Log:
-    return replace(log, shuttle=np.abs(log.shuttle))
 
 
 def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "") -> Suspicion:

@@ -122,16 +122,13 @@ def find_changes(values: Array) -> Changes:
     steps = np.diff(values, axis=1)
     new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
     changes = steps[:, new_rows[1:] - 1]
-    least = np.array([[_find_least_step(column_steps)] for column_steps in steps])
+    least = np.zeros((len(steps), 1))  # nearly the least change, or difference of two changes: the last digit
+    for place, own in enumerate(steps):
+        sizes = np.unique(np.round(np.abs(own[own != 0.0]), DIGITS))
+        if len(sizes):
+            least[place] = np.quantile(np.concatenate([sizes, np.diff(sizes)]), _LEAST_STEP_QUANTILE)
     is_clear = np.asarray((np.abs(changes) > _CLEAR_CHANGE_FACTOR * least).any(axis=0))
     return Changes(new_rows, np.diff(new_rows), np.sqrt((changes**2).sum(axis=0)), is_clear)
-
-
-def _find_least_step(steps: Array) -> float:
-    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
-    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
-    candidates = np.concatenate([sizes, np.diff(sizes)])
-    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
 
 
 def denoise_angles(time: Array, values: Array) -> Array:

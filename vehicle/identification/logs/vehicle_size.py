@@ -51,7 +51,11 @@ class MeasuredSize:
 
 
 def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> MeasuredSize:
-    """Measure the size of a vehicle from logs, relative to a tractor file on a ground."""
+    """Measure the size of a vehicle from logs, relative to a tractor file on a ground.
+
+    Measured over expected curvature is the slope of a line; where the steering hardly varies or the line fits badly, a
+    line through zero gives a rough ratio.
+    """
     angles, curvatures, paces = [np.empty(0)], [np.empty(0)], [np.empty(0)]
     for log in logs:
         bends, chords = compute_bends(log), compute_path_chords(log)
@@ -59,28 +63,20 @@ def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> Measured
             angles.append(bends[0])
             curvatures.append(bends[1])
             paces.append(chords.speed)
-    angle, pace = np.concatenate(angles), np.concatenate(paces)
-    ratio, error = _compute_bend_ratio(angle, np.concatenate(curvatures), tractor, ground)
-    speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
-    return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
-
-
-def _compute_bend_ratio(angle: Array, curvature: Array, tractor: Tractor, ground: str) -> tuple[float | None, float]:
-    """Fit measured over expected curvature by a line; returns the ratio and its standard error, or None and infinity.
-
-    Where the steering hardly varies or the line fits badly, a line through zero gives a rough ratio.
-    """
-    expected = compute_file_curvature(angle, tractor, ground)
+    angle, curvature, pace = np.concatenate(angles), np.concatenate(curvatures), np.concatenate(paces)
+    expected, is_clear = compute_file_curvature(angle, tractor, ground), np.abs(angle) >= _CLEAR_ANGLE_DEG
+    ratio, error = None, math.inf
     if len(angle) >= FEWEST_LINE_CHORDS and float(np.std(angle)) >= STEERING_SPREAD_DEG:
         x, y = expected - expected.mean(), curvature - curvature.mean()
         slope, correlation = _fit_line_through_zero(x, y)
         if correlation > _FOLLOWING_CORRELATION:
-            return slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
-    is_clear = np.abs(angle) >= _CLEAR_ANGLE_DEG
-    if np.count_nonzero(is_clear) < FEWEST_LINE_CHORDS:
-        return None, math.inf
-    slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
-    return (slope, _ROUGH_ERROR_SHARE * slope) if correlation > _FOLLOWING_CORRELATION else (None, math.inf)
+            ratio, error = slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
+    if ratio is None and np.count_nonzero(is_clear) >= FEWEST_LINE_CHORDS:
+        slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
+        if correlation > _FOLLOWING_CORRELATION:
+            ratio, error = slope, _ROUGH_ERROR_SHARE * slope
+    speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
+    return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
 
 
 def _fit_line_through_zero(x: Array, y: Array) -> tuple[float, float]:
