@@ -27,7 +27,7 @@ from vehicle.identification.diagnosis.log_notes import (
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive, find_usual_heading_and_speed
 from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
-from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
+from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
@@ -104,7 +104,13 @@ def diagnose_logs(
     turning = find_other_turning(logs, tractor)
     verdicts = withdraw_refused(verdicts, saved.refused)
     compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
-    verdicts = [one for one in doubt_by_turning(verdicts, turning) if one is not compass]
+    if turning is not None:
+        # Without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as rams that
+        # move half of the vehicle are not those of the file.
+        verdicts = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
+        is_joint = turning.kind == ARTICULATED
+        verdicts = [replace(one, status=LIKELY) if is_joint else one for one in verdicts]
+    verdicts = [one for one in verdicts if one is not compass]
     diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts).compose()
     if progress:
         progress(steps_total, steps_total)
@@ -309,12 +315,3 @@ def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) ->
         elif verdict.status == NAMED:
             kept.append(replace(verdict, status=LIKELY))
     return kept
-
-
-def doubt_by_turning(verdicts: Sequence[Verdict], turning: OtherTurning | None) -> list[Verdict]:
-    """The verdicts without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as
-    rams that move half of the vehicle are not those of the file."""
-    if turning is None:
-        return list(verdicts)
-    kept = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
-    return [replace(one, status=LIKELY) if turning.kind == ARTICULATED else one for one in kept]

@@ -43,8 +43,13 @@ def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[Competin
     separate of those decided; `score` its separation in standard deviations. A drive decides where the right
     alternative would win by SURE_SIGMAS standard errors, as naming asks for.
     """
-    explained = [(name_pair(*pair), [_explain(problem, fit, pair, own) for own in pair], pair[1] is not None)
-                 for pair in competitors]  # fmt: skip
+    explained = []
+    for pair in competitors:
+        one, other = pair[0][0], None if pair[1] is None else pair[1][0]
+        names = one.id, NO_EFFECT if other is None else other.id
+        if other is not None and one.id == other.id:  # two laws of one effect
+            names = f"{one.id}:{one.law}", f"{other.id}:{other.law}"
+        explained.append((names, [_explain(problem, fit, pair, own) for own in pair], other is not None))
     choices = []
     for programme in DRIVE_PROGRAMMES if explained else ():
         trial, drives = build_trial(problem, programme), []
@@ -56,14 +61,6 @@ def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[Competin
         drive = min(decided, key=lambda one: one.score) if decided else max(drives, key=lambda one: one.score)
         choices.append((len(decided), drive.score / (drive.seconds if decided else 1.0), drive))
     return max(choices, key=lambda choice: choice[:2])[2] if choices else None
-
-
-def name_pair(first: Alternative, second: Alternative | None) -> tuple[str, str]:
-    """The effects of a pair, with their laws where both are of one effect."""
-    if second is None:
-        return first[0].id, NO_EFFECT
-    one, other = first[0], second[0]
-    return (one.id, other.id) if one.id != other.id else (f"{one.id}:{one.law}", f"{other.id}:{other.law}")
 
 
 def _explain(problem: Problem, fit: Fit, pair: CompetingPair, own: Alternative | None) -> Fit:

@@ -113,7 +113,11 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
         for number, one, channel, sigma in zip(
             numbers, runs, channels, _find_sigmas(channels, least_sigma), strict=True
         ):
-            for rows, nats, reach in _find_likely_rows(_compute_nats(channel, sigma)):
+            # The log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known.
+            excess, against = channel
+            broken = np.minimum(0.5 * (excess / sigma) ** 2, MOST_NATS)
+            ratio = np.where(excess > 0.0, broken, -np.minimum(against, MOST_NATS)) - IDLE_NATS
+            for rows, nats, reach in _find_likely_rows(np.nan_to_num(ratio) * STEP_S):
                 name = POSITION_LOST if measure is _measure_place else _find_steering_id(one, scales, rows, lock_deg)
                 earliest = rows.start if name == STEERING_STUCK else reach.start  # wheels that run show when
                 places = [earliest, rows.start, rows.stop - 1, reach.stop - 1]
@@ -135,13 +139,6 @@ def _find_sigmas(channels: Sequence[Channel], least_sigma: float) -> list[float]
     usual = [float(np.quantile(excess, USUAL_QUANTILE)) if len(excess) else 0.0 for excess in known]
     others = [sorted(usual[:number] + usual[number + 1 :]) for number in range(len(usual))]
     return [max(least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
-
-
-def _compute_nats(channel: Channel, sigma: float) -> Array:
-    """Log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known."""
-    excess, against = channel
-    nats = np.where(excess > 0.0, np.minimum(0.5 * (excess / sigma) ** 2, MOST_NATS), -np.minimum(against, MOST_NATS))
-    return np.asarray(np.nan_to_num(nats - IDLE_NATS) * STEP_S)
 
 
 def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:

@@ -4,7 +4,7 @@ values of single runs have in common, and their sentences."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from vehicle.model.effect_kinds import Interval
 from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
+Values = dict[str, float]
 LAW_SENTENCES = {
     "by_speed": "{at_0:.2f}{unit} at a crawl and changes by {per_mps:+.3f}{unit} per m/s",
     "by_angle": "{at_0:.2f}{unit} at 0 degrees and {at_27:.2f}{unit} at 27 degrees",
@@ -29,9 +30,16 @@ LAW_SENTENCES = {
     "over_day": "{mean:.2f}{unit} on average and swings by {amplitude:.2f}{unit} over the day",
     "by_side": "{right:.2f}{unit} to the right and {left:.2f}{unit} to the left",
 }
+LAW_VALUES: Mapping[str, Callable[[float, float, bool], Values]] = {
+    "by_speed": lambda at, amount, _: {"at_0": at, "per_mps": amount},
+    "by_angle": lambda at, amount, _: {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount},
+    "by_implement": lambda at, amount, _: {"lifted": at, "working": at + amount},
+    "over_minutes": lambda at, amount, _: {"start": at, "per_minute": amount},
+    "by_side": lambda at, amount, is_left: {"right": at + amount * (not is_left), "left": at + amount * is_left},
+}
+"""Numbers of a law, as in LOGS.md, by the value without it, the amount, and whether it is of the left side."""
 OTHER_LAW_SENTENCE = "not the same in all directions ({amount:+.3f}{unit})"
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
-Values = dict[str, float]
 FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
 PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
 RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
@@ -76,12 +84,12 @@ class ValueConverter:
             at += float(constant[0])
             at -= 0.0 if pattern or hypothesis.is_storable else float(
                 self.problem.bases.compute_means(hypothesis) @ verdict.amounts)  # fmt: skip
-        kind = pattern.kind if pattern is not None else hypothesis.law
-        values = (
-            self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
-            if pattern is None
-            else _compute_pattern_values(pattern, at)
-        )
+        if pattern is not None:
+            kind, values = pattern.kind, pattern.compute_values(at)
+        else:
+            kind, amount = hypothesis.law, float(verdict.amounts[0])
+            compute = LAW_VALUES.get(kind, lambda _at, amount, _is_left: {"amount": amount})
+            values = compute(at, amount, hypothesis.basis.endswith("left"))
         unit = f" {effect.size.unit}" if effect.size.unit else ""
         run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
         words = LAW_SENTENCES.get(kind, OTHER_LAW_SENTENCE).format(**values, unit=unit, run=run)
@@ -93,36 +101,6 @@ class ValueConverter:
             return None
         sigmas = np.sqrt(np.diag(verdict.covariance))
         return find_run_pattern(verdict.amounts, sigmas, self.run_starts_s)
-
-    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
-        match hypothesis.law:
-            case "by_speed":
-                return {"at_0": at, "per_mps": amount}
-            case "by_angle":
-                return {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount}
-            case "by_implement":
-                return {"lifted": at, "working": at + amount}
-            case "over_minutes":
-                return {"start": at, "per_minute": amount}
-            case "by_side":
-                is_left = hypothesis.basis.endswith("left")
-                return {"right": at + amount * (not is_left), "left": at + amount * is_left}
-            case _:
-                return {"amount": amount}
-
-
-def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
-    """The numbers of a pattern of runs, as in LOGS.md; `lowest_s` is a time of the lowest value."""
-    if pattern.kind == BY_RUN:
-        return {"value": at + pattern.amount, "other": at + pattern.other}
-    lowest = (-0.25 - pattern.phase / (2.0 * math.pi)) % 1.0 * pattern.period_s
-    return {
-        "mean": at + pattern.other,
-        "amplitude": pattern.amount,
-        "period_s": pattern.period_s,
-        "phase_deg": math.degrees(pattern.phase) % 360.0,
-        "lowest_s": lowest,
-    }
 
 
 def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> Values:
@@ -153,6 +131,18 @@ class RunPattern:
     run: int = 0
     period_s: float = 0.0
     phase: float = 0.0
+
+    def compute_values(self, at: float) -> Values:
+        """Its numbers about a value, as in LOGS.md; `lowest_s` is a time of the lowest value."""
+        if self.kind == BY_RUN:
+            return {"value": at + self.amount, "other": at + self.other}
+        return {
+            "mean": at + self.other,
+            "amplitude": self.amount,
+            "period_s": self.period_s,
+            "phase_deg": math.degrees(self.phase) % 360.0,
+            "lowest_s": (-0.25 - self.phase / (2.0 * math.pi)) % 1.0 * self.period_s,
+        }
 
 
 def list_run_starts(logs: Sequence[Log]) -> Array:
