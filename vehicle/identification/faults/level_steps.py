@@ -368,8 +368,8 @@ def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) ->
         return False
     course = rows.course[first]
     ahead = (rows.east - rows.east[first]) * np.sin(course) + (rows.north - rows.north[first]) * np.cos(course)
-    levels = [float(np.median(residual[side])) for side in (before, after)]
-    for side, far, level, other in ((before, 1.0, *levels), (after, -1.0, *levels[::-1])):
+    first_level, last_level = (float(np.median(residual[side])) for side in (before, after))
+    for side, far, level, other in ((before, 1.0, first_level, last_level), (after, -1.0, last_level, first_level)):
         beyond = side & (far * ahead > _BEYOND_M)
         # Enough rows beyond the place of the step are at the level of their own side.
         if np.count_nonzero(beyond) < FEW_SHARE * np.count_nonzero(side):

@@ -238,7 +238,7 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
-    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S
+    is_other = bool(max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S)
     # A tractor that moves stops as it is told to, and moves again; positions that freeze look like it.
     halts = np.flatnonzero(pace < _STOPPED_MPS)
     if not is_other and len(halts) * READING_S >= MOMENT_S:
