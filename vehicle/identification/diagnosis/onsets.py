@@ -40,8 +40,10 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_READINGS,
     MOMENT_S,
     PATH_MPS,
+    POSITION_NOISE_M,
     STEADY_SHARE,
     STEERING_SPREAD_DEG,
+    WHEEL_NOISE_DEG,
 )
 
 # Shares of an angle that a path may need: a patch without grip leaves half, and no cause doubles it.
@@ -50,7 +52,6 @@ SLIDING_MPS2 = 0.3  # a path that turns less than its wheels at this lateral acc
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
-LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
@@ -230,7 +231,7 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
     angle = run.wheel if run.wheel is not None else needed
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
-        if apart[1] < apart[0] - LEAST_SIGMA_DEG:
+        if apart[1] < apart[0] - WHEEL_NOISE_DEG:
             is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
     known = None if angle is None else np.isfinite(angle[rows])
@@ -247,8 +248,8 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
 
 PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
 MEASURES = {
-    _measure_wheel: LEAST_SIGMA_DEG, _measure_swing: LEAST_SIGMA_DEG, _measure_path: LEAST_SIGMA_DEG,
-    _measure_place: LEAST_SIGMA_M,
+    _measure_wheel: WHEEL_NOISE_DEG, _measure_swing: WHEEL_NOISE_DEG, _measure_path: WHEEL_NOISE_DEG,
+    _measure_place: POSITION_NOISE_M,
 }  # fmt: skip
 """What may change, and its least standard deviation; what it is depends on the span."""
 

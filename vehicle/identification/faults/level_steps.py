@@ -38,22 +38,20 @@ from vehicle.identification.logs.thresholds import (
     LASTING_S,
     MAJORITY,
     MOMENT_S,
+    NEAR_SHARE,
     PART_S,
     READING_S,
     STEADY_SHARE,
     SURE_SIGMAS,
     TURNED_DEG,
+    WHEEL_NOISE_DEG,
     WINDOW_S,
 )
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 2.0 * STEP_S  # between rows of the search; nearer ones say about the same
-_LEAST_STEP_DEG = 1.0  # chosen
 _LEAST_SIDE_S = 3.0 * PART_S  # driving on each side, and parts of it that have a level each
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
-# Chosen, shares of the step: how near to the level of its side most parts and what is next to the step are, and how
-# large the best steps of other runs may be; the same of a path that follows the wheels on straights.
-_NEAR_SHARE = 0.4
 _CLEAR_DEG = 12.0  # chosen: smaller angles for a moment show a step at once
 _LEAST_SHARE, _MOST_SHARE = 0.55, 1.6  # chosen: of the step, as driving alike on both sides shows it
 _STRAIGHT_DEG = 4.0  # chosen: smaller angles are those of straights
@@ -158,7 +156,7 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
         step = ((rows.run == run) & (np.arange(len(rows.run)) >= best[run][0])).astype(np.float64)
     others = [abs(size) for other, (_, size) in best.items() if other != run]
     first, size = best[run]
-    if others and max(others) > _NEAR_SHARE * abs(size):
+    if others and max(others) > NEAR_SHARE * abs(size):
         return None
     own, number = rows.run == run, np.arange(len(rows.run))
     before, after = own & (number < first), own & (number >= first)
@@ -265,12 +263,12 @@ def _is_step(
 
     `alike` are the rows of the usual side, with those of other runs at its level, and of the odd one.
     """
-    if abs(size) < _LEAST_STEP_DEG or not all(_is_flat(residual[side], size) for side in sides):
+    if abs(size) < WHEEL_NOISE_DEG or not all(_is_flat(residual[side], size) for side in sides):
         return False
     near = round(WINDOW_S / _THIN_S)
     for side, rows_near in zip(sides, (slice(-near, None), slice(0, near)), strict=True):
         own = residual[side]
-        if not abs(float(np.median(own[rows_near]) - np.median(own))) < _NEAR_SHARE * abs(size):
+        if not abs(float(np.median(own[rows_near]) - np.median(own))) < NEAR_SHARE * abs(size):
             return False
     usual, odd = alike
     size = size if odd is sides[1] else -size
@@ -289,7 +287,7 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
         likeness = int(np.count_nonzero(before) - np.count_nonzero(after))
     odd, usual = (after, before) if likeness >= 0 else (before, after)
     level = float(np.median(residual[usual]))
-    alike = [run for run in levels if abs(levels[run] - level) < _NEAR_SHARE * abs(size)]
+    alike = [run for run in levels if abs(levels[run] - level) < NEAR_SHARE * abs(size)]
     return odd, usual | np.isin(rows.run, alike)
 
 
@@ -301,7 +299,7 @@ def _is_flat(side: Array, size: float) -> bool:
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), clipped, 1)[0])
     return (
         abs(size) > SURE_SIGMAS * measure_spread(apart)
-        and float(np.mean(apart < _NEAR_SHARE * abs(size))) >= STEADY_SHARE
+        and float(np.mean(apart < NEAR_SHARE * abs(size))) >= STEADY_SHARE
         and abs(slope) < ALIKE_SHARE * abs(size)
     )
 
@@ -342,7 +340,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     left = residual - np.mean(residual) - slope * about
     # Curvature is an average over TURN_S, so only so many rows are independent.
     error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
-    return abs(slope) + DOUBT_SIGMAS * error < _NEAR_SHARE
+    return abs(slope) + DOUBT_SIGMAS * error < NEAR_SHARE
 
 
 def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:

@@ -34,6 +34,7 @@ from vehicle.identification.logs.thresholds import (
     MAJORITY,
     MOVING_MPS,
     NEARLY_SHARE,
+    POSITION_NOISE_M,
     READING_S,
     WINDOW_S,
 )
@@ -283,7 +284,6 @@ def _find_columns(lag: Array, count: int) -> Rows:
 
 
 _WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
-_LEAST_MOVED_M = 0.03  # chosen, between rows: beyond the noise of a receiver
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
 _AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
@@ -375,7 +375,7 @@ def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[
     """
     usual = np.convolve(moved_m, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="same")
     steps = np.diff(evened)
-    moving = np.isfinite(usual) & (usual > _LEAST_MOVED_M)
+    moving = np.isfinite(usual) & (usual > POSITION_NOISE_M)
     moving &= np.abs(moved_m - usual) < usual  # a jump of the receiver is no step
     if np.count_nonzero(moving) < FEWEST_LINE_ROWS or np.mean(moved_m[moving] > 0.0) < ALMOST_ALL_SHARE:
         return 0.0, np.inf

@@ -31,6 +31,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_LINE_CHORDS,
     LASTING_S,
     MEASURED_SIGMAS,
+    NEAR_SHARE,
     NEARLY_SHARE,
     STEERING_NOISE_DEG,
     STRAIGHT_PER_M,
@@ -42,11 +43,7 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
 _ALIKE_SHARE = 0.03  # by which factors of parts may differ
-# Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
-_NEARER_SHARE = 0.4
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
-# Correlations with the bends of the path: a working sensor reaches the second.
-_FOLLOWING_CORRELATION = 0.9
 
 
 def correct_sensors(log: Log) -> Log:
@@ -132,7 +129,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
     ratio = float(np.median(stated_mps / np.maximum(chords.speed, 0.05)))
     nearest_log = min(logs_with_factor, key=lambda other: abs(math.log(max(ratio, 1e-3) / other.speed_factor)))
     factor = nearest_log.speed_factor
-    if abs(math.log(max(ratio, 1e-3) / factor)) > _NEARER_SHARE * abs(math.log(factor)):
+    if abs(math.log(max(ratio, 1e-3) / factor)) > NEAR_SHARE * abs(math.log(factor)):
         return log
     message = (
         f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
@@ -153,7 +150,7 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
         return log
     by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
     by_command = _correlate_with_bends(replace(log, steering_deg=None))
-    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= _FOLLOWING_CORRELATION
+    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= NEARLY_SHARE
     if abs(by_sensor) > STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"

@@ -16,6 +16,7 @@ FEWEST_PARTS = 6  # parts of driving that show what is usual
 # misjudged. Steady: of a value that stays at its level. Nearly: within the tenth that estimates err by. Almost all: but
 # for damaged rows.
 FEW_SHARE, MAJORITY, MOST_SHARE, STEADY_SHARE, NEARLY_SHARE, ALMOST_ALL_SHARE = 0.1, 0.5, 0.8, 0.85, 0.9, 0.95
+NEAR_SHARE = 0.4  # of what separates two values: nearer to one of them than to the other
 ALIKE_SHARE = 0.3  # of a value: what differs from it by less is about the same, and what is less is no part to count
 STRAY_CORRELATION = 0.3  # a tenth of the variance: no relation
 CLEAR_CORRELATION = 0.7  # half of the variance; also the cosine of a heading that agrees with a course
@@ -37,5 +38,6 @@ STANDING_FACTOR = 2.0  # times the usual hold, and the usual change after it: a 
 TURNED_DEG = 30.0  # of a course or a heading: more than drift, noise, and what a tractor turns between two rows
 CLEARLY_APART_DEG = 5.0  # wheels that are elsewhere than they should be, beyond any offset
 STEERING_NOISE_DEG = 2.0  # the least that a steering column must move by, beyond the noise of a sensor
+WHEEL_NOISE_DEG, POSITION_NOISE_M = 1.0, 0.03  # angles and places that differ by less may be one
 STEERING_SPREAD_DEG = 1.5  # of wheels that stand, at most; and standard deviation of angles whose path shows anything
 LOCK_QUANTILE = 0.998  # of the angles of a set of logs: all but spikes

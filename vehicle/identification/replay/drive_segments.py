@@ -32,7 +32,7 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import ALIKE_SHARE
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
@@ -159,7 +159,7 @@ class DriveDataset:
         return all(segment.speed_measured for segment in self.segments)
 
 
-_STANDING_S, _STANDING_DEG = 0.2, 1.0  # chosen: wheels that follow a command move faster, and noise is less
+_STANDING_S = 0.2  # chosen: wheels that follow a command move by more than noise meanwhile
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
@@ -289,7 +289,7 @@ def _select_earlier_commands(log: Log, rows: Rows) -> Array:
         if log.steering_deg is None:
             return np.empty(0)
         begun = rows[log.time_s[rows] <= log.time_s[rows[0]] + max(_STANDING_S, 1.5 * log.step_s)]
-        if float(np.ptp(log.steering_deg[begun])) > _STANDING_DEG:
+        if float(np.ptp(log.steering_deg[begun])) > WHEEL_NOISE_DEG:
             return np.empty(0)
         return np.full(HISTORY_STEPS, math.radians(float(log.steering_deg[rows[0]])))
     time, command = time[first:], command[first : row + 1]
