@@ -42,7 +42,7 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
-_ALIKE_SHARE = 0.03  # by which factors of parts may differ
+_SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 
 
@@ -91,7 +91,7 @@ def _find_common_factor(ratios: Array) -> float | None:
     slow = stated <= np.median(stated)
     parts = [*conditions, slow, ~slow, working > 0.5, working <= 0.5]
     levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= FEWEST_LINE_CHORDS // 2]
-    alike = max(_ALIKE_SHARE * factor, 3.0 * error)
+    alike = max(_SAME_SHARE * factor, 3.0 * error)
     is_clear = abs(factor - 1.0) >= MEASURED_SIGMAS * error
     return factor if is_clear and all(abs(level - factor) < alike for level in levels) else None
 
