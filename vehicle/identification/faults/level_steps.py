@@ -431,24 +431,18 @@ def _compare_levels(log: Log, last_before: int, first_after: int, size_deg: floa
         if np.count_nonzero(side) * STEP_S < WINDOW_S:
             return None
         level = float(np.median(error[side]))
-        if not _is_heading_flat(time[side], error[side] - level, abs(size_deg)):
+        # Headings of a side stay at its level, in each part of the time.
+        off, near_deg = error[side] - level, ALIKE_SHARE * abs(size_deg)
+        if float(np.mean(np.abs(off) < near_deg + _HEADING_NEAR_DEG)) < STEADY_SHARE:
+            return None
+        parts = ((time[side] - time[side][0]) // (2.0 * WINDOW_S)).astype(np.int64)
+        long_parts = [part for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S]
+        if any(abs(float(np.median(off[parts == part]))) >= 2.0 * near_deg for part in long_parts):
             return None
         levels.append(level)
     apart = levels[1] - levels[0]
     alike = max(_HEADING_NEAR_DEG, ALIKE_SHARE * abs(size_deg))
     return (levels[0], levels[1]) if abs(apart - size_deg) < alike else None
-
-
-def _is_heading_flat(time: Array, error: Array, size_deg: float) -> bool:
-    """Whether headings of a side (k, deg about their level) stay at it, in each part of the time."""
-    near = np.abs(error) < ALIKE_SHARE * size_deg + _HEADING_NEAR_DEG
-    if float(np.mean(near)) < STEADY_SHARE:
-        return False
-    parts = ((time - time[0]) // (2.0 * WINDOW_S)).astype(np.int64)
-    levels = [
-        float(np.median(error[parts == part])) for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S
-    ]
-    return len(levels) == 0 or float(np.max(np.abs(levels))) < 2.0 * ALIKE_SHARE * size_deg
 
 
 def _collect_errors(log: Log) -> tuple[Array, Array]:

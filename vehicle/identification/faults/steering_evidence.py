@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -133,7 +133,13 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
         nearest = np.searchsorted(0.5 * (row_s[1:] + row_s[:-1]), time)
         source = command = np.clip(log.steering_command_deg[rows][nearest], -lock_deg, lock_deg)
     assert source is not None
-    hold_s = _measure_hold_s(log, rows)
+    hold_s = 0.0  # how rarely the slower of the steering columns changes, where that is less often than its rows
+    for values in (log.steering_deg, log.steering_command_deg):
+        changes = np.flatnonzero(np.diff(values[rows]) != 0.0) if values is not None else np.empty(0)
+        if len(changes) >= 20:
+            gaps = np.diff(row_s[changes])
+            is_slow = np.median(gaps) > GAP_STEPS * np.median(step_s)
+            hold_s = max(hold_s, float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
     place = np.stack([np.interp(time, row_s, axis[rows]) for axis in (log.easting_m, log.northing_m)])
     heading, driven = None, None
     gear = np.interp(time, row_s, log.shuttle[rows])
@@ -150,18 +156,6 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
     aside = _measure_aside(place, heading, driven, known)
     return RunEvidence(time, known, wheel, command, follows[0], low, high, steered, pace, bends, aside, place, heading,
                        gear, hold_s)  # fmt: skip
-
-
-def _measure_hold_s(log: Log, rows: Rows) -> float:
-    """How rarely (s) the slower of the steering columns changes, where that is less often than its rows."""
-    holds = [0.0]
-    for values in (log.steering_deg, log.steering_command_deg):
-        changes = np.flatnonzero(np.diff(values[rows]) != 0.0) if values is not None else np.empty(0)
-        if len(changes) >= 20:
-            gaps = np.diff(log.time_s[rows][changes])
-            is_slow = np.median(gaps) > GAP_STEPS * np.median(np.diff(log.time_s[rows]))
-            holds.append(float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
-    return max(holds)
 
 
 def measure_swing(angle: Array) -> Array:
@@ -219,21 +213,19 @@ def _measure_aside(place: Array, heading: Array | None, pace: Array | None, know
 def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
     """How the curvatures by heading and by course follow the wheels of all runs; None where no line is clear."""
     angle, *bends = np.concatenate([np.empty((3, 0)), *(np.stack([run.angle, *run.bends]) for run in runs)], axis=1)
-    return [_fit_scale(angle, curvature) for curvature in bends]
-
-
-def _fit_scale(angle: Array, curvature: Array) -> BendScale | None:
-    known = np.isfinite(angle) & np.isfinite(curvature)
-    angle, curvature = angle[known], curvature[known]
-    if len(angle) < FEWEST_LINE_ROWS or np.std(angle) < 0.5:
-        return None
-    (per_degree, at_zero), _, _ = fit_robustly(np.stack([angle, np.ones(len(angle))], axis=1), curvature)
-    if per_degree <= 0.0:
-        return None
-    apart = np.abs((curvature - at_zero) / per_degree - angle)
-    kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
-    is_clear = np.corrcoef(angle[kept], curvature[kept])[0, 1] > CLEAR_CORRELATION
-    return BendScale(float(per_degree), float(at_zero)) if is_clear else None
+    scales: list[BendScale | None] = []
+    for curvature in bends:
+        known = np.isfinite(angle) & np.isfinite(curvature)
+        x, y, scale = angle[known], curvature[known], None
+        if len(x) >= FEWEST_LINE_ROWS and np.std(x) >= 0.5:
+            (per_degree, at_zero), _, _ = fit_robustly(np.stack([x, np.ones(len(x))], axis=1), y)
+            if per_degree > 0.0:
+                apart = np.abs((y - at_zero) / per_degree - x)
+                kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
+                is_clear = np.corrcoef(x[kept], y[kept])[0, 1] > CLEAR_CORRELATION
+                scale = BendScale(float(per_degree), float(at_zero)) if is_clear else None
+        scales.append(scale)
+    return scales
 
 
 @compile_function

@@ -228,24 +228,16 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
     limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _LEAST_NOISES * usual)
     # Across a gap any bend is far from the middle of its neighbours.
     far = (apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))
-    if far.any():
-        far &= _measure_undriven(motion, fresh, lag, weight, aside) > limit
+    if far.any() and motion.speed is not None and motion.heading is not None:
+        heading = np.radians(motion.heading[fresh])
+        pace = motion.speed[fresh] * np.array([np.sin(heading), np.cos(heading)])
+        steps = 0.5 * (pace[:, 1:] + pace[:, :-1]) * np.diff(time)
+        driven = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+        middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
+        shown = driven[:, lag:-lag] - middle
+        far &= np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))) > limit  # in either gear
     rows: Rows = fresh[lag:-lag][far]
     return rows
-
-
-def _measure_undriven(motion: RawMotion, fresh: Rows, lag: int, weight: Array, aside: Array) -> Array:
-    """Return how far (m) positions are `aside` (2, k) of the middle of their neighbours beyond what speed and heading
-    show, in either gear; all of it without these columns."""
-    if motion.speed is None or motion.heading is None:
-        return np.asarray(np.hypot(*aside))
-    heading, time = np.radians(motion.heading[fresh]), motion.time_s[fresh]
-    pace = motion.speed[fresh] * np.array([np.sin(heading), np.cos(heading)])
-    steps = 0.5 * (pace[:, 1:] + pace[:, :-1]) * np.diff(time)
-    driven = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
-    middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
-    shown = driven[:, lag:-lag] - middle
-    return np.asarray(np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))))
 
 
 POSITION_JUMP = "position_jump"
