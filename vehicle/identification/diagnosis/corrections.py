@@ -25,8 +25,7 @@ from vehicle.identification.logs.column_quality import (
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
 from vehicle.identification.logs.series import draw_lines, find_changes
-from vehicle.identification.logs.standing_columns import HOLDS
-from vehicle.identification.logs.thresholds import FEWEST_EVENTS, MAJORITY, MOST_SHARE, STANDING_FACTOR
+from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
 
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding

@@ -84,9 +84,9 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
         if hold_s is not None and column == "heading":  # a hold of the heading is its correction
             starts = []
         for start in starts:  # as it was in the first of the logs concerned
-            told = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
-            if told:
-                (name, said), count = told[0], len(told)
+            concerned = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
+            if concerned:
+                (name, said), count = concerned[0], len(concerned)
                 more = f"{name} and {count - 1} more" if count > 1 else name
                 sentences.append(f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}.")
                 break

@@ -30,7 +30,7 @@ from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER, FREEDOM, POSE_PARTS, SENSOR_PARTS
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import sample_rows
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
@@ -44,7 +44,7 @@ from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import Simulator
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
-DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
+DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
 MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
 Rng = np.random.Generator
 Model = Sequence[tuple[Hypothesis, Array]]

@@ -17,12 +17,11 @@ from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
-from vehicle.identification.diagnosis.noise_floor import SEED
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Log, Mask
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import Places
 from vehicle.identification.replay.drive_segments import build_dataset, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (

@@ -19,7 +19,6 @@ import numpy as np
 from vehicle.identification.faults.steering_evidence import (
     COURSE_TURN_S,
     STEP_S,
-    TURN_S,
     RunEvidence,
     build_run_evidence,
     find_lock,
@@ -43,6 +42,7 @@ from vehicle.identification.logs.thresholds import (
     READING_S,
     STEADY_SHARE,
     SURE_SIGMAS,
+    TURN_S,
     TURNED_DEG,
     WHEEL_NOISE_DEG,
     WINDOW_S,

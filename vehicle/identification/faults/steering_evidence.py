@@ -27,6 +27,7 @@ from vehicle.identification.logs.thresholds import (
     LOCK_QUANTILE,
     PATH_MPS,
     SURE_SIGMAS,
+    TURN_S,
 )
 from vehicle.jit import compile_function
 
@@ -36,7 +37,6 @@ STEP_S = GRID_S  # on which evidence is compared
 # steering of the catalogue (0.25 s late, 9 deg/s, and clocks of two columns).
 STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
 EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, with what stands still in them
-TURN_S = 1.0  # over which curvature is taken
 COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
 SWING_S = 5.0  # in which the slowest steering does what was commanded

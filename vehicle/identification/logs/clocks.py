@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
-from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,

@@ -19,22 +19,21 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
+from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
-    HOLDS,
     POSITION_FROZEN,
     SPEED_FROZEN,
     STILL_READINGS,
     find_standing_spans,
 )
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     FEWEST_EVENTS,
     FEWEST_PARTS,
     FEWEST_ROWS,
     FEWEST_TIMES,
+    HOLDS,
     LASTING_S,
     MAJORITY,
     MOMENT_S,

@@ -20,9 +20,8 @@ import numpy as np
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Array, Columns, Log, Mask, Rows
 from vehicle.identification.logs.series import DIGITS, draw_lines, find_changes, select_timed_rows, wrap_degrees
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     CLEARLY_APART_DEG,

@@ -26,9 +26,8 @@ from vehicle.identification.logs.motion import (
     select_clear_bends,
 )
 from vehicle.identification.logs.readings import LogConvention, Suspicion, format_fix_option
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows, find_file_line
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import select_timed_rows, wrap_degrees
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     BEND_PER_M,

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
 from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     CLEAR_CORRELATION,

@@ -42,6 +42,7 @@ from vehicle.identification.logs.readings import (
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
+    Columns,
     Log,
     find_file_line,
     number_segments,
@@ -50,7 +51,6 @@ from vehicle.identification.logs.schema import (
 from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.standing_columns import find_sparse_steering_faults
 from vehicle.identification.logs.table import (
-    Columns,
     MappingSource,
     NamedColumn,
     extract_columns,
@@ -59,8 +59,7 @@ from vehicle.identification.logs.table import (
     parse_mapping,
     read_table,
 )
-from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S
+from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S, STEEPEST_DEG
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,6 +15,7 @@ from vehicle.identification.logs.thresholds import GAP_STEPS, PART_S
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
+Columns = dict[str, Array]
 
 NEEDED_COLUMNS = ("time_s", "easting_m", "northing_m")
 STEERING_COLUMNS = ("steering_command_deg", "steering_deg")

@@ -208,7 +208,7 @@ def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
     A constant one is also dropped where it has the value that was dropped in another log. All are multiplied by the
     factor by which all logs are driven faster, if there is one.
     """
-    told = [_describe_constant_command(log) for log in logs]
+    descriptions = [_describe_constant_command(log) for log in logs]
 
     def drop_command(log: Log, why: str) -> Log:
         said = f"{why}: the tractor was not driven by it; the column is ignored"
@@ -216,10 +216,10 @@ def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
 
     alone = [
         drop_command(log, f"{said} although the tractor's pace changes") if said and _changes_pace(log) else log
-        for log, said in zip(logs, told, strict=True)
+        for log, said in zip(logs, descriptions, strict=True)
     ]
     kept = []
-    for log, said in zip(alone, told, strict=True):
+    for log, said in zip(alone, descriptions, strict=True):
         others = alone if said and log.speed_command_mps is not None else ()
         same = next((one for one in others if any(doubt.startswith(said) for doubt in one.corrections)), None)
         kept.append(log if same is None else drop_command(log, f"{said}, as in {same.name}"))

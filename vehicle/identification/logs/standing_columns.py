@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
-from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, LogFault, Mask, Rows
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, Columns, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
@@ -29,6 +28,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_EVENTS,
     FEWEST_READINGS,
     FEWEST_TIMES,
+    HOLDS,
     LASTING_S,
     MAJORITY,
     MOMENT_S,
@@ -44,7 +44,6 @@ POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _LEAST_STANDING_S = 2.0 * LASTING_S  # of a standstill
-HOLDS = 4.0  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 _LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
 _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest

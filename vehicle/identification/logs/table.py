@@ -25,13 +25,12 @@ from fields.errors import mark_parameter, shorten_middle, suggest_name
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_table_text, read_text
 from vehicle.identification.errors import ColumnError, LogError
-from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array
+from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array, Columns
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-Columns = dict[str, Array]
 MappingSource = Mapping[str, str] | Sequence[str] | str | Path | None
 """A mapping, texts such as "time_s=Zeit", the path of a mapping file (TOML), or nothing."""
 _LIKENESS = 0.85  # chosen, of difflib's: one letter wrong in a short name, and not another word in it

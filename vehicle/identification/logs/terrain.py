@@ -28,10 +28,10 @@ from vehicle.identification.logs.thresholds import (
     MOVING_MPS,
     NEARLY_SHARE,
     PART_S,
+    STEEPEST_DEG,
     STRAIGHT_PER_M,
 )
 
-STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).

@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
-from vehicle.identification.faults.steering_evidence import TURN_S
 from vehicle.identification.logs.schema import (
     GAP_SAMPLES,
     SHORTEST_SEGMENT_S,
@@ -32,7 +31,7 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import ALIKE_SHARE, WHEEL_NOISE_DEG
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
