@@ -1,4 +1,8 @@
-"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
+"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan.
+
+A fit is linear least squares about where it stands, weighted as the likelihood weighs the windows: that says what a
+further hypothesis would gain.
+"""
 
 from __future__ import annotations
 

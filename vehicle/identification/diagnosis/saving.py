@@ -1,7 +1,8 @@
 """What a diagnosis saves: effect by effect, whatever lowers the error of runs that had no part in its value.
 
 Every run is replayed from its commands with amounts fitted to the other runs, each half of a single run with those of
-the other. An effect that raises an error by more than the scatter of its pieces is not saved, and only likely.
+the other. An effect that raises an error by more than the scatter of its pieces is not saved, and only likely. Pieces
+are compared in pairs, before and after, as a few held-out runs hold only a few of the longer ones.
 """
 
 from __future__ import annotations

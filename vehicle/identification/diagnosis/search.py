@@ -2,7 +2,7 @@
 
 A hypothesis enters by evidence. It is judged by prediction: windows are left out in turn, and the density of what was
 measured in them is compared with that of the model without it and of every competitor in its place, each fitted with
-its own noise.
+its own noise. Circles of the ground in which the tractor turns otherwise are scored many at once, by geometry alone.
 """
 
 from __future__ import annotations
