@@ -69,14 +69,7 @@ def diagnose_logs(
     or none has enough positions for an error, unless faults are to be reported, and VehicleError for an unknown ground
     or a tractor that spins.
     """
-    steps_done, steps_total = 0, 60  # the total is not known beforehand, so the estimate grows when necessary
-
-    def count_step() -> None:
-        nonlocal steps_done, steps_total
-        steps_done, steps_total = steps_done + 1, max(steps_total, steps_done + 21)
-        if progress:
-            progress(steps_done, steps_total)
-
+    count = _ProgressCounter(progress)
     logs = correct_logs(logs, tractor)
     try:
         dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
@@ -97,10 +90,10 @@ def diagnose_logs(
             f"The simulation of {tractor.name} spins where these logs drive; the axles, the mass, the length and the "
             "width in its tractor file cannot be those of one vehicle."
         )
-    result = Searcher(problem, count_step).run()
+    result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
     converter = ValueConverter(problem, list_run_starts(logs))
-    saved = choose_saved(converter, result.fit, verdicts, count_step)
+    saved = choose_saved(converter, result.fit, verdicts, count.count_step)
     turning = find_other_turning(logs, tractor)
     verdicts = withdraw_refused(verdicts, saved.refused)
     compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
@@ -112,9 +105,27 @@ def diagnose_logs(
         verdicts = [replace(one, status=LIKELY) if is_joint else one for one in verdicts]
     verdicts = [one for one in verdicts if one is not compass]
     diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts).compose()
-    if progress:
-        progress(steps_total, steps_total)
+    count.report_completion()
     return add_outside(diagnosis, None if compass is None else float(np.linalg.norm(compass.amounts)), turning)
+
+
+class _ProgressCounter:
+    """Progress in steps; the total is not known beforehand, so the estimate grows when necessary."""
+
+    def __init__(self, progress: ReportProgress | None) -> None:
+        self.progress, self.steps_done, self.steps_total = progress, 0, 60
+
+    def count_step(self) -> None:
+        """Count one step."""
+        self.steps_done += 1
+        self.steps_total = max(self.steps_total, self.steps_done + 20)
+        if self.progress:
+            self.progress(self.steps_done, self.steps_total)
+
+    def report_completion(self) -> None:
+        """Report that everything is done."""
+        if self.progress:
+            self.progress(self.steps_total, self.steps_total)
 
 
 @dataclass(frozen=True, eq=False)
