@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -126,9 +127,9 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
 
 def _mark_knots(log: Log, name: str, rows: Rows, knots: Rows) -> Log:
     """Return the log with a column that was measured in the knots of its rows (k,), and straight between them."""
-    column = draw_lines(getattr(log, name), log.time_s, rows, knots)
+    column: dict[str, Any] = {name: draw_lines(getattr(log, name), log.time_s, rows, knots)}
     measured_rows = {**log.measured_rows, name: np.isin(np.arange(len(log.used)), rows[knots])}
-    return replace(log, measured_rows=measured_rows, **{name: column})
+    return replace(log, measured_rows=measured_rows, **column)
 
 
 def _mark_interpolated_places(log: Log, rows: Rows) -> Log:

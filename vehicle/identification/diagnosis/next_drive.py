@@ -241,7 +241,7 @@ def simulate_programme(
         states = replay_segment(rig, blank, settings, from_sensor=False, from_speed=True)
         antenna, angle, wheel, speed = simulate_logged_values(rig, blank, states, settings)
         east, north = (np.ascontiguousarray(axis) for axis in antenna.T)
-        shown = {"east": east, "north": north, "heading": angle, "wheel": wheel}
+        shown: dict[str, Any] = {"east": east, "north": north, "heading": angle, "wheel": wheel}
         grid = np.arange(len(states)) * DT_S
         grids = blank.grids | {name: np.interp(grid, blank.time, values) for name, values in shown.items()}
         segments.append(replace(blank, **shown, speed=speed, grids=grids))
@@ -274,6 +274,6 @@ def build_command_segment(
     columns = {"command": (1, math.pi / 180.0), "target": (2, pace), "working": (3, 1.0), "speed": (2, pace)}
     grids = {name: select_values(grid, *column_spec) for name, column_spec in columns.items()}
     grids |= {"east": np.zeros(len(grid)), "north": np.zeros(len(grid)), "heading": np.full(len(grid), heading)}
-    rows = {name: select_values(time, *column_spec) for name, column_spec in columns.items()}
+    rows: dict[str, Any] = {name: select_values(time, *column_spec) for name, column_spec in columns.items()}
     rows |= {"east": np.zeros(len(time)), "north": np.zeros(len(time)), "heading": np.full(len(time), heading)}
     return DriveSegment(run, 0.0, time, heading_measured=True, speed_measured=True, wheel=None, grids=grids, **rows)

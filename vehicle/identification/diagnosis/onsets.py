@@ -122,7 +122,9 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
                 name = POSITION_LOST if measure is _measure_place else _find_steering_id(one, scales, rows, lock_deg)
                 earliest = rows.start if name == STEERING_STUCK else reach.start  # wheels that run show when
                 places = [earliest, rows.start, rows.stop - 1, reach.stop - 1]
-                spans += [OnsetSpan(name, number, *one.time_s[places].tolist(), nats)] if name else []
+                earliest_s, first_s, last_s, latest_s = one.time_s[places].tolist()
+                if name:
+                    spans.append(OnsetSpan(name, number, earliest_s, first_s, last_s, latest_s, nats))
     chosen: list[OnsetSpan] = []
     for span in sorted(spans, key=lambda one: -one.nats):
         own = [other for other in chosen if other.run == span.run]

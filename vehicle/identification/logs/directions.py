@@ -252,9 +252,9 @@ def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array)
     """Return the mean cosine between the course and each reading of the heading; key None is the contract's reading."""
     sums = _sum_heading(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
     return {
-        None: (sums.turned / sums.count).real,
-        LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.count).imag,
-        LogConvention.HEADING_CCW_NORTH: (sums.mirrored / sums.count).real,
+        None: (sums.turned / sums.chords).real,
+        LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.chords).imag,
+        LogConvention.HEADING_CCW_NORTH: (sums.mirrored / sums.chords).real,
     }
 
 
@@ -262,18 +262,18 @@ class _HeadingSums(NamedTuple):
     """Of so many chords, sums of unit complex numbers with the angle heading minus, or plus, direction of travel; and
     the angle (deg, clockwise) of the heading to the travel on straights."""
 
-    count: int
+    chords: int
     turned: complex
     mirrored: complex
     offset_deg: float
 
     def is_constantly_offset(self) -> bool:
         """Whether the heading keeps one angle to the travel."""
-        return abs(self.turned) >= HEADING_MATCHES * self.count
+        return abs(self.turned) >= HEADING_MATCHES * self.chords
 
     def is_mirrored(self) -> bool:
         """Whether the heading turns against the travel, degree by degree."""
-        return abs(self.mirrored) >= HEADING_MATCHES * self.count
+        return abs(self.mirrored) >= HEADING_MATCHES * self.chords
 
 
 def _sum_heading(travel: Array, heading: Array, offset_deg: float = 0.0) -> _HeadingSums:
@@ -289,7 +289,7 @@ def _find_heading_misfit(log: Log) -> _HeadingSums | None:
     travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
     offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
     sums = _sum_heading(travel, heading, offset)
-    fits = sums.turned.real >= HEADING_FITS * sums.count or sums.is_constantly_offset()
+    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
     return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
 
 
@@ -311,7 +311,7 @@ def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
         return None
     wrong = [own, *(misfit for misfit in map(_find_heading_misfit, other_logs) if misfit is not None)]
     count, turned, mirrored_sum = (sum(column) for column in zip(*(one[:3] for one in wrong), strict=True))
-    total = own._replace(count=count, turned=turned, mirrored=mirrored_sum)
+    total = own._replace(chords=count, turned=turned, mirrored=mirrored_sum)
     sums = total if total.is_constantly_offset() or total.is_mirrored() else own
     turned_back = mirrored = None
     if sums.is_constantly_offset():
@@ -319,7 +319,7 @@ def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
         size = abs(own.offset_deg)
         turned_back = Suspicion(
             None,
-            f"turned back its agreement with the course is {abs(own.turned) / own.count:.2f}",
+            f"turned back its agreement with the course is {abs(own.turned) / own.chords:.2f}",
             f"heading_deg points {size:.0f} degrees {side} of the course",
             f"correct the column: {sign} {size:.0f}",
         )
@@ -339,10 +339,10 @@ def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
 def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> Suspicion:
     """Return counter-clockwise from east or north; `own` judges this log, `sums` shows where the angle counts from."""
     measured_zero_deg = math.degrees(cmath.phase(sums.mirrored))
-    agreement = own.turned.real / own.count
+    agreement = own.turned.real / own.chords
     for fix, zero_deg in ((LogConvention.HEADING_CCW_EAST, 90.0), (LogConvention.HEADING_CCW_NORTH, 0.0)):
         if abs(measured_zero_deg - zero_deg) <= _NEAR_DEG:
-            corrected_agreement = (own.mirrored * cmath.exp(-1j * math.radians(zero_deg))).real / own.count
+            corrected_agreement = (own.mirrored * cmath.exp(-1j * math.radians(zero_deg))).real / own.chords
             return Suspicion(
                 fix,
                 f"agreement with the course over ground is {agreement:.2f} as it is and {corrected_agreement:.2f} "

@@ -89,7 +89,7 @@ def list_remarks(log: Log) -> list[str]:
         messages.append(f"column {name!r} is unknown and was ignored{hint}")
     messages += log.corrections
     for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
-        bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG)) if values is not None else ()
+        bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG)) if values is not None else np.empty(0, dtype=np.int64)
         if len(bad):
             messages.append(
                 f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "

@@ -76,10 +76,11 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     shown = np.concatenate([smooth_values(log, own, width) for log, own in zip(logs, shown_falls, strict=True)])
     heading, block, log_of = _list_directions(logs)
     push = np.concatenate([_measure_push(log, column) for log in logs])
-    places = (np.concatenate([getattr(log, axis)[log.used] for log in logs]) for axis in ("easting_m", "northing_m"))
+    east = np.concatenate([log.easting_m[log.used] for log in logs])
+    north = np.concatenate([log.northing_m[log.used] for log in logs])
     aside = 0.5 * math.pi if column == "roll_deg" else 0.0
     direction = heading + aside
-    mounting_lean = _estimate_mounting(shown, push, _build_ground_columns(*places, direction), block)
+    mounting_lean = _estimate_mounting(shown, push, _build_ground_columns(east, north, direction), block)
     if mounting_lean is None:
         return "the drives cannot separate the ground from the mounting of the sensor; driving there and back would"
     mounting, lean = mounting_lean
