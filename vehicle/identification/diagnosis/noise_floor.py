@@ -147,15 +147,16 @@ class _MotionDraw:
         """How far the path goes to the east, to the north, and for a moment ahead (m), and how far it turns (rad)."""
         pose, count, forward = self.sizes["pose"], len(self.speed), self.speed
 
-        def draw(*numbers: int) -> list[Array]:
-            return [pose[number] * draw_memory(rng, count, POSE_PARTS[number].memory_s) for number in numbers]
+        def remember(number: int) -> Array:
+            return draw_memory(rng, count, POSE_PARTS[number].memory_s)
 
-        yaw = np.sum(draw(4, 5, 6), axis=0) + np.abs(self.turning) * draw(7)[0]
+        yaw = np.sum([pose[number] * remember(number) for number in (4, 5, 6)], axis=0)
+        yaw = yaw + pose[7] * np.abs(self.turning) * remember(7)
         follow = self._draw_sensor(rng, "wheel", self.wheel)
         lag = self._draw_sensor(rng, "speed", forward)
         yaw += forward * self.bend * follow + self.curvature * lag
-        push = lag + pose[8] * draw_cells(rng, count, POSE_CELL_S) + draw(9)[0]
-        crab = forward * draw(10)[0]
+        push = lag + pose[8] * draw_cells(rng, count, POSE_CELL_S) + pose[9] * remember(9)
+        crab = forward * pose[10] * remember(10)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         east, north, turned = (
             np.cumsum(rate) * PATH_STEP_S for rate in (push * cosine - crab * sine, push * sine + crab * cosine, yaw)
